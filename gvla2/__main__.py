@@ -1,4 +1,4 @@
-"""``python -m gvla2``: the command line, where the installed script is not at hand."""
+"""``python -m gvla2``: the command line, where the installed script is not on the PATH."""
 
 import sys
 

@@ -30,9 +30,9 @@ class Offer:
 
 
 class Registry:
-    """All components by kind and name. Made by :func:`load_plugins`; there is no global one.
+    """All components by kind and name, made by :func:`load_plugins`; there is no global one.
 
-    ``kinds`` are those of the core and after them those that plugins declare.
+    ``kinds`` lists those of the core, then those that plugins declare.
     """
 
     def __init__(
@@ -62,11 +62,11 @@ class Registry:
 
     @property
     def skills(self) -> dict[str, Skill]:
-        """Every skill that is offered, by name, in the order in which plugins were found."""
+        """Every skill on offer, by name, in the order in which plugins were found."""
         return {skill.name: skill for skill, _ in self._skills}
 
     def skill_plugin(self, name: str) -> Plugin:
-        """Who offers the skill; raises :class:`KeyError` for one that nobody does."""
+        """The plugin that offers the skill; raises :class:`KeyError` when none does."""
         return {skill.name: plugin for skill, plugin in self._skills}[name]
 
     def offers(self, kind: str) -> dict[str, Offer]:
@@ -85,7 +85,7 @@ class Registry:
         return offers[name].component
 
     def broken_note(self, kind: str) -> str:
-        """What to say of broken and skipped plugins when a component of the kind is missing; "" for nothing."""
+        """The note on broken and skipped plugins when a component of the kind is missing; "" without any."""
         hooks = {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, *(k.hook for k in self.kinds.values())}
         others = {*hooks, DISABLE_VARIABLE} - {self.kind_of(kind).hook}
         broken = sorted({p.plugin for p in self.problems if p.hook not in others})
@@ -101,11 +101,11 @@ class Registry:
     def build(self, root: object, kind: str, built: dict[str, Any] | None = None) -> Any:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
 
-        ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind;
-        the field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; None is what it holds
-        where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
-        wrong option or a circle of needs, and :class:`PluginError` for a component that fails or breaks its
-        protocol; a :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
+        ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind; the
+        field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; it gives None where it chose
+        ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a wrong option or circular
+        needs, and :class:`PluginError` for a component that fails or breaks its protocol; a :class:`Gvla2Error` of the
+        component itself passes through. ``built`` as for :meth:`build_all`.
         """
         return self.build_all(root, (kind,), built)[kind]
 
@@ -114,8 +114,8 @@ class Registry:
     ) -> dict[str, Any]:
         """Like :meth:`build` for several kinds; a component that two of them need is built once.
 
-        ``built`` holds components that there are already, by kind, and gets all that are built here, the needed ones
-        too. After a failure the components built here are closed, where they have a ``close``.
+        ``built`` holds existing components by kind, and gets all that are built here, the needed ones too. After a
+        failure the components built here are closed if they have a ``close``.
         """
         built = {} if built is None else built
         before = len(built)
@@ -136,7 +136,7 @@ class Registry:
             return None
         if kind in path:
             circle = " -> ".join((*path[path.index(kind) :], kind))
-            raise ConfigurationError(f"These components need one another in a circle: {circle}.")
+            raise ConfigurationError(f"These components need each other in a circle: {circle}.")
         config, component = self.configure(root, kind)
         needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
         own = self.kind_of(kind)
@@ -157,7 +157,7 @@ class Registry:
         return made
 
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
-        """The typed options that ``root`` holds for ``kind``, and the component that they are for."""
+        """The typed options that ``root`` holds for ``kind``, and the component they configure."""
         own = self.kind_of(kind).name
         node = self._choice(root, kind)
         name = node if isinstance(node, str) else _name_in(node)
@@ -179,7 +179,7 @@ class Registry:
         return typed, component
 
     def _choice(self, root: object, kind: str) -> Any:
-        """What ``root`` has for the kind; the configuration of a command may not know the kinds of plugins."""
+        """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
         node = _node(root, kind)
         return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
 
@@ -191,12 +191,12 @@ class Registry:
 
 
 def load_plugins(groups: Collection[str] | None = None) -> Registry:
-    """Find the installed and the registered plugins and take stock of what they offer; never fails because of one.
+    """Find the installed and the registered plugins and list what they offer; a broken one never makes it fail.
 
-    ``groups`` are the Hydra groups that are asked for, all by default: a command of few starts the faster.
+    ``groups`` are the Hydra groups to load, all by default: a command that needs few starts faster.
 
-    Of two components of one kind and name, and of two skills of one name, the first in the order of pluggy's calls
-    wins (:mod:`gvla2.hookspecs` tells it); the other is reported as a problem.
+    Of two components of one kind and name, and of two skills of one name, the first in the order of pluggy's calls wins
+    (see :mod:`gvla2.hookspecs`); the other is reported as a problem.
     """
     problems: list[PluginProblem] = []
     found = collect(discover(problems), problems, groups)

@@ -1,4 +1,4 @@
-"""The command line: ``gvla2 <command> [overrides]``. It only dispatches, so that it answers at once."""
+"""The command line: ``gvla2 <command> [overrides]``. It only dispatches, so it starts at once."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ from gvla2.commands import COMMANDS
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a sub-command; returns the exit status (0 well, 1 an error, 2 wrong usage, 130 interrupted)."""
-    gc.set_threshold(
-        100_000, 50, 50
-    )  # imports and configurations make many objects that stay: looking costs 5 %
+    """Run a sub-command; returns the exit status (0 success, 1 error, 2 wrong usage, 130 interrupted)."""
+    # Imports and configurations make many objects that stay: collecting garbage among them costs 5 %.
+    gc.set_threshold(100_000, 50, 50)
     try:
         status = _dispatch(argv)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output left: `gvla2 plugins | head`
         _silence_stdout()
         return 141
-    except OSError as error:  # a full disk behind stdout; commands tell of their own files themselves
+    except OSError as error:  # a full disk behind stdout; commands report their own files themselves
         _silence_stdout()
         print(f"gvla2: cannot write: {error.strerror or error}.", file=sys.stderr)
         return 1
@@ -32,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _silence_stdout() -> None:
-    """What is still buffered has nowhere to go; the interpreter would complain about it when it ends."""
+    """Discard what is still buffered: the interpreter would complain about it at exit."""
     with contextlib.suppress(OSError, ValueError):  # ValueError: a stdout without a file of its own
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

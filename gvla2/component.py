@@ -25,7 +25,7 @@ class ComponentConfig:
 
 
 class Component(Generic[T_co]):
-    """One entry of a catalog: choose it by ``name``, configure it by ``config``, make it by ``build``.
+    """One entry of a catalog: chosen by ``name``, configured by ``config``, made by ``build``.
 
     ``build`` gets an instance of ``config`` and, by keyword, one built component for each kind in
     ``needs`` (for example ``needs=("retriever", "embedder")``). It runs only when the component is

@@ -1,4 +1,4 @@
-"""What all databases here share, memories and results: addresses, of which no message shows a password, and an end."""
+"""What the memory and results databases share: addresses (messages never show a password) and closing."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _PASSWORD = re.compile(r"(?<=password=)[^&]*", re.IGNORECASE)
 
 
 class Closing(ABC):
-    """What is closed at the end of a ``with`` block."""
+    """Something that is closed at the end of a ``with`` block."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of everything; safe to call twice."""
+        """Release everything; safe to call twice."""
 
     def __enter__(self) -> Self:
         return self
@@ -34,10 +34,10 @@ class Closing(ABC):
 
 
 def parsed(address: str | Path) -> URL:
-    """A path or URL as a URL: a SQLite file's path is absolute, symbolic links followed, so that the same file has
-    the same name whoever opens it; PostgreSQL goes by psycopg.
+    """A path or URL as a URL: a SQLite file's path is absolute, symbolic links followed, so that the same file always
+    has the same name; PostgreSQL uses psycopg.
 
-    Raises :class:`~gvla2.errors.ConfigurationError` for what can be none of our databases.
+    Raises :class:`~gvla2.errors.ConfigurationError` for any other address.
     """
     text = os.fspath(address)
     scheme, mark, rest = text.partition("://")
@@ -47,7 +47,7 @@ def parsed(address: str | Path) -> URL:
         return _file(text)
     scheme = scheme.partition("+")[0].casefold()
     if scheme in ("postgresql", "postgres"):
-        # What is special in a password ("@", "/", ":") may stand in it as it is.
+        # Special characters of a password ("@", "/", ":") need no escaping.
         user, at, host = rest.partition("?")[0].rpartition("@")
         name, colon, password = user.partition(":")
         safe = f"{quote(name, safe='%')}{colon}{quote(password, safe='%')}{at}{host}"
@@ -75,7 +75,7 @@ def _file(path: str) -> URL:
     try:
         return URL.create("sqlite", database=os.path.realpath(Path(path).expanduser()))
     except (RuntimeError, ValueError) as error:
-        raise ConfigurationError(f"The path {path!r} cannot be: {error}.") from error
+        raise ConfigurationError(f"The path {path!r} is not valid: {error}.") from error
 
 
 def shown(url: str) -> str:

@@ -20,10 +20,10 @@ from gvla2.markers import PROJECT
 from gvla2.registering import registered
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
-"""Environment variable with names of plugins to skip, separated by commas; ``*`` skips all."""
+"""Environment variable with the names of plugins to skip, separated by commas; ``*`` skips all."""
 
 MODULES = "PLUGINS"
-"""A module that an entry point names may list others by full name here: each of them is a plugin of its own."""
+"""A module named by an entry point may list others by full name here; each is a plugin of its own."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Plugin:
 
     @property
     def origin(self) -> str:
-        """Distribution and version, as a person writes them."""
+        """Distribution and version, for display."""
         return f"{self.distribution} {self.version}".strip()
 
 
@@ -50,7 +50,7 @@ class PluginProblem:
 
 
 def discover(problems: list[PluginProblem]) -> Iterator[tuple[Plugin, object]]:
-    """Every plugin that is not disabled and loads, in the order in which their hooks are to be called.
+    """Every plugin that is enabled and loads, in the order in which their hooks are called.
 
     That order decides who wins a duplicate name: what was registered in this process, the latest first, then gvla2's
     own plugins, then others by distribution and name. What goes wrong is added to ``problems``.
@@ -74,7 +74,7 @@ def discover(problems: list[PluginProblem]) -> Iterator[tuple[Plugin, object]]:
 def _announced(
     disabled: set[str], seen: set[str], problems: list[PluginProblem]
 ) -> Iterator[tuple[Plugin, str | EntryPoint]]:
-    """The plugins that entry points name, and in place of a module with a list of them those of the list."""
+    """The plugins that entry points name; a module that lists plugins is replaced by those."""
     points = sorted(
         entry_points(group=PROJECT),
         key=lambda p: (_distribution(p)[0] != PROJECT, _distribution(p)[0], p.name),
@@ -109,7 +109,7 @@ def _load(name: str, target: str | EntryPoint, problems: list[PluginProblem]) ->
 
 
 def describe(error: BaseException) -> str:
-    """An error in one line: its type, its words and, for a mistake in the source, where it is."""
+    """An error in one line: its type, its message and, for a syntax error, its location."""
     text = " ".join(str(error).split()) or "no message"
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         text = f"{error.msg} ({error.filename}, line {error.lineno})"

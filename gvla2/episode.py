@@ -3,8 +3,8 @@
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
 
 Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
-than one plan goes round from observe to verify part by part; where an attempt is seen to have failed, all of it may be
-gone through again. A simulator's referee speaks last, after everything was learnt, so that no stage can see true state.
+than one plan runs from observe to verify part by part; an attempt that is seen to have failed may be repeated as a
+whole. A simulator's referee judges last, after everything was learnt, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
 
 VOID = "simulation"
-"""The kind of failure after which nothing of the episode means anything: its simulated world has blown up."""
+"""The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Parts:
     """The components of one run, built; ``choices`` are their names by Hydra group.
 
     ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
-    ``language`` is the model that some of them ask, None where none does.
+    ``language`` is the model that some of them ask, None if none does.
     """
 
     robot: RobotBackend
@@ -90,8 +90,8 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked in any case, and where the two do
-    not mean the same the one that is sure decides (:mod:`gvla2.loop.consulting`).
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is always asked, and where the two disagree
+    the confident one decides (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int
@@ -105,14 +105,14 @@ class EpisodeRequest:
 
 
 class EpisodeListener(Protocol):
-    """Hears of an episode while it runs (a recorder, a progress line). Exceptions stop the episode."""
+    """Follows an episode while it runs (a recorder, a progress line). Exceptions stop the episode."""
 
     def begin(self, stage: Stage) -> None:
         """A stage starts."""
         ...
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """A stage ended, well or not; ``record`` holds all there is up to now."""
+        """A stage ended, successfully or not; ``record`` holds everything so far."""
         ...
 
     def frame(self, image: NDArray[np.uint8]) -> None:
@@ -121,7 +121,7 @@ class EpisodeListener(Protocol):
 
 
 class SilentListener(EpisodeListener):
-    """Hears and keeps nothing."""
+    """Ignores everything."""
 
     def begin(self, stage: Stage) -> None:
         """Nothing."""
@@ -137,7 +137,7 @@ _SILENT = SilentListener()
 
 
 def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener = _SILENT) -> EpisodeRecord:
-    """Run one episode and return its record, whose ``failure`` says where and why it ended early, if it did.
+    """Run one episode and return its record, whose ``failure`` says where and why it ended early, if so.
 
     Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
     failures of a kind in :data:`ABANDONED` (the listener has then seen the record) and raised again.
@@ -183,7 +183,7 @@ _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
 def _to_the_end(
     record: EpisodeRecord, stages: _Stages, most: int, listener: EpisodeListener
 ) -> EpisodeRecord:
-    """Carry out what the first plan of an attempt left to do, part by part, until it is done or a part fails."""
+    """Carry out the rest of an attempt's program, part by part, until it is done or a part fails."""
     while goes_on(record):
         if len(record.whole) >= most:
             return too_long(record, most)
@@ -192,7 +192,7 @@ def _to_the_end(
 
 
 def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
-    """Stages that note in their record what the model has cost from now on."""
+    """Stages that note in their record the model's cost from now on."""
     if language is None:
         return lambda stages: stages
     ledger, before = language.ledger, language.ledger.totals()
@@ -213,7 +213,7 @@ def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListene
 
 
 class _StoppedMidwayError(BaseException):
-    """A stage was stopped by its cause when it had got as far as ``record`` says."""
+    """A stage was stopped by its cause after it had reached ``record``."""
 
     def __init__(self, record: EpisodeRecord) -> None:
         super().__init__()
@@ -221,7 +221,7 @@ class _StoppedMidwayError(BaseException):
 
 
 def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
-    """After a failure: what was planned is still verified and learnt from, what was laid out still judged."""
+    """After a failure, a plan is still verified and learnt from, and a laid-out scene still judged."""
     if record.failure is not None and record.failure.kind == VOID:
         return False
     if stage == "verify":
@@ -238,7 +238,7 @@ def _run_stage(
     record: EpisodeRecord,
     listener: EpisodeListener,
 ) -> EpisodeRecord:
-    """Run one stage: time it, turn what goes wrong into a typed failure, tell the listener."""
+    """Run one stage: time it, turn errors into a typed failure, notify the listener."""
     listener.begin(stage)
     started = time.perf_counter()
 
@@ -342,7 +342,7 @@ def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) 
 def _execute(
     record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
-    """Move, and observe what came of it."""
+    """Move, and observe the result."""
     assert record.plan is not None
     assert record.plan.trajectory is not None
     assert record.scene is not None
@@ -396,7 +396,7 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 
 
 def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    """Tell memory of every attempt and every part, each in the light of its own verdict."""
+    """Report every attempt and every part to memory, each with its own verdict."""
     answers = []
     for episode, verdict in told_of(record, parts.skills):
         try:

@@ -9,11 +9,11 @@ class Gvla2Error(Exception):
 
 
 class ConfigurationError(Gvla2Error):
-    """The configuration asks for something that cannot be."""
+    """The configuration asks for something impossible."""
 
 
 class UnknownComponentError(ConfigurationError):
-    """A component was asked for by a name that no plugin offers."""
+    """No plugin offers a component of the requested name."""
 
     def __init__(self, kind: str, asked: str, available: Iterable[str], note: str = "") -> None:
         names = sorted(available)
@@ -59,7 +59,7 @@ class RobotError(Gvla2Error):
 
 
 class SimulationError(RobotError):
-    """A simulated world has blown up: what happened in it means nothing, and the next reset starts a clean one."""
+    """A simulated world has blown up: its results are meaningless, and the next reset starts a clean one."""
 
 
 class MemoryStoreError(Gvla2Error):

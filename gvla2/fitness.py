@@ -1,4 +1,4 @@
-"""What is fit to be offered: each function says in a sentence what is wrong with an item of a hook, or ""."""
+"""Checks of what hooks return: each function says in a sentence what is wrong with an item, or ""."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind]) -> str:
 
 
 def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
-    """What is wrong with a kind beside those that there are."""
+    """What is wrong with a new kind, given the existing ones."""
     hooks = {other.hook for other in kinds.values()} | {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK}
     if kind.name in kinds or kind.name in SLOTS:
         return f"there is a kind '{kind.name}' already. Rename this one."
     if not _NAME.fullmatch(str(kind.name)) or kind.name.lower() in _WORDS_OF_HYDRA | TAKEN:
-        return f"the kind's name {kind.name!r} cannot be a Hydra group of `gvla2 run`: it is taken or no plain word."
+        return f"the kind's name {kind.name!r} cannot be a Hydra group of `gvla2 run`: it is taken or not a plain word."
     if (
         not str(kind.hook).startswith(f"{PROJECT}_")
         or not str(kind.hook).isidentifier()
@@ -64,7 +64,7 @@ def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
 def _fault_of_component(item: object, kinds: Mapping[str, Kind]) -> str:
     if not isinstance(item, Component):
         return f"returned {item!r}, which is not a Component."
-    name: Any = item.name  # nobody has checked before what a plugin passes
+    name: Any = item.name  # the first check of what a plugin passes
     build: Any = item.build
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name.lower() in _WORDS_OF_HYDRA:
         return f"the name {name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
@@ -72,7 +72,7 @@ def _fault_of_component(item: object, kinds: Mapping[str, Kind]) -> str:
         return f"'{name}' has a build that cannot be called."
     unknown = [need for need in item.needs if need not in kinds]
     if unknown:
-        return f"'{name}' needs {unknown[0]!r}, which is no kind. Kinds: {', '.join(kinds)}."
+        return f"'{name}' needs {unknown[0]!r}, which is not a kind. Kinds: {', '.join(kinds)}."
     fault = _fault_of_config(item)
     return f"'{name}' cannot be configured: {fault}" if fault else ""
 

@@ -1,15 +1,15 @@
-"""Every extension point of gvla2 as pluggy sees it: one hook a kind of component, and three of their own.
+"""Every extension point of gvla2 as pluggy sees it: one hook per kind of component, and three others.
 
 A plugin is a module (or any object) with functions marked ``@hookimpl``, named after a hook. It is announced by an
-entry point of the group ``gvla2``, or handed to :func:`gvla2.register` in a notebook or a test. Each hook *collects*:
-it takes nothing, and what all plugins return is put together. A kind's hook returns components: a name, a dataclass
-of options, and a factory that is called only when the component was chosen. The name becomes a choice of the kind's
-Hydra group: ``gvla2 run planner=mine``. :data:`gvla2.kinds.KINDS` is the table of kinds.
+entry point of the group ``gvla2``, or passed to :func:`gvla2.register` in a notebook or a test. Each hook *collects*:
+it takes no arguments, and the results of all plugins are concatenated. A kind's hook returns components: a name, a
+dataclass of options, and a factory that is called only when the component was chosen. The name becomes a choice of the
+kind's Hydra group: ``gvla2 run planner=mine``. :data:`gvla2.kinds.KINDS` is the table of kinds.
 
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
     robot      perceiver   reconstructor  memory    planner  (core)   robot     verifier  memory
 
-pluggy's options mean what pluggy says. Of two components of one kind and name the one that is called first wins:
+pluggy's options keep their meaning. Of two components of one kind and name the one that is called first wins:
 ``tryfirst=True`` comes before all others, then what was registered in this process, then gvla2's own plugins, then
 others by distribution and name. A ``wrapper=True`` gets from its ``yield`` the list of what each plugin returned, and
 returns the list that counts.

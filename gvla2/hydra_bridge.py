@@ -25,7 +25,7 @@ from gvla2.kinds import KINDS, NONE, SLOTS
 
 PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
-"""What Hydra tells of a sweep: the choice ``hydra/callbacks=gvla2``."""
+"""How Hydra reports a sweep: the choice ``hydra/callbacks=gvla2``."""
 LONGEST_FOLDER_NAME = 80
 
 
@@ -41,17 +41,17 @@ class PresetSearchPath(SearchPathPlugin):
 
 
 class EveryKind:
-    """Marks a primary configuration that chooses a component of every kind: it gets a field a group, and defaults."""
+    """Marks a primary configuration that chooses a component of every kind: it gets a field per group, and defaults."""
 
 
 def register(
     registry: Registry, schemas: Mapping[str, type] | None = None, groups: Iterable[str] | None = None
 ) -> None:
-    """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, and in the slots.
+    """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, also in the slots.
 
-    ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind`
-    has its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former
-    call offered. ``groups`` are those that matter: a command of few groups starts the faster.
+    ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
+    its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
+    offered. ``groups`` are the ones needed: a command with few groups starts faster.
     """
     store = ConfigStore.instance()
     _forget(store.repo)
@@ -75,7 +75,7 @@ def register(
 
 
 def with_groups(schema: type, groups: Iterable[str]) -> type:
-    """The dataclass with one more field for each group, which holds the options of what is chosen there."""
+    """The dataclass with one more field for each group, which holds the chosen component's options."""
     fields = [(name, ComponentConfig, field(default_factory=ComponentConfig)) for name in groups]
     return make_dataclass(schema.__name__, fields, bases=(schema,), namespace={"__doc__": schema.__doc__})
 

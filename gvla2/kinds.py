@@ -17,12 +17,12 @@ from typing import Any
 from gvla2.errors import ConfigurationError
 
 NONE = "none"
-"""The choice of nothing, where no component of the kind has that name."""
+"""The empty choice, where no component of the kind has that name."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """One extension point. ``name`` is the word for it and its Hydra group; ``protocol`` is ``module:class``.
+    """One extension point. ``name`` is its name and its Hydra group; ``protocol`` is ``module:class``.
 
     ``hook`` returns its components, which are ``what``. ``default`` is the choice of ``gvla2 run``; ``none`` may be
     chosen without a component of that name, and what needs the kind then gets None.
@@ -35,7 +35,7 @@ class Kind:
     default: str = NONE
 
     def members(self) -> tuple[tuple[str, bool], ...]:
-        """What the protocol asks of an object: names, and whether each is a method. Imports the wing."""
+        """The protocol's members: names, and whether each is a method. Imports the wing."""
         module, _, name = self.protocol.partition(":")
         protocol: Any = getattr(import_module(module), name)
         return tuple(
@@ -71,7 +71,7 @@ KINDS: Mapping[str, Kind] = _table(
     ("robot", "robots", "gvla2.robot.backend:RobotBackend",
      "robot backends, simulated or real: cameras, motion, execution", "sapien_panda"),
     ("camera", "cameras", "gvla2.robot.camera:DepthCamera",
-     "depth cameras for robots without eyes of their own: live or replayed", "none"),
+     "depth cameras for robots without cameras of their own: live or replayed", "none"),
     ("task", "tasks", "gvla2.robot.task:Task",
      "tasks: what lies on the table, what is asked, when it is done", "pick_and_lift"),
     ("perceiver", "perceivers", "gvla2.planning.contracts:Perceiver",
@@ -95,7 +95,7 @@ KINDS: Mapping[str, Kind] = _table(
     ("inducer", "inducers", "gvla2.memory.contracts:Inducer",
      "inducers: an episode and its verdict to candidate lessons", "rules"),
     ("judge", "judges", "gvla2.memory.contracts:Judge",
-     "judges: which of the lessons that are suspected of it contradict each other", "rules"),
+     "judges: which of the suspected lessons contradict each other", "rules"),
     ("planner", "planners", "gvla2.planning.contracts:Planner",
      "planners: instruction, scene and advice to waypoints", "skill"),
     ("verifier", "verifiers", "gvla2.memory.contracts:Verifier",
@@ -103,17 +103,17 @@ KINDS: Mapping[str, Kind] = _table(
     ("agent", "agents", "gvla2.agents.contracts:Agent",
       "software agents that work at a shell in a sandbox", NONE),
     ("tracker", "trackers", "gvla2.record.tracker:Tracker",
-     "trackers: services of experiments that are told of a run", "none"),
+     "trackers: experiment-tracking services that log a run", "none"),
     ("view", "views", "gvla2.record.tracker:Viewer",
-     "views: episodes shown in 3D by a program of its own, as a file that it opens", "none"),
+     "views: files that show an episode in an external 3D viewer", "none"),
     ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
      "language models for components that say needs=(\"language\",)", "endpoint"),
 )
 # fmt: on
-"""The kinds of the core by name, in the order of an episode; last the model that others may ask."""
+"""The kinds of the core by name, in the order of an episode, then the language model that others may ask."""
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
-"""Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""
+"""Hydra groups that choose a second component of a kind, or ``none``: the slot and its kind."""
 
 TAKEN = frozenset(
     {
@@ -130,7 +130,7 @@ TAKEN = frozenset(
         "results",
     }
 )
-"""Words that mean something else in the configuration of ``gvla2 run``, so that no kind can have them."""
+"""Reserved words of the configuration of ``gvla2 run``, which no kind can use."""
 
 
 def kind_of(name: str, kinds: Mapping[str, Kind] = KINDS) -> Kind:

@@ -1,8 +1,8 @@
-"""pluggy's manager of gvla2's hooks, with every call of a plugin guarded.
+"""pluggy's manager for gvla2's hooks, with every call of a plugin guarded.
 
-:func:`collect` registers the plugins with one :class:`pluggy.PluginManager` and calls each hook once, by pluggy's
-rules of order and wrapping. pluggy lets the first error end a call; so what it registers is a guarded twin of each
-plugin, whose functions answer with nothing instead and leave a :class:`~gvla2.discovery.PluginProblem`.
+:func:`collect` registers the plugins with one :class:`pluggy.PluginManager` and calls each hook once, by pluggy's rules
+of order and wrapping. pluggy lets the first error end a call; so what it registers is a guarded twin of each plugin,
+whose functions return nothing instead and record a :class:`~gvla2.discovery.PluginProblem`.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def collect(
     problems: list[PluginProblem],
     groups: Collection[str] | None = None,
 ) -> Collected:
-    """Register the plugins, the first of which is to be called first, and call every hook, or those of the kinds that
-    ``groups`` choose from, and of what these need.
+    """Register the plugins, to be called in this order, and call every hook, or those of the kinds that ``groups``
+    choose from, and of what these need.
     """
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(hookspecs)
@@ -54,7 +54,7 @@ def collect(
     guard = _Guard(manager, problems, dict(KINDS))
     unmarked: list[tuple[Plugin, str]] = []
     for plugin, module in reversed(loaded):  # pluggy calls the latest first
-        # Two distributions may announce plugins of one name; pluggy wants one of its own for each.
+        # Two distributions may announce plugins of the same name; pluggy needs unique names.
         name = plugin.name if not manager.has_plugin(plugin.name) else f"{plugin.name} #{len(guard.names)}"
         guard.names[name] = plugin
         manager.register(guard.twin(plugin, module, unmarked), name=name)
@@ -93,7 +93,7 @@ class _Guard:
     _returned: list[object] = field(default_factory=list)  # kept alive, so that ids stay theirs
 
     def twin(self, plugin: Plugin, module: object, unmarked: list[tuple[Plugin, str]]) -> SimpleNamespace:
-        """An object with the hook functions of the module, guarded; ``unmarked`` gets what may be meant as one."""
+        """An object with the hook functions of the module, guarded; ``unmarked`` collects likely unmarked hooks."""
         twin = SimpleNamespace()
         before = len(self.problems) + len(unmarked)
         for name in dir(module):
@@ -139,7 +139,7 @@ class _Guard:
         return guarded
 
     def _answer(self, plugin: Plugin, hook: str, function: Callable[[], Any]) -> list[object]:
-        """What one plugin returns, without what is not fit."""
+        """What one plugin returns, without invalid items."""
         try:
             with stdout_kept_clean():
                 items = list(function())
@@ -161,7 +161,7 @@ class _Guard:
             with stdout_kept_clean():
                 next(generator)
         except StopIteration:
-            failed("it wraps nothing, having no yield that is reached.")
+            failed("it wraps nothing: it never reaches a yield.")
             return (yield)
         except (Exception, SystemExit) as error:
             failed(describe(error))
@@ -203,7 +203,7 @@ class _Guard:
         return [(item, self._sources[id(item)]) for group in groups for item in group]
 
     def tell_unknown_hooks(self, unmarked: list[tuple[Plugin, str]]) -> None:
-        """Functions that are meant as hooks and are none."""
+        """Report functions that look like hooks but are not."""
         known = [name for name, caller in vars(self.manager.hook).items() if _is_specified(caller)]
         for plugin, name in unmarked:
             hint = (

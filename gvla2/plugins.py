@@ -1,4 +1,4 @@
-"""Plugins, as the rest of gvla2 and scripts of your own see them.
+"""Plugins, as the rest of gvla2 and your own scripts see them.
 
     registry = load_plugins()
     registry.components("planner")           # what there is, by name

@@ -1,4 +1,4 @@
-"""Plugins of this process: handed over in a notebook or a test, without a distribution or an entry point.
+"""Plugins of this process: registered in a notebook or a test, without a distribution or an entry point.
 
 pluggy keeps plugins in a manager; here they wait for the next one (:func:`gvla2.plugins.load_plugins` makes one
 whenever a command starts). Worker processes of a sweep know installed plugins only.
@@ -12,10 +12,10 @@ _WAITING: dict[str, object] = {}
 
 
 def register(plugin: object, name: str = "") -> str:
-    """Offer what the ``@hookimpl`` functions of a module, class or object return; the name it is known by.
+    """Offer what the ``@hookimpl`` functions of a module, class or object return; returns the plugin's name.
 
-    The name is the object's own unless given. One of that name that was registered before is replaced, so that a
-    cell of a notebook may run twice. What is registered is called before installed plugins: its components win.
+    The name is the object's own unless given. An earlier registration of that name is replaced, so that a notebook cell
+    can run twice. What is registered is called before installed plugins: its components win.
     """
     own = name or getattr(plugin, "__name__", "") or type(plugin).__name__
     if isinstance(plugin, str) or plugin is None:
@@ -28,12 +28,12 @@ def register(plugin: object, name: str = "") -> str:
 
 
 def unregister(name: str) -> None:
-    """Take back what :func:`register` was given under the name; raises :class:`PluginError` for an unknown one."""
+    """Undo :func:`register` for that name; raises :class:`PluginError` for an unknown one."""
     if name not in _WAITING:
         raise PluginError(f"No plugin '{name}' is registered. Registered: {', '.join(_WAITING) or 'none'}.")
     del _WAITING[name]
 
 
 def registered() -> dict[str, object]:
-    """What is registered in this process, by name, the first that was registered first."""
+    """The plugins registered in this process by name, oldest first."""
     return dict(_WAITING)

@@ -1,4 +1,4 @@
-"""Writing a file so that it is there whole or not at all, and where what can be made again is kept."""
+"""Atomic writing of files, and the folder for caches."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray) -> Non
     except OSError as error:
         raise OutputError(
             f"Cannot write '{target.name}' in the folder '{target.parent}': {error.strerror or error}. "
-            "Free space or permissions there, or choose another folder."
+            "Check its free space and permissions, or choose another folder."
         ) from error
 
 

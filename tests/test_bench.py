@@ -257,7 +257,7 @@ def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, c
     [
         ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
         ({"noise": ["low1"], "prior": PlainConfig(name="none")}, "needs prior=depth, not none"),
-        ({"depth_noise": DepthNoise(kind="l515")}, r"noise=\[...\] says what the prior has wrong"),
+        ({"depth_noise": DepthNoise(kind="l515")}, r"noise=\[...\] sets the prior's error"),
     ],
 )
 def test_an_option_that_does_not_apply_is_an_error(meshes, parts, tmp_path, changes, words):

@@ -179,5 +179,5 @@ def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
     from gvla2.robot.noise_options import DepthNoise
 
     bench = Bench(Real(), None, Blind(), None, DepthNoise())
-    with pytest.raises(ConfigurationError, match="tells which pixel shows what"):
+    with pytest.raises(ConfigurationError, match="knows what each pixel shows"):
         measure(WantedLayout("key", {}, 0), bench)

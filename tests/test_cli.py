@@ -258,7 +258,7 @@ def test_options_with_dashes_are_told_how_to_be_written(words: list[str], said: 
 
 def test_a_dashed_option_ends_at_once(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["run", "--seed", "3"]) == 2
-    assert capsys.readouterr().err == "gvla2: options have no dashes: in place of `--seed 3` write seed=3\n"
+    assert capsys.readouterr().err == "gvla2: options have no dashes: instead of `--seed 3` write seed=3\n"
 
 
 def test_escape_bytes_of_a_plugin_are_not_printed(install, capsys: pytest.CaptureFixture[str]):

@@ -178,7 +178,7 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
         ),
         (["seed=1,2"], "--multirun"),
         (["a==b="], "'a==b=' cannot be read"),
-        (["instruction=a=b"], "quotes of its own inside the shell's: 'instruction=\"...\"'"),
+        (["instruction=a=b"], "its own quotes inside the shell's: 'instruction=\"...\"'"),
         (
             ["instruction=${nowhere}"],
             "The option 'instruction' is wrong: Interpolation key 'nowhere' not found",

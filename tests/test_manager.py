@@ -206,7 +206,7 @@ def _returns_nonsense() -> Any:
     [
         (_raises_before, "ValueError: early"),
         (_raises_after, "ValueError: late"),
-        (_never_yields, "no yield that is reached"),
+        (_never_yields, "it never reaches a yield"),
         (_yields_twice, "yields a second time"),
         (_returns_nonsense, "not 3"),
         (lambda: [], "wrapper without a yield"),

@@ -168,7 +168,7 @@ def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
 
 def test_export_and_import_go_round(run: Run, tmp_path: Path):
     assert run("export", "out")[0] == 0
-    assert "replaces nothing" in run("export", "out")[2]
+    assert "never replaces" in run("export", "out")[2]
     assert run("export", "few", "states=[archive]")[0] == 0
     assert "Left out: 2 records" in run("export", "fewer", "states=[archive]")[1]
     made = data(run, "import", "out", "bank=second", "trusted=true")
@@ -192,7 +192,7 @@ def test_forget_removes_every_byte_and_asks_before(run: Run, path: Path):
     assert "--yes" in err
     status, _, err = run("forget", hint[:-1], "--yes")  # what cannot be undone takes no guesses
     assert status == 1
-    assert f"the beginning of '{hint}'" in err
+    assert f"a prefix of '{hint}'" in err
     assert len(data(run, "list")) == 2
     assert data(run, "forget", hint, "--yes") == {"forgotten": [hint], "also": []}
     assert not any(b"Lift the cup by" in file.read_bytes() for file in path.parent.glob("m.db*"))
@@ -242,7 +242,7 @@ def test_compact_forgets_what_was_archived_for_long(run: Run, tmp_path: Path):
         (["show"], "needs an argument"),
         (["show", "a", "b"], "does not take 'b'"),
         (["list", "--jsn"], "Did you mean '--json'?"),
-        (["list", "--yes"], "--yes is for forget"),
+        (["list", "--yes"], "--yes is only for forget"),
         (["list", "-m", "bank=a,b"], "no sweeps"),
     ],
 )

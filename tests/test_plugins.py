@@ -143,7 +143,7 @@ HOOK = "@hookimpl\ndef {}({}):\n    {}\n"
         (
             HOOK.format("gvla2_planners", "", "yield Component('a', Config, Made, needs=['brain'])"),
             "gvla2_planners",
-            "needs 'brain', which is no kind",
+            "needs 'brain', which is not a kind",
         ),
         (
             HOOK.format("gvla2_config_search_path", "", "return ['conf']"),

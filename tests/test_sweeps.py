@@ -95,7 +95,7 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     told = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
     assert [job["overrides"]["seed"] for job in jobs_of(folder)] == ["0"]
-    again = re.search(r"To go on: gvla2 (.*)", told.err)
+    again = re.search(r"To resume: gvla2 (.*)", told.err)
     assert again is not None
     assert re.search(r"\[0: .*\] -> .*index.html", told.err), "quiet=true still says how a job ended"
 
@@ -150,7 +150,7 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
 def test_flags_of_one_job_in_a_sweep_end_in_a_sentence(flag: list[str], capsys: pytest.CaptureFixture[str]):
     assert cli.main(["run", "-m", "seed=0,1", *flag]) == 2
     told = capsys.readouterr().err
-    assert "show one job: leave -m away" in told
+    assert "show one job: omit -m" in told
     assert "Traceback" not in told
 
 

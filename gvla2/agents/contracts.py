@@ -13,8 +13,8 @@ class AgentTask:
     """One task: what is asked, where its files lie, and how its tests are run.
 
     ``environment`` is the folder with the Dockerfile and the files that it copies, ``tests`` the one whose
-    ``tests_entry`` is run when the agent has finished; the agent never sees it. ``family`` names the trick that tasks
-    share ("" for none). Times in seconds.
+    ``tests_entry`` is run when the agent has finished; the agent never sees it. ``family`` names the technique that
+    tasks share ("" for none). Times in seconds.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Output:
     """What a command did: ``text`` of both its streams, cut in the middle where it was too long.
 
     ``status`` is its exit status, 128 + n after signal n. ``ended`` says why it was ended from outside ("time",
-    "disk"), "" where it ended by itself.
+    "disk"), "" if it ended by itself.
     """
 
     text: str
@@ -43,7 +43,7 @@ class Output:
 
 
 class Sandbox(Protocol):
-    """Where an agent's commands are run: its own files, no network, nothing of the machine within reach."""
+    """Where an agent's commands are run: its own files, no network, no access to the host."""
 
     @property
     def folder(self) -> str:
@@ -53,7 +53,7 @@ class Sandbox(Protocol):
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
-        """Run a command by bash in the working folder. Changes of files last, shell variables do not."""
+        """Run a command by bash in the working folder. File changes persist, shell variables do not."""
         ...
 
 
@@ -62,8 +62,8 @@ class AgentRun:
     """What an agent did.
 
     ``messages`` are the conversation, role and content, as plain JSON; ``steps`` the commands that it ran;
-    ``exit_status`` the agent's own word ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock.
-    ``usage`` counts ``calls``, ``prompt_tokens`` and ``completion_tokens``.
+    ``exit_status`` as reported by the agent ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock. ``usage``
+    counts ``calls``, ``prompt_tokens`` and ``completion_tokens``.
     """
 
     messages: tuple[Mapping[str, Any], ...]
@@ -81,7 +81,7 @@ class Agent(Protocol):
     ) -> AgentRun:
         """Work until done or out of steps or time; ``knowledge`` is what memory recalled, "" for nothing.
 
-        ``tell`` hears a line a step. Raises :class:`~gvla2.language.failures.LanguageModelError` where the model
-        cannot be asked: such a task counts for nobody.
+        ``tell`` is called with a line per step. Raises :class:`~gvla2.language.failures.LanguageModelError` where the
+        model cannot be asked: such a task is not counted.
         """
         ...

@@ -1,4 +1,4 @@
-"""A sandbox out of a Docker container, for tasks whose surroundings need more than this machine's programs."""
+"""A sandbox in a Docker container, for tasks whose environment needs more than this machine's programs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FOLDER_OF = "{{.Config.WorkingDir}}"
 
 
 class DockerSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox`: one container without a network, ended with the task."""
+    """A :class:`~gvla2.agents.contracts.Sandbox`: one container without a network, removed with the task."""
 
     def __init__(self, container: str, folder: str, limits: SandboxLimits) -> None:
         self._container, self._folder, self._limits = container, folder or "/", limits
@@ -33,7 +33,7 @@ class DockerSandbox:
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
-        """Run a command by bash; ended after ``seconds``, inside the container, too."""
+        """Run a command by bash; killed after ``seconds``, inside the container too."""
         told = [word for name, value in (variables or {}).items() for word in ("-e", f"{name}={value}")]
         guarded = ["timeout", "-k", "1", f"{seconds:g}", "bash", "-c", command]
         begun = time.monotonic()
@@ -49,14 +49,14 @@ class DockerSandbox:
         self._must("mkdir", "-p", folder)
 
     def read(self, path: str) -> str | None:
-        """A file that commands wrote, None where there is none; a link is none."""
+        """A file that commands wrote; None if it is missing or a link."""
         check = f'[ -f "{path}" ] && [ ! -L "{path}" ] && cat "{path}"'
         status, text = _docker(["docker", "exec", self._container, "sh", "-c", check], 30)
         return text if status == 0 else None
 
     @contextmanager
     def shown(self, folder: Path, at: str) -> Iterator[None]:
-        """Let commands see a folder of the machine for the while of it: a copy, removed again."""
+        """Context manager that shows commands a host folder: a copy, removed on exit."""
         self._must("rm", "-rf", at)
         status, text = _docker(["docker", "cp", str(folder), f"{self._container}:{at}"], 120)
         if status != 0:
@@ -74,9 +74,9 @@ class DockerSandbox:
 
 @contextmanager
 def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[DockerSandbox]:
-    """The task's image, built where it is not there yet, and a container of it for the while of it.
+    """Context manager for a container of the task's image, which is built if missing.
 
-    Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` where its engine does not
+    Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` when the engine does not
     answer or the image cannot be built.
     """
     if shutil.which("docker") is None:

@@ -1,4 +1,4 @@
-"""What of a Dockerfile can be done without Docker: files copied, a folder, variables, and commands of the machine."""
+"""The part of a Dockerfile that works without Docker: copied files, a folder, variables, and host commands."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Recipe:
 
 
 def read_recipe(dockerfile: Path) -> Recipe:
-    """The recipe, an empty one without a Dockerfile; raises :class:`ConfigurationError` for what it cannot do."""
+    """The recipe, empty without a Dockerfile; raises :class:`ConfigurationError` for unsupported instructions."""
     if not dockerfile.is_file():
         return Recipe()
     folder, variables = "/app", dict[str, str]()

@@ -1,4 +1,4 @@
-"""A sandbox out of Linux namespaces, by bubblewrap: no engine, no root, a few milliseconds a command."""
+"""A sandbox from Linux namespaces, by bubblewrap: no engine, no root, a few milliseconds per command."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from gvla2.agents.dockerfile import Recipe, read_recipe
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
 
 SYSTEM = ("usr", "bin", "sbin", "lib", "lib32", "lib64", "libx32", "etc", "proc", "dev", "sys", "boot", "run")
-"""Folders that belong to the machine: a task that writes there needs Docker."""
+"""Folders of the host: a task that writes there needs Docker."""
 _SHOWN_OF_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime.types")
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 @dataclass(frozen=True)
 class SandboxLimits:
-    """Megabytes of files in all and of memory a process, and characters of output that are kept of a command."""
+    """Megabytes of files in total and of memory per process, and characters of output kept per command."""
 
     disk_mb: int = 512
     memory_mb: int = 4096
@@ -40,13 +40,13 @@ _NO_RECIPE = Recipe()
 
 
 class EnvironmentFailedError(Gvla2Error):
-    """The surroundings of a task could not be set up here; the task is not measured."""
+    """The task's environment could not be set up here; the task is not measured."""
 
 
 class BubblewrapSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox` in a folder of the machine.
+    """A :class:`~gvla2.agents.contracts.Sandbox` in a host folder.
 
-    Commands see the machine's programs (``/usr``, read-only), their own ``/tmp``, home and working folder, and nothing
+    Commands see the host's programs (``/usr``, read-only), their own ``/tmp``, home and working folder, and nothing
     else: no network, no other process, no file of the user's. Whatever they start ends with them.
     """
 
@@ -88,7 +88,7 @@ class BubblewrapSandbox:
         place.mkdir(parents=True)
 
     def read(self, path: str) -> str | None:
-        """A file that commands wrote, None where there is none; a link is none."""
+        """A file that commands wrote; None if it is missing or a link."""
         place = self._place(path)
         return None if place.is_symlink() or not place.is_file() else place.read_text(errors="replace")
 
@@ -121,7 +121,7 @@ class BubblewrapSandbox:
 
     @contextmanager
     def shown(self, folder: Path, at: str) -> Iterator[None]:
-        """Let commands see a folder of the machine, read-only, for the while of it: a task's tests."""
+        """Context manager that shows commands a host folder, read-only: a task's tests."""
         self._hidden[at] = folder
         try:
             yield
@@ -129,7 +129,7 @@ class BubblewrapSandbox:
             del self._hidden[at]
 
     def _wait(self, process: subprocess.Popen[bytes], until: float) -> str:
-        """Until the command has ended, or is ended; why."""
+        """Wait until the command ends or is killed; returns why."""
         looked = time.monotonic()
         while True:
             try:
@@ -182,7 +182,7 @@ class BubblewrapSandbox:
         parts = PurePosixPath(path).parts[1:]
         if not path.startswith("/") or not parts or ".." in parts or parts[0] in SYSTEM:
             raise EnvironmentFailedError(
-                f"A task's file would lie at {path}, which is the machine's own: sandbox=docker can."
+                f"A task's file would lie at {path}, which belongs to the host: use sandbox=docker."
             )
         if parts[0] == "tmp":
             return self._root.joinpath("tmp", *parts[1:])
@@ -193,9 +193,9 @@ class BubblewrapSandbox:
 
 @contextmanager
 def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[BubblewrapSandbox]:
-    """The task's surroundings, as its Dockerfile has them, for the while of it.
+    """Context manager for the task's environment, as its Dockerfile describes it.
 
-    Raises :class:`EnvironmentFailedError` where they cannot be had without Docker or the network.
+    Raises :class:`EnvironmentFailedError` if it cannot be set up without Docker or the network.
     """
     with tempfile.TemporaryDirectory(prefix="gvla2-agent-", ignore_cleanup_errors=True) as folder:
         try:
@@ -210,7 +210,7 @@ def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Itera
             output = sandbox.run(words[0], seconds=120)
             if output.status != 0:
                 raise EnvironmentFailedError(
-                    f"{task.name}: '{words[0][:100]}' of its Dockerfile failed here (status {output.status}: "
+                    f"{task.name}: '{words[0][:100]}' from its Dockerfile failed here (status {output.status}: "
                     f"{output.text.strip()[-200:]}). sandbox=docker builds it with the network."
                 )
         yield sandbox
@@ -235,7 +235,7 @@ def _copy(task: AgentTask, sandbox: BubblewrapSandbox, words: tuple[str, ...]) -
 
 
 class _Kept:
-    """The head and the tail of what a command says, however much that is."""
+    """The head and the tail of a command's output, whatever its length."""
 
     def __init__(self, characters: int) -> None:
         self._half = characters // 2
@@ -243,7 +243,7 @@ class _Kept:
 
     def read(self, stream: IO[bytes]) -> None:
         """All of it, until the stream ends."""
-        with contextlib.suppress(ValueError):  # closed under our hands: it was ended
+        with contextlib.suppress(ValueError):  # closed while reading: the command was killed
             while piece := os.read(stream.fileno(), 65536):
                 if len(self._head) < self._half:
                     room = self._half - len(self._head)
@@ -253,7 +253,7 @@ class _Kept:
                 self._tail = joined[-self._half :]
 
     def text(self) -> str:
-        """What was kept, with what was cut named; bytes that are no letters become question marks."""
+        """What was kept, with a note of what was cut; undecodable bytes become question marks."""
         middle = f"\n[... {self._cut} bytes cut ...]\n".encode() if self._cut else b""
         text = (self._head + middle + self._tail).decode(errors="replace")
         return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)

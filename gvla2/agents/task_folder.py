@@ -18,12 +18,12 @@ MARKERS = ("task.toml", "task.yaml")
 def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
     """The tasks below a folder, by name; ``names`` chooses some, in their order.
 
-    Raises :class:`ConfigurationError` for a folder without tasks, a name that is not there or there twice, and a task
-    without tests or instruction.
+    Raises :class:`ConfigurationError` for a folder without tasks, a missing or duplicate name, and a task without tests
+    or instruction.
     """
     place = Path(root).expanduser()
     if not place.is_dir():
-        raise ConfigurationError(f"tasks is '{root}', which is no folder. Give a folder of task folders.")
+        raise ConfigurationError(f"tasks is '{root}', which is not a folder. Give a folder of task folders.")
     folders = sorted({file.parent for marker in MARKERS for file in place.rglob(marker)})
     if not folders:
         raise ConfigurationError(
@@ -77,7 +77,7 @@ def _of_version_1(folder: Path) -> AgentTask:
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
     if not isinstance(told, Mapping):
-        raise ConfigurationError(f"{folder / 'task.yaml'} holds no mapping.")
+        raise ConfigurationError(f"{folder / 'task.yaml'} does not hold a mapping.")
     return _checked(
         AgentTask(
             name=folder.name,
@@ -100,8 +100,8 @@ def _checked(task: AgentTask) -> AgentTask:
         raise ConfigurationError(f"The task {task.folder} has no instruction.")
     if not (task.tests / task.tests_entry).is_file():
         raise ConfigurationError(
-            f"The task {task.folder} has no tests: {task.tests / task.tests_entry} is not there. "
-            "Without tests nobody can tell whether it was solved."
+            f"The task {task.folder} has no tests: {task.tests / task.tests_entry} is missing. Without tests its "
+            f"result is unknown."
         )
     return task
 

@@ -20,7 +20,7 @@ LONGEST = 200_000
 
 @dataclass(frozen=True)
 class Trial:
-    """A finished run: its task, the account of it, how it says that it ended, and whether its tests passed."""
+    """A finished run: its task, transcript, reported ending, and whether its tests passed."""
 
     id: str
     task: str
@@ -33,14 +33,14 @@ class Trial:
 def read_trials(root: str | Path) -> list[Trial]:
     """All trials below a folder whose outcome is known, by id.
 
-    Read are Terminal-Bench's trial folders (``results.json`` with ``is_resolved``, beside ``sessions/agent.log`` or
-    ``panes/post-agent.txt``) and mini-swe-agent's ``*.traj.json``, whose outcomes stand in a report of SWE-bench's
-    harness (a JSON with ``resolved_ids``) in the same folder or above. Raises :class:`ConfigurationError` where there
-    are none.
+    Reads Terminal-Bench's trial folders (``results.json`` with ``is_resolved``, beside ``sessions/agent.log`` or
+    ``panes/post-agent.txt``) and mini-swe-agent's ``*.traj.json``, whose outcomes are in a report of SWE-bench's
+    harness (a JSON with ``resolved_ids``) in the same folder or above. Raises :class:`ConfigurationError` if there are
+    none.
     """
     place = Path(root).expanduser()
     if not place.is_dir():
-        raise ConfigurationError(f"agents.trajectories is '{root}', which is no folder.")
+        raise ConfigurationError(f"agents.trajectories is '{root}', which is not a folder.")
     trials = {trial.id: trial for trial in (*_terminal_bench(place), *_mini_swe(place))}
     if not trials:
         raise ConfigurationError(

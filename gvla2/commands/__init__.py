@@ -1,4 +1,4 @@
-"""The sub-commands, one file each: a module with ``main(argv) -> exit status``, or Hydra's with a ``job`` alone."""
+"""The sub-commands, one file each: a module with ``main(argv) -> exit status``, or for Hydra just a ``job``."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -9,13 +9,13 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "reconstruct": "an object's refined geometry from a folder of calibrated views",
         "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
         "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
-        "memory": "look into a memory's bank: list, search, history, import, export, govern, forget",
-        "data": "say which data sets and weights are here, and how to get the others",
+        "memory": "inspect a memory's bank: list, search, history, import, export, govern, forget",
+        "data": "list the data sets and weights found here, and how to get the others",
         "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
         "tasks": "a page of every task from its four cameras, as laid out and as solved",
         "export": "write runs as a data set for training: LeRobot",
-        "plugins": "list robots, planners, memories and all else that can be chosen, with options",
-        "doctor": "check this installation and say what to do about what is missing",
+        "plugins": "list robots, planners, memories and everything else to choose from, with options",
+        "doctor": "check this installation and say how to fix what is missing",
     }
 )
 """Sub-commands and what they do. Importing this loads none of them."""

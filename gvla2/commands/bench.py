@@ -1,4 +1,4 @@
-"""``gvla2 bench``: measure a suite on a data set, and make the table that can be defended."""
+"""``gvla2 bench``: measure a suite on a data set, and make the table."""
 
 from __future__ import annotations
 
@@ -29,15 +29,14 @@ SUITES = {
 }
 """The suites by name, and the module of each.
 
-It has ``run(bench: BenchRun) -> cells``, all rows of the design in their order, and ``DATA`` where that is always the
-same.
+It has ``run(bench: BenchRun) -> cells``, all rows of the design in order, and ``DATA`` where that is fixed.
 """
 
 log = logging.getLogger(__name__)
 
 
 def job(config: BenchConfig, registry: Registry, folder: Path) -> float:
-    """As :func:`run_bench`, once it is clear that every option that was asked for does something in this suite.
+    """As :func:`run_bench`, after checking that this suite uses every option given.
 
     Raises :class:`ConfigurationError` where it does not.
     """
@@ -50,11 +49,11 @@ def job(config: BenchConfig, registry: Registry, folder: Path) -> float:
 
 
 def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
-    """Run the bench into ``folder``; the share of cells that could be measured.
+    """Run the bench into ``folder``; returns the share of cells that could be measured.
 
-    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
-    Raises :class:`ConfigurationError` for a suite, data set or component that is not there; an object that cannot be
-    measured is a row with a status, not an error.
+    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``. Raises
+    :class:`ConfigurationError` for a missing suite, data set or component; an object that cannot be measured gives a
+    row with a status, not an error.
     """
     from importlib import import_module
 
@@ -72,7 +71,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     with Results.open(config.results.url) as results:
         run_id = results.begin(_run_record(config, folder))
         measured: list[Cell] = suite.run(BenchRun(config, registry, results, run_id, folder))
-        # Those measured just now carry no run yet.
+        # Rows measured just now have no run yet.
         cells = [cell if cell.run else replace(cell, run=run_id) for cell in measured]
         told = {
             "command": "bench",
@@ -121,9 +120,9 @@ def main(argv: list[str]) -> int:
 def as_overrides(argv: list[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
-    A leading word, as in ``gvla2 bench robot``, chooses the suite. What is said by a component's or an arm's name
-    (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) is new to the configuration, for which Hydra
-    would want a ``+``; arms of one's own belong to the ``arms`` that are listed.
+    A leading word, as in ``gvla2 bench robot``, chooses the suite. Options under a component's or an arm's name
+    (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) are new to the configuration, for which
+    Hydra needs a ``+``; custom arms are added to the listed ``arms``.
     """
     word = argv[0] if argv else ""
     told = [f"suite={word}", *argv[1:]] if re.fullmatch(r"\w+", word) else argv

@@ -32,9 +32,9 @@ log = logging.getLogger(__name__)
 
 
 def run(bench: BenchRun) -> list[Cell]:
-    """Measure what the database lacks, a sequence of tasks after the other; all rows in the design's order.
+    """Measure what the database lacks, one sequence of tasks after another; all rows in the design's order.
 
-    Rows are stored one by one; an interrupted sequence goes on where it was, with the memory that it had.
+    Rows are stored one by one; an interrupted sequence resumes where it was, with the memory that it had.
     """
     from gvla2.agents.task_folder import read_tasks
 
@@ -93,7 +93,7 @@ def _sequence(bench: BenchRun, tasks: Sequence[AgentTask], arm: str, seed: int) 
     files = [_digest_of(task) for task in ordered]
     around = (VERSION, code_digest(MEASURING_CODE), versions(), options, config.agents.sandbox, seed, arm)
     limits = (config.agents.disk_mb, config.agents.memory_mb, config.agents.output)
-    # What an earlier task taught is part of what a later one meets: the whole order is in each key.
+    # Earlier tasks affect later ones through memory, so each key holds the whole order.
     keys = [cell_key(SUITE, *around, limits, files[: i + 1]) for i in range(len(ordered))]
     factors: dict[str, str | int] = {
         "agent": str(getattr(config.agent, "name", "")),
@@ -126,7 +126,7 @@ def _arm(bench: BenchRun, name: str) -> BenchArm:
 
 
 def _crew(bench: BenchRun, arm: str) -> Callable[[Path], Crew]:
-    """Everybody is built once, but for the memory, which is opened anew for each task."""
+    """All components are built once, except the memory, which is reopened for each task."""
     lasting: dict[str, Any] = {}
 
     def made(bank: Path) -> Crew:

@@ -1,4 +1,4 @@
-"""The arms of the robot and agents suites as they are asked for: plain names, or variants with options of their own."""
+"""The requested arms of the robot and agents suites: plain names, or variants with their own options."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import CONTROLS, MEMORY_OF
 
 WITHOUT_BANK = ("off", "none", "best_theta")
-"""What arms can be made of that is no memory with a bank."""
+"""Sources of arms that are not memories with a bank."""
 
 
 @dataclass(frozen=True)
 class BenchArm:
-    """One arm: its ``name``, what it is made of, and how that is configured.
+    """One arm: its ``name``, source and configuration.
 
     ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
-    ``replan`` further attempts are allowed in an episode, None for as many as the bench allows. ``explored`` is how
-    many of the explored layouts of a row it learns from, None for all.
+    ``replan`` further attempts are allowed in an episode, None for the bench's number. ``explored`` is how many of the
+    explored layouts of a row it learns from, None for all.
     """
 
     name: str
@@ -38,7 +38,7 @@ class BenchArm:
 
     @property
     def variant(self) -> str:
-        """What tells it from the plain arm of its name: "governed, admission=False"; "" for nothing."""
+        """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
         told = [] if plain else [self.source]
         told += [f"{name}={value}" for name, value in sorted(self.options.items())]
@@ -47,12 +47,12 @@ class BenchArm:
 
 
 def arms_of(config: BenchConfig) -> list[BenchArm]:
-    """The arms of a bench, in their order: names of ``config.arms``, some of them of ``config.own_arms``."""
+    """The arms of a bench in order: names of ``config.arms``, some of which ``config.own_arms`` defines."""
     return [arm_named(config, name) for name in config.chosen_arms]
 
 
 def arm_named(config: BenchConfig, name: str) -> BenchArm:
-    """One arm by its name; raises :class:`ConfigurationError` where what is said of it is no options."""
+    """One arm by its name; raises :class:`ConfigurationError` if its value is not a mapping of options."""
     given = config.own_arms.get(name) or {}
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
@@ -81,5 +81,5 @@ def check_arms(config: BenchConfig, registry: Registry) -> None:
 
 
 def has_bank(registry: Registry, arm: BenchArm) -> bool:
-    """Whether the arm's memory keeps its bank in a file that it is told."""
+    """Whether the arm's memory keeps its bank in a configurable file."""
     return arm.source not in WITHOUT_BANK and "url" in options_of(registry, "memory", arm.memory)

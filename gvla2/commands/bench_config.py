@@ -16,9 +16,9 @@ from gvla2.robot.noise_options import DepthNoise
 class DataConfig:
     """The objects to measure on.
 
-    ``root`` is the data set's folder (by default it is looked for, see ``gvla2 data``); ``objects`` chooses some by
-    name, in this order; ``size`` is the pictures' side in pixels and ``samples`` the rays along a pixel's side when
-    meshes are rendered: the protocol's are 256 and 4.
+    ``root`` is the data set's folder (searched for by default, see ``gvla2 data``); ``objects`` chooses some by name,
+    in this order; ``size`` is the pictures' side in pixels and ``samples`` the rays along a pixel's side when meshes
+    are rendered: the protocol's are 256 and 4.
     """
 
     kind: str = "ycb30"
@@ -36,9 +36,9 @@ class DataConfig:
 class MemoryBenchConfig:
     """The memory suite: its ``tests`` by name (all by default), at a ``scale`` in (0, 1] of their sizes.
 
-    ``peer`` is a checkout of the paper's released code, whose own functions are then measured on the same data, too.
-    ``folder`` is where databases are made for the while of it, on the disk that is measured (by default the output
-    folder); ``seed`` makes the random lessons.
+    ``peer`` is a checkout of the paper's released code, whose own functions are then measured on the same data too.
+    ``folder`` holds temporary databases, on the disk to be measured (by default the output folder); ``seed`` makes the
+    random lessons.
     """
 
     tests: list[str] = field(default_factory=list)
@@ -59,8 +59,8 @@ class AgentsBenchConfig:
     """The agents suite: ``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
 
     ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
-    characters are kept of what a command says. ``state`` is where memories lie between the tasks (by default in the
-    output folder: give one to go on with an interrupted bench). The suite ``trajectories`` reads a folder of published
+    characters of a command's output are kept. ``state`` is where memories are stored between the tasks (by default in
+    the output folder: give one to resume an interrupted bench). The suite ``trajectories`` reads a folder of published
     runs with known outcomes instead, ``trajectories``, of which ``most`` are judged and learnt from.
     """
 
@@ -85,33 +85,32 @@ class AgentsBenchConfig:
 
 @dataclass
 class BenchConfig:
-    """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every
-    object; ``noise`` is what the depth prior has wrong, by name.
+    """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every object;
+    ``noise`` is the depth prior's error, by name.
 
     ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
-    ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own;
-    ``surface_samples`` points of a surface make its Chamfer distance (the protocol's 100,000); ``workers`` processes
-    share the objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal. The suite
-    ``memory`` heeds ``memory``, ``results`` and ``data.root`` alone.
+    ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a surface
+    make its Chamfer distance (the protocol's 100,000); ``workers`` processes share the objects, 0 for one a core (8 at
+    most); ``quiet`` leaves only the table on the terminal. The suite ``memory`` uses only ``memory``, ``results`` and
+    ``data.root``.
 
     Of the suite ``robot``: every task x planner x arm x layout, judged by both profiles. ``tasks`` are the paper's
     fourteen by default; ``planners`` compares some by name (by default the one of ``planner``), with
     ``planner_options`` by theirs (``planner_options.code_policies.samples=3``). ``arms`` are ``off``, ``on``,
     ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone where ``planners`` are named, else
-    these four and ``semantic``. An arm may also be a variant with a name of its own and options
-    (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``), a plain one have
-    options by its name (``arms.on.admission=false``), as has a task (``task_options.open_jar.turn=175``).
-    In the ``world`` learnable every task's things are of ``families`` that behave
-    each in its own way (docs/learnable_worlds.md), and each seed is a world of its own. Each of
-    ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
-    ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
-    (a relative spread, or a model's temperature), and is frozen before the test; it may try again
-    ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test and
-    ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one (``agreement``: it is
-    asked every time, and where the two differ the one that is sure decides).
-    With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
-    language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
-    objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
+    these four and ``semantic``. An arm may also be a variant with a name of its own and options (``arms.mine={memory:
+    governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``), a plain one can have options by its name
+    (``arms.on.admission=false``), as can a task (``task_options.open_jar.turn=175``). In the ``world`` learnable every
+    task's things belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is
+    a different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts
+    themselves. Experience comes from ``exploration_seeds``, where each planner, or the ``teacher`` for all of them,
+    varies its plans by ``exploration`` (a relative spread, or a model's temperature), and is frozen before the test; it
+    may try again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of
+    the test and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one
+    (``agreement``: it is asked every time, and where the two differ the confident one decides). With
+    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
+    model was unavailable: it counts for no arm, and the next bench measures it again. ``scale`` is the objects' size;
+    ``videos`` failed episodes of each task and arm are run once more with the camera on.
 
     Of the suite ``agents``: every task of ``agents.tasks`` in the order of each of ``seeds``, with each memory of
     ``arms`` (by default off, awm, reasoning_bank and governed); ``agent`` works, ``verifier`` judges.

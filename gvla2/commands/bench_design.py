@@ -44,9 +44,9 @@ MEASURING_CODE = (
     "gvla2.robot",
     "gvla2.skills",
 )
-"""Code whose change makes stored rows out of date, besides the plugins that were chosen."""
+"""Code whose change outdates stored rows, besides the chosen plugins."""
 ASKING_CODE = ("gvla2.language",)
-"""The same, of rows for which a language model was asked."""
+"""The same, for rows that used a language model."""
 NAMED = "layouts"
 """The ``seed`` of episodes whose layouts were named; ``episode`` is the layout then."""
 
@@ -64,7 +64,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class PlannerDesign:
-    """What one planner goes through: ``config`` is the bench with this planner, ``teaching`` with whoever explores."""
+    """One planner's episodes: ``config`` is the bench with it, ``teaching`` with the planner that explores."""
 
     config: BenchConfig
     teaching: BenchConfig
@@ -79,7 +79,7 @@ class PlannerDesign:
 
     @property
     def place(self) -> str:
-        """A folder's name that no other design of the bench has."""
+        """A folder name unique among the designs of the bench."""
         world = f"-world{self.config.seeds[0]}" if self.config.world == LEARNABLE else ""
         return f"{self.planner}{world}"
 
@@ -87,9 +87,10 @@ class PlannerDesign:
 def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
     """A design for each planner of the bench, all over the same tasks, arms and layouts.
 
-    In a learnable world a planner has one for each seed, since each is a world of its own, explored anew.
+    In a learnable world a planner has one for each seed, since each is a different world, explored anew.
 
-    Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration has.
+    Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration uses
+    too.
     """
     tasks = list(subjects(config, registry))
     explored = _explored_tasks(config, tasks)
@@ -123,7 +124,7 @@ def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchCon
 
 
 def planner_label(config: BenchConfig) -> str:
-    """The planner in a table: its name, what was changed of its options, and who steps in for it."""
+    """The planner in a table: its name, changed options, and fallback."""
     planner = config.planner
     changed = []
     for field in fields(planner):
@@ -138,7 +139,7 @@ def planner_label(config: BenchConfig) -> str:
 
 
 def _explored_tasks(config: BenchConfig, tasks: Sequence[str]) -> list[str]:
-    """The tasks whose experience some arm needs."""
+    """The tasks from which some arm needs experience."""
     sources = {arm.source for arm in arms_of(config)}
     if sources <= {"off", "none"}:
         return []
@@ -167,7 +168,7 @@ def _design(
 
 
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
-    """What all episodes of a task have in common and could change their outcome, by task."""
+    """What all episodes of a task share that could change their outcome, by task."""
     asking = ASKING_CODE if _model(config, registry) else ()
     tries = (config.replan, config.max_parts, *(["agreement"] if config.agreement else []))
     found = {}
@@ -179,7 +180,7 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
 
 
 def _model(config: BenchConfig, registry: Registry) -> str:
-    """The language model that the loop's components ask; "" where none does."""
+    """The language model that the loop's components ask; "" if none does."""
     kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" and not nothing_in(config, kind)]
     if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
         return ""
@@ -232,7 +233,7 @@ def _noise_label(config: BenchConfig) -> str:
 
 
 def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
-    """The test's layouts, and as which of which seed each counts."""
+    """The test's layouts, each with the seed and episode number it counts as."""
     if config.layouts:
         return [({"seed": NAMED, "episode": layout}, layout) for layout in dict.fromkeys(config.layouts)]
     return [

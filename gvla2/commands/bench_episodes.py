@@ -27,19 +27,19 @@ if TYPE_CHECKING:
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
 EXPLORED = "exploration"
-"""The arm of episodes that others learn from."""
+"""The arm whose episodes the others learn from."""
 RARELY = 0.05
-"""Pictures a second of an episode that nobody watches."""
+"""Pictures per second of an episode that is not filmed."""
 
 
 @dataclass(frozen=True)
 class EpisodeUnit:
-    """What one process does in one go: some episodes of one row of the bench (``task``) in one arm.
+    """One process's unit of work: some episodes of one row of the bench (``task``) in one arm.
 
-    ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls
-    nothing. ``bank`` is the file of the arm's frozen bank, "" where the arm has none; ``experiences`` are what an arm
-    without a file learns from; ``asked`` is what ``shuffled`` asks instead (None: there is no such question).
-    ``film`` names a folder for complete run pages.
+    ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls nothing.
+    ``bank`` is the file of the arm's frozen bank, "" if it has none; ``experiences`` are what an arm without a file
+    learns from; ``asked`` is what ``shuffled`` asks instead (None: no such question). ``film`` names a folder for
+    complete run pages.
     """
 
     config: BenchConfig
@@ -54,8 +54,8 @@ class EpisodeUnit:
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What became of one episode; plain data. ``succeeded`` by profile; ``spent`` is what planning took, by measure;
-    ``experience`` from exploration alone, one an attempt and part.
+    """The result of one episode; plain data. ``succeeded`` by profile; ``spent`` is what planning took, by measure;
+    ``experience`` comes from exploration only, one per attempt and part.
     """
 
     layout: int
@@ -95,7 +95,7 @@ def chosen_memory(config: BenchConfig, registry: Registry, arm: BenchArm, bank: 
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds (empty slots have none), and of the language model where one of them asks it."""
+    """The typed options of the kinds (empty slots have none), and of the language model if one of them asks it."""
     found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
     asking = any("language" in component.needs for _, component in found)
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
@@ -125,7 +125,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> EpisodeOutcome:
     request = EpisodeRequest(seed=layout, source=source, replan=_tries(unit), **options)
     listener = EpisodeReporter(_filming(unit, layout))
     started = time.perf_counter()
-    with suppress(Exception):  # the record says what crashed; an ablation of many hours must not end with it
+    with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
         run_episode(parts, request, listener)
     seconds = time.perf_counter() - started
     record = listener.latest
@@ -148,7 +148,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> EpisodeOutcome:
 
 
 def _filming(unit: EpisodeUnit, layout: int) -> RunRecorder | None:
-    """What leaves all that `gvla2 run` would, where a film was asked for."""
+    """A recorder that writes everything `gvla2 run` does, if a film was requested."""
     from gvla2.record.recorder import RunRecorder
 
     told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm}\n"
@@ -164,11 +164,11 @@ def _tries(unit: EpisodeUnit) -> int:
 
 
 def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
-    """Seconds of planning in all attempts and parts (None where there was none), and what language models took.
+    """Seconds of planning in all attempts and parts (None if there was none), and the use of language models.
 
-    Checking belongs to planning: a plan that is rejected is asked for anew there.
+    Checking counts as planning: it asks again after a rejected plan.
 
-    ``calls`` cost tokens, ``cached`` ones did not; tokens are the server's own count, and None where it gave none.
+    ``calls`` cost tokens, ``cached`` ones did not; tokens are the server's own count, None if it gave none.
     """
     timings = [each.timings for each in _all_of(record) if "plan" in each.timings]
     planning = [each["plan"] + each.get("check", 0.0) for each in timings]
@@ -208,7 +208,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
 
 
 def _exploring(config: BenchConfig, registry: Registry, layout: int, language: LanguageModel | None) -> Any:
-    """The planner with its theta varied, another way in each episode; as it is, where it has no such option."""
+    """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
     given = {field.name for field in fields(config.planner)}
     planner = config.planner
     if {"explore", "explore_seed"} <= given:

@@ -1,4 +1,4 @@
-"""What every suite of ``gvla2 bench`` stands on: rows that are known, work that is shared, rows that are stored."""
+"""The base of every suite of ``gvla2 bench``: known rows, shared work, stored rows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BenchRun:
-    """One call of ``gvla2 bench``, as its suite sees it; ``folder`` takes pictures and whatever else rows name."""
+    """One call of ``gvla2 bench``, as its suite sees it; ``folder`` holds pictures and other files that rows name."""
 
     config: BenchConfig
     registry: Registry
@@ -37,7 +37,7 @@ class BenchRun:
     folder: Path
 
     def known(self, keys: Sequence[str], *, well: bool = True) -> dict[str, Cell]:
-        """The rows that the database has of these keys, with ``well`` those alone whose status is ok."""
+        """The database's rows for these keys; with ``well`` only those whose status is ok."""
         found = {} if self.config.results.fresh else self.results.with_keys(keys)
         found = {key: cell for key, cell in found.items() if not well or cell.notes.get("status") == "ok"}
         if found:
@@ -45,18 +45,18 @@ class BenchRun:
         return found
 
     def store(self, cells: Sequence[Cell], suite: str = "") -> dict[str, Cell]:
-        """Put rows into the database at once, so that an interrupted bench goes on where it was; they, by key."""
+        """Store rows immediately, so that an interrupted bench resumes where it was; returns them by key."""
         self.results.add(self.run_id, suite or self.config.suite, cells)
         return {cell.key: cell for cell in cells}
 
     def progress(self, total: float, *, seconds: bool = False) -> BenchProgress:
-        """How far the bench is, of so many rows or seconds."""
+        """The bench's progress display, for so many rows or seconds."""
         return BenchProgress(total, self.config.quiet, seconds=seconds)
 
     def measured(
         self, work: Callable[[Unit, Registry], Made], units: Sequence[Unit], tries: int = 1
     ) -> Iterator[tuple[Unit, Made]]:
-        """Each unit with what a module's function makes of it: here, or in processes as ``workers`` says."""
+        """Each unit with a module function's result for it: computed here, or in processes as ``workers`` says."""
         workers = workers_for(self.config.workers, len(units))
         if workers == 1:
             for unit in units:
@@ -69,7 +69,7 @@ class BenchRun:
 def _there(task: tuple[Callable[[Any, Registry], Made], Any]) -> Made:
     """Work in a worker process, which finds the plugins itself.
 
-    Errors travel back as their message alone: exceptions with constructors of their own do not survive pickling.
+    Errors travel back only as their message: exceptions with constructors of their own do not survive pickling.
     """
     work, unit = task
     try:
@@ -85,12 +85,12 @@ def _registry() -> Registry:
 
 
 def in_a_worker() -> bool:
-    """Whether this process is one of several that share the work."""
+    """Whether this is a worker process."""
     return multiprocessing.parent_process() is not None
 
 
 def code_of(typed: Iterable[object], *modules: str) -> str:
-    """A digest of the code whose change makes rows out of date: these modules, and those of the typed options."""
+    """A digest of the code whose change outdates rows: these modules, and those of the typed options."""
     from gvla2.evaluation.provenance import code_digest
 
     return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
@@ -102,9 +102,9 @@ def options_of(registry: Registry, kind: str, name: str) -> list[str]:
 
 
 def given_options(place: str, given: object, owner: str, known: Collection[str]) -> dict[str, Any]:
-    """What ``place`` of the command line gives ``owner``, which has the ``known`` options.
+    """The options that ``place`` on the command line gives ``owner``, which has the ``known`` ones.
 
-    Raises :class:`ConfigurationError` for what is no options, and for one that does not exist.
+    Raises :class:`ConfigurationError` if it is not a mapping of options, or for an unknown one.
     """
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"{place} is {given!r}; give options: {place}.OPTION=VALUE.")
@@ -118,9 +118,9 @@ def given_options(place: str, given: object, owner: str, known: Collection[str])
 
 
 def require_among(place: str, given: Collection[str], known: Collection[str], what: str) -> None:
-    """Raises :class:`ConfigurationError` where ``place`` speaks of a name that is none of this bench's."""
+    """Raises :class:`ConfigurationError` if ``place`` uses a name that is not in this bench."""
     for name in given:
         if name not in known:
             raise ConfigurationError(
-                f"{place}.{name}: '{name}' is none of the {what} of this bench ({', '.join(known)})."
+                f"{place}.{name}: '{name}' is not among the {what} of this bench ({', '.join(known)})."
             )

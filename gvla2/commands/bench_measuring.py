@@ -26,7 +26,7 @@ KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 @dataclass(frozen=True)
 class ObjectUnit:
-    """What one process does in one go: the missing cells of one object and baseline."""
+    """One process's unit of work: the missing cells of one object and baseline."""
 
     dataset: Dataset
     item: Item
@@ -38,7 +38,7 @@ class ObjectUnit:
 def chosen_parts(
     config: BenchConfig, registry: Registry, baseline: str, seed: int, noise: str
 ) -> dict[str, Any]:
-    """What to build; a reconstructor and a prior that have a ``seed`` option get it, ``depth`` its noise."""
+    """What to build; a reconstructor and a prior with a ``seed`` option get it, ``depth`` its noise."""
     from gvla2.evaluation.prior_noise import NOISES
 
     options = {"name": baseline, **dict(config.baseline_options.get(baseline) or {})}
@@ -61,7 +61,7 @@ def chosen_parts(
 def lpips_of(path: str | None) -> Lpips | None:
     """LPIPS with a user's own weights, or those of the cache; None when the cache has none.
 
-    Raises :class:`Gvla2Error` when a file was named and cannot be used.
+    Raises :class:`Gvla2Error` when the given file cannot be used.
     """
     from gvla2.evaluation.lpips import Lpips
     from gvla2.evaluation.lpips_weights import read_weights
@@ -77,8 +77,8 @@ def lpips_of(path: str | None) -> Lpips | None:
 def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Measured]:
     """The unit's cells; an object that cannot be loaded gives cells that say so.
 
-    A worker process runs a refined cell unmeasured first, once a baseline: compiled code is loaded before any clock
-    runs.
+    A worker process first runs a refined cell unmeasured, once per baseline, so that loading compiled code is not
+    timed.
     """
     if in_a_worker() and unit.wanted and unit.baseline not in _warmed():
         _warmed().add(unit.baseline)
@@ -100,7 +100,7 @@ def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
     built: dict[tuple[str, str], AblationParts] = {}
 
     def parts_for(seed: int, noise: str) -> AblationParts:
-        """The components for a seed; once for all seeds that configure them alike."""
+        """The components for a seed; built once for all seeds with the same configuration."""
         root = chosen_parts(config, registry, unit.baseline, seed, noise)
         which = repr(root["reconstructor"]), repr(root["prior"])
         if which not in built:

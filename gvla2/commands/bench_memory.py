@@ -29,7 +29,7 @@ DATA = "generated"
 MEASURING_CODE = (
     "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_retrieval",
 )  # fmt: skip
-"""Code whose change makes stored rows out of date."""
+"""Code whose change outdates stored rows."""
 
 log = logging.getLogger(__name__)
 
@@ -45,9 +45,9 @@ class _Planned:
 
 
 def run(bench: BenchRun) -> list[Cell]:
-    """Measure what the database lacks, one test after the other in this process.
+    """Measure what the database lacks, one test after another in this process.
 
-    The rows of a finished test are stored at once, so that an interrupted bench goes on where it stopped.
+    The rows of a finished test are stored immediately, so that an interrupted bench resumes where it stopped.
     """
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.memory.suite import chosen_tests
@@ -106,7 +106,7 @@ def _planned(
 
 
 def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
-    """The cells of a test; one that cannot be measured says why, and the others go on."""
+    """The cells of a test; one that cannot be measured says why, and the others continue."""
     from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
 
     test = planned.test
@@ -136,7 +136,7 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
 def figure_cell(
     key: str, row: FigureRow, figure: Figure, *, size: int, on: str, order: Sequence[int], status: str
 ) -> Cell:
-    """A figure as a row of the results: of a test of this ``size`` on ``on``, at its place in the table."""
+    """A figure as a row of the results, for a test of this ``size`` on ``on``, at its place in the table."""
     from gvla2.evaluation.memory.figure import passed
     from gvla2.evaluation.results import Cell
 
@@ -156,7 +156,7 @@ def figure_cell(
 
 
 def _seconds(planned: _Planned) -> float:
-    """About how long it takes: nothing is quicker than opening what it needs."""
+    """An estimate of its duration, at least the time to open what it needs."""
     return 0.5 + planned.test.seconds * planned.size / planned.test.size
 
 
@@ -192,19 +192,19 @@ def _question_file(root: str | None) -> Path | None:
     for place in places:
         if place.is_file():
             return place
-    raise ConfigurationError(f"data.root is '{root}', where no {FILE} lies, nor locomo/{FILE}.")
+    raise ConfigurationError(f"data.root is '{root}', which contains neither {FILE} nor locomo/{FILE}.")
 
 
 @contextmanager
 def _scratch(parent: str) -> Iterator[Path]:
-    """A folder for databases, deleted in the end whatever happens; the one that it lies in is made and stays."""
+    """A folder for databases, always deleted at the end; its parent is created and stays."""
     try:
         home = Path(parent).expanduser()
         home.mkdir(parents=True, exist_ok=True)
         place = tempfile.TemporaryDirectory(prefix="gvla2-bench-", dir=home, ignore_cleanup_errors=True)
     except OSError as error:
         raise ConfigurationError(
-            f"memory.folder is '{parent}', where nothing can be made ({error.strerror or error})."
+            f"memory.folder is '{parent}', where nothing can be written ({error.strerror or error})."
         ) from error
     with place as name:
         yield Path(name)

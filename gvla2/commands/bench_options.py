@@ -1,4 +1,4 @@
-"""Which options each suite of ``gvla2 bench`` heeds: one that would do nothing is an error, not a silence."""
+"""Which options each suite of ``gvla2 bench`` uses: one that would do nothing is an error."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ OPTIONS: Mapping[str, frozenset[str]] = MappingProxyType(
         "agents": frozenset(("agents", "agent", *_MEMORY, *_ARMS, "verifier", "language", "seeds")),
     }
 )  # fmt: skip
-"""Options by suite, besides those of every suite. A suite that is not here takes all."""
+"""Options by suite, besides those common to all. A suite that is not listed takes all."""
 
 
 def check_options(suite: str, overrides: Iterable[str]) -> None:
-    """Raises :class:`ConfigurationError` for an override (``name=value``) that the suite does not heed."""
+    """Raises :class:`ConfigurationError` for an override (``name=value``) that the suite does not use."""
     own = OPTIONS.get(suite)
     if own is None:
         return

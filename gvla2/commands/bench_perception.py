@@ -1,4 +1,4 @@
-"""``gvla2 bench suite=perception``: perceivers alone, against what a simulator's pixels truly show."""
+"""``gvla2 bench suite=perception``: perceivers alone, against a simulator's ground-truth pixels."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ DATA = "simulated"
 MEASURING_CODE = (
     "gvla2.evaluation.perception", "gvla2.geometry", "gvla2.robot", "gvla2.planning.scene", "gvla2.planning.colours",
 )  # fmt: skip
-"""Code whose change makes stored rows out of date, besides the plugins that were chosen."""
+"""Code whose change outdates stored rows, besides the chosen plugins."""
 
 
 @dataclass(frozen=True)
 class LayoutUnit:
-    """What one process does in one go: one layout of a task, seen by one perceiver."""
+    """One process's unit of work: one layout of a task, seen by one perceiver."""
 
     task: str
     perceiver: str
@@ -62,7 +62,7 @@ def run(bench: BenchRun) -> list[Cell]:
 
 
 def _with_things(scenes: dict[str, Cell], results: Results) -> dict[str, list[Cell]]:
-    """The rows of layouts with those of their things, by the layout's key; without those that lack a thing's."""
+    """The rows of layouts with those of their things, by the layout's key; without incomplete ones."""
     things = results.with_keys([name for cell in scenes.values() for name in cell.notes["objects"]])
     return {
         key: [cell, *(things[name] for name in cell.notes["objects"])]
@@ -72,7 +72,7 @@ def _with_things(scenes: dict[str, Cell], results: Results) -> dict[str, list[Ce
 
 
 def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
-    """The tasks by name, each once; by default all that need no option. Raises for one that is not there."""
+    """The tasks by name, each once; by default all that need no option. Raises for an unknown one."""
     for name in config.tasks:
         registry.get("task", name)
     tasks = registry.components("task").items()
@@ -83,7 +83,7 @@ def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
 def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: str) -> dict[str, Any]:
     """What to build for a task and a perceiver: the configured perceiver keeps its options.
 
-    Raises :class:`ConfigurationError` when ``scale`` is asked of a task that has none.
+    Raises :class:`ConfigurationError` when ``scale`` is given for a task that has no such option.
     """
     known, place = options_of(registry, "task", task), f"task_options.{task}"
     given = given_options(place, config.task_options.get(task) or {}, f"the task '{task}'", known)
@@ -128,7 +128,7 @@ def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
 
 
 _kept: dict[str, dict[str, Any]] = {}
-"""By perceiver, the components that this process used last, its tasks by their names too: a robot takes a second."""
+"""The components that this process used last, by perceiver, with tasks by name: building a robot takes a second."""
 
 
 def measure_unit(unit: LayoutUnit, registry: Registry) -> MeasuredLayout:

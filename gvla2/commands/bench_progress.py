@@ -1,4 +1,4 @@
-"""How far a benchmark is, and how long it will still take."""
+"""A benchmark's progress and remaining time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rich.progress import BarColumn, Progress, TextColumn
 EVERY = 10.0
 """Seconds between lines where there is no terminal."""
 _FEW = 5.0
-"""Seconds of work that tell too little about a machine."""
+"""Seconds of work below which a machine's speed is unknown."""
 
 
 class BenchProgress:
-    """A bar with the time left on a terminal, a line now and then elsewhere; nothing when ``quiet``.
+    """A bar with the time left on a terminal, an occasional line elsewhere; nothing when ``quiet``.
 
-    ``total`` counts cells to measure; with ``seconds`` it is about how long everything takes, for work whose pieces
-    differ much, and how the first ones do corrects it for this machine.
+    ``total`` counts cells to measure; with ``seconds`` it is a rough total time, for work whose pieces vary a lot, and
+    the first pieces calibrate it for this machine.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class BenchProgress:
             self._bar.stop()
 
     def done(self, amount: float, what: str) -> None:
-        """So much more is measured, that of ``what``."""
+        """Report so much more measured, of ``what``."""
         self._begun += amount
         self.reached(0.0, what)
 
     def reached(self, part: float, what: str) -> None:
-        """So much of what is not done yet is measured."""
+        """Report so much of the current work measured."""
         self._done = min(self._begun + max(part, 0.0), self._total)
         now = time.monotonic()
         minutes, rest = divmod(round(self.left()), 60)
@@ -65,6 +65,6 @@ class BenchProgress:
             self._console.print(f"{count}{what}, {minutes}:{rest:02d} left", markup=False)
 
     def left(self) -> float:
-        """Seconds until the end, by how long it took up to here."""
+        """Seconds until the end, extrapolated from the time so far."""
         spent, few = time.monotonic() - self._began, _FEW if self._seconds else 0.0
         return (self._total - self._done) * (spent + few) / (self._done + few) if self._done + few else 0.0

@@ -29,13 +29,13 @@ MEASURING_CODE = (
         )
     ),
 )  # fmt: skip
-"""Code whose change makes stored rows out of date, besides the plugins that were chosen."""
+"""Code whose change outdates stored rows, besides the chosen plugins."""
 
 log = logging.getLogger(__name__)
 
 
 def run(bench: BenchRun) -> list[Cell]:
-    """Measure what the database lacks, an object and baseline after the other. Pictures go to ``folder/pictures``."""
+    """Measure what the database lacks, one object and baseline after another. Pictures go to ``folder/pictures``."""
     from gvla2.evaluation.datasets import open_dataset
     from gvla2.record.files import write_bytes
 
@@ -74,8 +74,8 @@ def _check_names(config: BenchConfig) -> None:
         )
     if config.depth_noise.kind != "none":
         raise ConfigurationError(
-            "depth_noise is the robot's cameras'; of the suite reconstruction, noise=[...] says what the prior has "
-            f"wrong. Available: {', '.join(NOISES)}."
+            "depth_noise is the robot's cameras'; of the suite reconstruction, noise=[...] sets the prior's error. "
+            "Available: {', '.join(NOISES)}."
         )
     lists = (
         ("variant", config.variants, VARIANTS), ("drift", config.drifts, DRIFTS), ("noise", config.noise, NOISES),
@@ -87,7 +87,7 @@ def _check_names(config: BenchConfig) -> None:
 
 
 def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterator[ObjectUnit]:
-    """Every cell of the design with its key, one unit an object and baseline."""
+    """Every cell of the design with its key, one unit per object and baseline."""
     from gvla2.evaluation.ablation import SUITE, VARIANTS, Wanted
     from gvla2.evaluation.protocol import VERSION
     from gvla2.evaluation.results import cell_key
@@ -122,7 +122,7 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                     "variant": variant,
                     "seed": seed,
                     "prior": config.prior.name,
-                    # What a caption says of a prior's noise: its name where it was drawn.
+                    # A caption's words for a prior's noise: its name if it was drawn.
                     "noise": {"depth": noise, "none": "none"}.get(config.prior.name, "its own"),
                     **parts,
                     "mode": config.mode,

@@ -28,15 +28,15 @@ DATA = "simulated"
 TOGETHER = 5
 """Episodes that a process runs before their rows are stored."""
 COMPARED = "off"
-"""The arm that the others are compared with."""
+"""The arm that the others are compared to."""
 
 log = logging.getLogger(__name__)
 
 
 def run(bench: BenchRun) -> list[Cell]:
-    """Run what the database lacks; all rows of the design, in its order, planner by planner.
+    """Run what the database lacks; all rows of the design in order, planner by planner.
 
-    Exploration is kept, too: every arm of a planner learns from the same episodes, of which the banks in
+    Exploration is stored too: every arm of a planner learns from the same episodes, from which the banks in
     ``folder/banks`` are made.
     """
     parted = designs(bench.config, bench.registry)
@@ -47,14 +47,14 @@ def run(bench: BenchRun) -> list[Cell]:
 
 
 def _lacking(wanted: Iterable[Planned], known: Mapping[str, Cell]) -> list[Planned]:
-    """The episodes of which a profile is not known, each once."""
+    """The episodes with an unmeasured profile, each once."""
     once = {tuple(one.keys.values()): one for one in wanted}
     return [one for keys, one in once.items() if not known.keys() >= set(keys)]
 
 
 @dataclass(frozen=True)
 class _PlannerBench:
-    """One planner's way through the bench: explore, freeze, test, film."""
+    """One planner's stages: explore, freeze, test, film."""
 
     design: PlannerDesign
     bench: BenchRun
@@ -89,7 +89,7 @@ class _PlannerBench:
     ) -> dict[tuple[str, str], str]:
         """Teach each memory that keeps a file, once; the files by row and arm.
 
-        What is asked about another row must not know the row's own lessons: such an arm has a bank for each row.
+        An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
         """
         from gvla2.evaluation.robot.experience import teach
         from gvla2.record.files import make_folder
@@ -120,7 +120,7 @@ class _PlannerBench:
         experiences: Mapping[str, Sequence[Experience]],
         banks: Mapping[tuple[str, str], str],
     ) -> dict[str, Cell]:
-        """Those cells that get the folder of their film: the episode run once more, which is the same."""
+        """The cells that get a film folder: their episode is run again, with the same result."""
         design = self.design
         found: dict[str, Cell] = {}
         chosen = [
@@ -142,9 +142,9 @@ class _PlannerBench:
 
 
 def worth_filming(plan: Sequence[Planned], cells: Mapping[str, Cell], videos: int) -> list[Planned]:
-    """Episodes of a plan to look at, ``videos`` for each row and arm at most.
+    """Episodes of a plan to film, at most ``videos`` per row and arm.
 
-    Where an arm and memory off ended differently on one layout both are shown; what is left shows failures.
+    Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
     """
     at = {(one.task, one.arm, one.layout): one for one in plan}
     ended = {id(one): cells[one.keys["eased"]].measures["success"] for one in plan}
@@ -175,7 +175,7 @@ def _units(
     tasks: Sequence[str] = (),
     film: str = "",
 ) -> list[EpisodeUnit]:
-    """Some episodes of one task and arm each; a task's arms come one after the other, so that its parts are kept."""
+    """Some episodes of one task and arm each; a task's arms come one after the other, so that its parts are reused."""
     grouped: dict[tuple[str, str], list[int]] = defaultdict(list)
     for one in planned:
         grouped[one.task, one.arm].append(one.layout)
@@ -198,7 +198,7 @@ def _units(
 def first(
     experiences: Mapping[str, Sequence[Experience]], layouts: int | None
 ) -> Mapping[str, Sequence[Experience]]:
-    """What the first so many explored layouts of each row brought; all of it for None."""
+    """Experience from the first so many explored layouts of each row; all of it for None."""
     if layouts is None:
         return experiences
     found = {}
@@ -228,9 +228,9 @@ def _cells(planned: Planned, outcome: EpisodeOutcome) -> list[Cell]:
 
 
 def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str, list[Experience]]:
-    """What each task's exploration brought, in the order of its seeds.
+    """Each task's experience from exploration, in the order of its seeds.
 
-    Raises :class:`Gvla2Error` where exploration has gaps: arms that learnt less would pass for full ones.
+    Raises :class:`Gvla2Error` if exploration has gaps: arms that learnt less would be mistaken for full ones.
     """
     from gvla2.evaluation.robot.experience import Experience
 
@@ -239,7 +239,7 @@ def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str
         tasks = ", ".join(dict.fromkeys(one.task for one in gaps))
         raise Gvla2Error(
             f"{len(gaps)} of {len(plan)} explored episodes could not be measured ({tasks}): no answer in time, or "
-            "no language model. What was measured is kept; run again, or with a longer planner_timeout=SECONDS."
+            "no language model. Finished measurements are kept; run again, or with a longer planner_timeout=SECONDS."
         )
     found: dict[str, list[Experience]] = {}
     for one in plan:

@@ -1,4 +1,4 @@
-"""What the robot suite's rows are about: tasks with their options, and in a learnable world families of things."""
+"""The subjects of the robot suite's rows: tasks with their options, and in a learnable world families of things."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FAMILY = ", family "
 def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any]]:
     """The rows of the bench in their order: each one's name, and the task's name and options.
 
-    In a learnable world there is a row a family, and the world is that of the bench's first seed. Raises
+    In a learnable world there is a row per family, and the world is that of the bench's first seed. Raises
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
@@ -45,7 +45,7 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
 
 
 def subject_options(config: BenchConfig, registry: Registry, label: str) -> dict[str, Any]:
-    """The task and options of a row; of another task, which only explores for the control, without options."""
+    """The task and options of a row; another task, which only explores for the control, has no options."""
     found = subjects(config, registry)
     if label in found:
         return found[label]
@@ -53,7 +53,7 @@ def subject_options(config: BenchConfig, registry: Registry, label: str) -> dict
 
 
 def default_tasks(config: BenchConfig, registry: Registry) -> list[str]:
-    """The tasks where none are named: the paper's fourteen, or all that have something to learn."""
+    """The default tasks: the paper's fourteen, or all that have something to learn."""
     if config.world != LEARNABLE:
         return list(PAPER)
     return [name for name in registry.components("task") if _can_be_built(registry, name)]

@@ -36,14 +36,14 @@ class _Judged:
 
     @property
     def score(self) -> float:
-        """The quality; a half where nobody could judge."""
+        """The quality; 0.5 if it could not be judged."""
         return 0.5 if self.verdict.outcome == "unavailable" else self.verdict.quality
 
 
 def run(bench: BenchRun) -> list[Cell]:
-    """Judge a sample of the runs, let a memory learn from them in that light, and ask it about other runs' tasks.
+    """Judge a sample of the runs, let a memory learn from them with those verdicts, and ask it about other runs' tasks.
 
-    The plain peer is a rule of one line: a run whose account holds the fewer complaints in its last tenth, the better.
+    The plain peer is a one-line rule: the fewer complaints in the last tenth of a run's transcript, the better.
     """
     from gvla2.agents.trajectories import read_trials
     from gvla2.evaluation.provenance import code_digest, versions
@@ -90,7 +90,7 @@ _ROWS = (
     FigureRow("kept", "Memory: lessons active a run", "", "higher"),
     FigureRow("provisional", "Memory: lessons provisional a run", "", "lower"),
     FigureRow("false", "Memory: active hints of runs that had failed", "%", "lower", digits=1),
-    FigureRow("told", "Memory: next tasks that are told something", "%", "higher", digits=1),
+    FigureRow("told", "Memory: next tasks that get advice", "%", "higher", digits=1),
 )
 PEER = "plain rule"
 
@@ -130,7 +130,7 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
     bounds = auc_interval(scores, truths, tasks)
     told_of = f"95 % interval over tasks {bounds[0]:.3f} to {bounds[1]:.3f}; " if bounds else ""
     verifier = getattr(bench.config.verifier, "name", "")
-    peer = f"{told_of}verifier {verifier}; peer: complaints in the last tenth of the account"
+    peer = f"{told_of}verifier {verifier}; peer: complaints in the last tenth of the transcript"
     sure = calibration_error([one.score for one in able], [one.trial.resolved for one in able])
     succeeded = f"{100 * sum(truths) / len(truths):.0f} % of the runs had succeeded"
     many = len(judged)
@@ -139,7 +139,7 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
         "judged": Figure(100 * len(able) / many, PEER, 100.0),
         "calibration": Figure(sure, PEER, calibration_error(plain, truths), note=succeeded),
         "tokens": Figure(asked / many, PEER, 0.0),
-        "seconds": Figure(spent / many, note="on this machine, with what else it did"),
+        "seconds": Figure(spent / many, note="on this machine, beside its other work"),
         "kept": Figure(kept / many),
         "provisional": Figure(provisional / many),
         "false": Figure(
@@ -150,7 +150,7 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
 
 
 def plain_score(account: str) -> float:
-    """One line of a baseline: 1 less the share of the account's last tenth whose lines complain."""
+    """A one-line baseline: 1 minus the share of complaining lines in the transcript's last tenth."""
     lines = account.splitlines()
     last = lines[-max(20, len(lines) // 10) :]
     words = ("error", "traceback", "failed", "exception", "not found", "no such")

@@ -20,7 +20,7 @@ Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
 MOST = 8
-"""Processes that are used unasked: each holds its own data in memory."""
+"""Most processes by default: each holds its own data in memory."""
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 
 
 def workers_for(asked: int, tasks: int) -> int:
-    """How many processes to use for this many tasks; ``asked`` 0 means one a core."""
+    """How many processes to use for this many tasks; ``asked`` 0 means one per core."""
     return max(1, min(asked or min(_cores(), MOST), tasks))
 
 
@@ -37,9 +37,9 @@ def in_processes(
 ) -> Iterator[tuple[Task, Answer]]:
     """Call a module's function on every task in fresh processes; answers come as they are ready, each task's once.
 
-    The first exception of a task drops what has not begun; Ctrl-C, SIGTERM and an exception of the caller end what
-    runs as well. When a process dies, the tasks that
-    have no answer yet are done in new processes, ``tries`` times in all; then :class:`Gvla2Error` is raised.
+    A task's first exception cancels tasks that have not started; Ctrl-C, SIGTERM and an exception of the caller stop
+    running ones too. When a process dies, the tasks without an answer are done in new processes, ``tries`` times in
+    all; then :class:`Gvla2Error` is raised.
     """
     left = list(range(len(tasks)))
     for attempt in range(1, tries + 1):
@@ -51,10 +51,10 @@ def in_processes(
         except BrokenProcessPool as error:
             if attempt == tries:
                 raise Gvla2Error(
-                    "A worker process died; it may have run out of memory. What was measured is kept; "
-                    "run again with fewer: workers=1."
+                    "A worker process died; it may have run out of memory. Finished measurements are kept; run again "
+                    "with fewer: workers=1."
                 ) from error
-            log.warning("A worker process died; %d of %d parts are done again.", len(left), len(tasks))
+            log.warning("A worker process died; %d of %d parts are repeated.", len(left), len(tasks))
 
 
 def _once(
@@ -76,7 +76,7 @@ def _once(
                 done, _ = wait(pending, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield pending.pop(future), future.result()
-        except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: what runs is not waited for
+        except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: do not wait for running tasks
             for child in set(multiprocessing.active_children()) - others:
                 child.terminate()
             raise
@@ -101,7 +101,7 @@ def _core_shares(workers: int) -> list[list[int]]:
 
 
 def _begin(shares: Any) -> None:
-    """In a new worker: keep to its cores, and end quietly on Ctrl-C (the terminal tells all processes)."""
+    """In a new worker: keep to its cores, and end quietly on Ctrl-C (the terminal signals all processes)."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     share = shares.get()
@@ -110,7 +110,7 @@ def _begin(shares: Any) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process when its parent is gone: SIGTERM and SIGKILL are told to the bench alone."""
+    """End this process when its parent is gone: SIGTERM and SIGKILL reach only the bench."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)
@@ -118,7 +118,7 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Processes started within find that their numerical libraries may use one thread."""
+    """Limits the numerical libraries of processes started within to one thread."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:

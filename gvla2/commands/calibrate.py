@@ -29,9 +29,9 @@ class CalibrateConfig:
 def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     """Calibrate; the RMSE in metres, for sweepers.
 
-    ``folder`` gets ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
-    Raises :class:`ConfigurationError` for a wrong option, :class:`gvla2.errors.RobotError` for a recording that
-    can't be read, determines nothing, or gives a result that is refused.
+    ``folder`` gets ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted. Raises
+    :class:`ConfigurationError` for a wrong option, :class:`gvla2.errors.RobotError` for a recording that can't be read,
+    is degenerate, or gives a result that is refused.
     """
     import numpy as np
 
@@ -45,7 +45,7 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     recording = load_recording(Path(config.pairs))
     if config.serial and config.serial != recording.serial:
         raise ConfigurationError(
-            f"The recording is of camera '{recording.serial}', serial={config.serial} was asked for."
+            f"The recording is from camera '{recording.serial}', but serial={config.serial} was given."
         )
     solutions = solve(recording.pairs, recording.mount)
     plot = folder / "residuals.svg"

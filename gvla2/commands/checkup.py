@@ -1,4 +1,4 @@
-"""What `gvla2 doctor` looks at. Each check says what it found and, if that is not well, what to do."""
+"""The checks of `gvla2 doctor`. Each says what it found and, in case of a problem, what to do."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SYSTEM_PACKAGES = {
     "libgomp": "libgomp1",
     "libvulkan": "libvulkan1",
 }
-"""Debian and Ubuntu packages of shared libraries that Python wheels expect of the system."""
+"""Debian and Ubuntu packages of the shared libraries that Python wheels expect from the system."""
 
 
 NEEDED = {
@@ -53,9 +53,9 @@ NEEDED = {
 class Check:
     """One finding. A ``fail`` breaks the ``commands`` (their default runs), a ``warn`` something else.
 
-    ``slow`` gave no answer in time, which a busy machine explains: nothing is known to be broken.
+    ``slow`` gave no answer in time, perhaps on a busy machine: nothing is known to be broken.
 
-    A failed check without ``commands`` is a cause of other failed checks, which have them.
+    A failed check without ``commands`` causes other failed checks, which have them.
     """
 
     name: str
@@ -144,7 +144,7 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
 
 
 def plugins(registry: Registry, blamed: set[str]) -> Iterator[Check]:
-    """Broken plugins; ``blamed`` are the kinds of which the default run misses a component."""
+    """Broken plugins; ``blamed`` are the kinds for which the default run lacks a component."""
     count = sum(len(registry.components(kind)) for kind in registry.kinds)
     yield Check("plugins", "ok", f"{len(registry.plugins)} plugins offer {count} components")
     for problem in registry.problems:
@@ -159,7 +159,7 @@ def plugins(registry: Registry, blamed: set[str]) -> Iterator[Check]:
 
 
 def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
-    """The modules of the default run, with the system's package where a shared library is absent."""
+    """The modules of the default run, with the system package of an absent shared library."""
     if "slow" in answer:
         yield _slow("libraries", answer["slow"], "run")
         return
@@ -177,7 +177,7 @@ def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
 
 
 def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
-    """Whether what the configuration chooses can be built; for the memory this opens its database."""
+    """Whether the chosen components can be built; for the memory this opens its database."""
     if "slow" in answer:
         yield _slow(f"components of {name}", answer["slow"], name)
         return
@@ -208,7 +208,7 @@ def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
 
 
 def opencv() -> Check:
-    """Who owns the module cv2: two distributions write the same files."""
+    """Which distribution owns the module cv2: two of them write the same files."""
     found = {name: installed(name) for name in CV2_OWNERS if installed(name)}
     owners = " and ".join(f"{name} {version}" for name, version in found.items())
     if len(found) < 2:
@@ -231,16 +231,16 @@ def torch_device(answer: dict[str, str] | None) -> Check:
 
 
 def _slow(name: str, waited: str, command: str) -> Check:
-    advice = f"The machine may be busy: ask again when it is quiet, or run it: gvla2 {command}"
+    advice = f"The machine may be busy: try again when it is idle, or run gvla2 {command}"
     return Check(name, "slow", waited, advice, (command,))
 
 
 def healthy(checks: Sequence[Check]) -> bool:
-    """Whether nothing that a command needs is broken."""
+    """Whether everything that commands need works."""
     return all(check.status != "fail" for check in checks)
 
 
 def broken_commands(checks: Sequence[Check]) -> list[str]:
-    """The commands whose default runs something breaks, in the order of :data:`PRIMARY`."""
+    """The commands whose default run is broken, in the order of :data:`PRIMARY`."""
     broken = {command for check in checks if check.status == "fail" for command in check.commands}
     return [name for name in PRIMARY if name in broken]

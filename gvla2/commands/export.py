@@ -29,7 +29,7 @@ FORMATS = ("lerobot",)
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write the data set; 1 when that cannot be, 2 for wrong usage."""
+    """Write the data set; returns 1 when that fails, 2 for wrong usage."""
     if not argv or any(word in ("-h", "--help") for word in argv):
         print(USAGE, file=sys.stdout if argv else sys.stderr)
         return 0 if argv else 2
@@ -48,12 +48,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 def complete(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word."""
+    """Completions of the last word."""
     return list(FORMATS) if len(words) == 1 else ["to=", "only=success", "only=all"]
 
 
 def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
-    """Write the data set of all episodes below ``runs``; a sentence on what it holds and what was left out."""
+    """Write the data set of all episodes below ``runs``; returns a sentence on what it holds and what was left out."""
     lacking = [name for name in ("pyarrow", "imageio_ffmpeg") if find_spec(name) is None]
     if lacking:
         raise MissingDependencyError(" and ".join(lacking), "gvla2 export", "pip install 'gvla2[export]'")
@@ -95,7 +95,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
         return "not succeeded"
     if not ((folder / FILM).is_file() and (folder / STATES).is_file()):
         return "without a film"
-    if len(told.get("attempts", ())) > 1:  # the arm goes home in between, unseen
+    if len(told.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
     with np.load(folder / STATES) as kept:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)

@@ -43,8 +43,8 @@ RAY_ADDRESS = "hydra.launcher.ray.init.address="
 class HydraTask:
     """A job function as Hydra calls it. It travels to worker processes by the function's name.
 
-    There it loads the plugins afresh, and an error travels back as its message alone: exceptions with
-    constructors of their own do not survive pickling.
+    There it loads the plugins again, and an error travels back only as its message: exceptions with constructors of
+    their own do not survive pickling.
     """
 
     def __init__(self, function: JobFunction, registry: Registry | None = None) -> None:
@@ -59,8 +59,8 @@ class HydraTask:
         register_resolvers()
 
     def __call__(self, config: DictConfig, folder: Path | None = None) -> object:
-        """Run the job, in Hydra's folder or a given one; of an error the run's log gets the traceback, the terminal
-        one line.
+        """Run the job in Hydra's folder or a given one; on an error the run's log gets the traceback, the terminal one
+        line.
         """
         if self.registry is None:
             self.registry = load_plugins()
@@ -94,16 +94,15 @@ def launch(
 ) -> int:
     """Run ``function`` as the Hydra application ``gvla2 <config_name>`` with overrides and Hydra's own flags.
 
-    Returns the exit status: 0; 1 after an error, told on stderr without a traceback if it is a
-    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM. What is told
-    of an error is added to ``errors``, too.
-    ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
+    Returns the exit status: 0; 1 after an error, printed on stderr without a traceback if it is a :class:`Gvla2Error`
+    or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM. Error messages are added to
+    ``errors`` too. ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
     for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_silent_cluster(argv), 1)):
         if advice:
             print(f"gvla2: {printable(advice)}", file=sys.stderr)
             return status
-    # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
+    # Presets of runs name any group; `gvla2 memory` has none, and should start fast.
     schema = PRIMARY[config_name]
     own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
     registry = load_plugins(own)
@@ -137,9 +136,9 @@ def launch(
         return 143 if isinstance(stopped, Terminated) else 130
     except HydraException as error:  # some of them are an OSError too
         return tell(error, registry)
-    except ConnectionError as error:  # an OSError too, of a launcher whose cluster does not answer
+    except ConnectionError as error:  # also OSError, from a launcher whose cluster does not answer
         return tell(Gvla2Error(f"The sweep could not be launched: {error}"), registry)
-    except OSError as error:  # the job's own errors come as JobFailedError: this one is of Hydra's folder
+    except OSError as error:  # the job's own errors come as JobFailedError: this one concerns Hydra's folder
         where = f" '{error.filename}'" if error.filename else ""
         reason = f"Cannot write the output folder{where}: {error.strerror or error}."
         return tell(OutputError(f"{reason} Choose another with hydra.run.dir=FOLDER."), registry)
@@ -151,7 +150,7 @@ def launch(
 
 
 def _look(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
-    """Compose one configuration and run the job with it: a command that only looks needs no folder of Hydra's."""
+    """Compose one configuration and run the job with it: a read-only command needs no Hydra folder."""
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))
     job(config, Path())
@@ -165,21 +164,21 @@ def _once(job: HydraTask, config_name: str, argv: Sequence[str], whole: Callable
             return
         except (
             AssertionError
-        ):  # what Hydra says of another mode than that for one job; jobs raise JobFailedError
+        ):  # Hydra's answer to any other mode than that of one job; jobs raise JobFailedError
             pass
     whole()
 
 
 def _sweep_shown(argv: Sequence[str]) -> str:
-    """What to say where a sweep is asked to show its configuration; "" otherwise."""
+    """The message when a sweep is asked to show its configuration; "" otherwise."""
     showing = {"-c", "--cfg", "-i", "--info"} & {word.partition("=")[0] for word in argv}
     if showing and {"-m", "--multirun"} & set(argv):
-        return "--cfg and --info show one job: leave -m away, and give each option one value."
+        return "--cfg and --info show one job: omit -m, and give each option one value."
     return ""
 
 
 def dashed_option(argv: Sequence[str]) -> str:
-    """What to write in place of the first ``--option value`` that is no flag of Hydra's; "" when there is none."""
+    """The correction of the first ``--option value`` that is not a Hydra flag; "" when there is none."""
     flags = [flag for action in get_args_parser()._actions for flag in action.option_strings]
     for word, following in zip(argv, [*argv[1:], ""], strict=False):
         name, equals, value = word.removeprefix("--").partition("=")
@@ -188,12 +187,12 @@ def dashed_option(argv: Sequence[str]) -> str:
         if not equals:
             value = "true" if not following or following.startswith("-") or "=" in following else following
         asked = word if equals or value != following else f"{word} {value}"
-        return f"options have no dashes: in place of `{asked}` write {name.replace('-', '_')}={value}"
+        return f"options have no dashes: instead of `{asked}` write {name.replace('-', '_')}={value}"
     return ""
 
 
 def report(error: Exception, registry: Registry | None = None) -> int:
-    """Tell an error on stderr: in words if it was foreseen, with its traceback if not. Returns the exit status."""
+    """Print an error on stderr: as a message if it was expected, with its traceback if not. Returns the exit status."""
     debug = any(os.environ.get(name, "0") not in ("", "0") for name in ("GVLA2_DEBUG", "HYDRA_FULL_ERROR"))
     if debug or not isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException):
         traceback.print_exception(error)
@@ -202,7 +201,7 @@ def report(error: Exception, registry: Registry | None = None) -> int:
 
 
 def _silent_cluster(argv: Sequence[str]) -> str:
-    """What to say where nobody answers at the address of a Ray cluster, "" otherwise: Ray itself waits for minutes."""
+    """The message when a Ray cluster does not answer at its address, "" otherwise: Ray itself waits for minutes."""
     given = next((word for word in reversed(argv) if word.startswith(RAY_ADDRESS)), "")
     host, _, port = given.removeprefix(RAY_ADDRESS).rpartition(":")
     if not host or not port.isdigit():  # "auto", "ray://...", nothing
@@ -220,7 +219,7 @@ def _silent_cluster(argv: Sequence[str]) -> str:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM raises :class:`Terminated` for a while; outside the main thread signals are somebody else's."""
+    """SIGTERM raises :class:`Terminated` for a while; outside the main thread this does nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -237,7 +236,7 @@ def _terminable() -> Iterator[None]:
 
 @contextmanager
 def _command_line(config_name: str, argv: Sequence[str]) -> Iterator[None]:
-    """Hydra reads sys.argv, and tells errors itself unless asked for the full one: both for a while only."""
+    """Set sys.argv for Hydra, and make it raise full errors, for the duration of the block."""
     arguments, full_error = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
     sys.argv = [f"gvla2 {config_name}", *argv]
     os.environ["HYDRA_FULL_ERROR"] = "1"

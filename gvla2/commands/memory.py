@@ -1,4 +1,4 @@
-"""``gvla2 memory VERB``: look into a bank, bring records in and out, govern and forget."""
+"""``gvla2 memory VERB``: inspect a bank, import and export records, govern and forget."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verb:
-    """One verb: the words that it takes, what it does, where it is (module:function), and options worth naming."""
+    """One verb: its words, what it does, its function (module:function), and notable options."""
 
     takes: str
     does: str
@@ -39,13 +39,13 @@ class Verb:
         return getattr(import_module(f"gvla2.commands.{module}"), name)  # type: ignore[no-any-return]
 
 
-_LIMIT = ("limit=20", "so many (0: all); without it 50 are shown, and --json has all")
+_LIMIT = ("limit=20", "at most so many (0: all); by default 50 are shown, and --json has all")
 VERBS: Mapping[str, Verb] = MappingProxyType(
     {
-        "list": Verb("", "the records, those changed last first", "memory_looking:list_records",
+        "list": Verb("", "the records, most recently changed first", "memory_looking:list_records",
                      options=(("states=[active,provisional]", "only these"), _LIMIT)),
-        "show": Verb("ID", "all of one record, its links and events", "memory_looking:show", 1, 1),
-        "search": Verb("WORDS", "what the words find, with every term of the score", "memory_looking:search", 1, None,
+        "show": Verb("ID", "everything about one record, its links and events", "memory_looking:show", 1, 1),
+        "search": Verb("WORDS", "records that match the words, with all score terms", "memory_looking:search", 1, None,
                        (("retriever=semantic", "another ranking"), ("embedder=minilm", "other embeddings"),
                         ("limit=20", "how many, at most (50)"))),
         "history": Verb("ID", "what happened to a record, and why", "memory_looking:history", 1, 1, (_LIMIT,)),
@@ -58,14 +58,14 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
                        options=(("head=SEQ:HASH", "a head that `stats` gave once must still be in the chain"),)),
         "import": Verb("PATH", "read a memory of the released layout; - is standard input",
                        "memory_changing:import_", 1, 1,
-                       (("trusted=true", "a backup of one's own: keep its states"),)),
+                       (("trusted=true", "your own backup: keep its states"),)),
         "export": Verb("PATH", "write the bank as a folder that import reads", "memory_changing:export", 1, 1,
                        (("states=[active]", "only these"),)),
         "forget": Verb("ID...", "remove records for good, bytes and all", "memory_changing:forget", 1, None,
-                       (("--yes", "without asking; takes whole ids alone"),)),
-        "compact": Verb("", "give space back", "memory_changing:compact",
-                        options=(("archived_days=90", "forget what has been archived for longer"),)),
-        "repair": Verb("", "make rows that were changed by hand what the events say", "memory_changing:repair"),
+                       (("--yes", "without asking; takes only whole ids"),)),
+        "compact": Verb("", "free disk space", "memory_changing:compact",
+                        options=(("archived_days=90", "forget records archived for longer"),)),
+        "repair": Verb("", "restore manually changed rows from the events", "memory_changing:repair"),
         "govern": Verb("", "one pass: stale, contradicting, repeated and surplus records", "memory_changing:govern"),
         "replay": Verb("", "verify stored episodes again", "memory_changing:replay",
                        options=(("verifier=llm", "another verifier, with its options verifier.NAME=VALUE"),)),
@@ -75,7 +75,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
 
 @dataclass
 class VerbJob:
-    """A verb as Hydra calls it; keeps the answer, which is printed when Hydra is done."""
+    """A verb as Hydra calls it; keeps the answer, which is printed when Hydra has finished."""
 
     invocation: Invocation
     answer: Answer | None = None
@@ -89,12 +89,12 @@ class VerbJob:
         request = VerbRequest(tuple(asked.words), asked.yes, config, registry, asked.json)
         try:
             self.answer = VERBS[asked.verb].load()(request)
-        except Exception as error:  # told by main, with the exit status of a wrong word where it is one
+        except Exception as error:  # reported by main, with the exit status for a wrong word if it is one
             self.error = error
 
 
 def main(argv: Sequence[str]) -> int:
-    """Entry of ``gvla2 memory``: 0 fine, 1 not found, problems found or an error, 2 wrong usage."""
+    """Entry of ``gvla2 memory``: 0 success, 1 not found, problems found or an error, 2 wrong usage."""
     try:
         asked = understood(argv, {name: (verb.fewest, verb.most) for name, verb in VERBS.items()})
     except UsageError as error:
@@ -139,7 +139,7 @@ def usage(verb: str) -> str:
         ("bank=NAME", "the bank in it: letters and digits of any language and . _ - /"),
         ("--json", "one JSON document on standard output"),
         ("--cfg job", "the configuration"),
-        ("--", "what follows are words, even where they look like options"),
+        ("--", "what follows are words, even if they look like options"),
     )
     if verb:
         chosen = VERBS[verb]
@@ -167,5 +167,5 @@ def _aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def complete(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word, besides overrides."""
+    """Completions of the last word, besides overrides."""
     return [*VERBS, "--help"] if len(words) <= 1 else ["--json", "--help", "--yes"]

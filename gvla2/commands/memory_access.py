@@ -31,7 +31,7 @@ _SECONDS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 60
 
 
 SHOWN = 50
-"""Rows that are shown where nobody says how many."""
+"""Rows shown by default."""
 
 
 class NotFoundError(Gvla2Error):
@@ -75,7 +75,7 @@ class VerbRequest:
 
 @contextmanager
 def opened(request: VerbRequest, *, create: bool = False) -> Iterator[Store]:
-    """The store; only ``create`` makes a database, or writes to a bank that is not there.
+    """The store; only ``create`` makes a database, or writes to a missing bank.
 
     Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
     bank that is not in it.
@@ -96,7 +96,7 @@ def opened(request: VerbRequest, *, create: bool = False) -> Iterator[Store]:
 
 @contextmanager
 def opened_bank(request: VerbRequest) -> Iterator[KnowledgeBank]:
-    """The bank with the retriever and embedder that were chosen; as :func:`opened` otherwise."""
+    """The bank with the chosen retriever and embedder; otherwise as :func:`opened`."""
     from gvla2.memory.bank import KnowledgeBank
 
     with opened(request):  # its errors come before those of components
@@ -119,7 +119,7 @@ def _must_exist(url: str) -> None:
 
 
 def record_of(view: BankView, word: str, *, whole: bool = False) -> Record:
-    """The record of that id, or (unless ``whole``) of the one id that begins so.
+    """The record of that id, or (unless ``whole``) of the one id with that prefix.
 
     Raises :class:`NotFoundError` with the nearest.
     """
@@ -135,8 +135,8 @@ def record_of(view: BankView, word: str, *, whole: bool = False) -> Record:
         return records[starting[0]]
     if len(starting) == 1:
         raise NotFoundError(
-            f"No record '{word}' in bank '{bank}'. It is the beginning of '{starting[0]}': give the whole id, or leave "
-            "--yes out to be asked."
+            f"No record '{word}' in bank '{bank}'. It is a prefix of '{starting[0]}': give the whole id, or omit --yes "
+            f"to be asked."
         )
     if starting:
         some = ", ".join(starting[:5]) + (f" and {len(starting) - 5} more" if len(starting) > 5 else "")

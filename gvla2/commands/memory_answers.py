@@ -1,4 +1,4 @@
-"""What a verb of `gvla2 memory` answers, for people and for programs."""
+"""The answers of `gvla2 memory`, for people and for programs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def record_data(record: Record) -> dict[str, Any]:
 
 
 def read_columns(thing: Any, *columns: str) -> dict[str, Any]:
-    """A row's fields, those of JSON read; one that is damaged stays text."""
+    """A row's fields with JSON parsed; a damaged one stays text."""
     data: dict[str, Any] = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing)}
     for name in columns:
         with suppress(ValueError):
@@ -61,7 +61,7 @@ def read_columns(thing: Any, *columns: str) -> dict[str, Any]:
 
 
 def records_listing(records: Sequence[Record]) -> Listing:
-    """One row a record."""
+    """One row per record."""
     columns = ("id", "type", "state", "outcome", "conf.", "count", "used", "content")
     rows = [
         (r.id, r.type, r.state, r.outcome, f"{r.confidence:.2f}", str(r.count), str(r.usage),
@@ -80,7 +80,7 @@ def clock(seconds: float) -> str:
 
 
 def shortened(items: Sequence[T], limit: int) -> tuple[Sequence[T], str]:
-    """At most ``limit`` items (0: all), and what to say of the others."""
+    """At most ``limit`` items (0: all), and a note on the others."""
     if not limit or len(items) <= limit:
         return items, ""
     return items[:limit], f"{limit} of {len(items)} are shown; limit=0 shows all."

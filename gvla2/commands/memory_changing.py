@@ -37,7 +37,7 @@ def import_(request: VerbRequest) -> Answer:
     if done.held_back:
         told.append(
             f"Provisional until verified episodes from two sources confirm them: {done.held_back} "
-            "(trusted=true is for a backup of one's own)."
+            "(trusted=true is for your own backup)."
         )
     told += [str(remark) for remark in done.remarks[:MOST_REMARKS]]
     if len(done.remarks) > MOST_REMARKS:
@@ -86,7 +86,7 @@ def _confirmed(count: int) -> bool:
 
 
 def compact(request: VerbRequest) -> Answer:
-    """Give space back; with archived_days=N forget what has been archived for longer, too."""
+    """Free space; with archived_days=N also forget records archived for longer."""
     days, now = request.config.archived_days, time.time()
     gone: list[str] = []
     with opened(request) as store:
@@ -96,7 +96,7 @@ def compact(request: VerbRequest) -> Answer:
                 held = tx.records(["archive"])
                 old = [record.id for record in held if record.updated < now - days * 86400.0]
                 gone = tx.forget(*old, why="archived long ago")
-        if not gone:  # else forgetting has given the space back already
+        if not gone:  # else forgetting has already freed the space
             store.compact()
         after = store.stats(request.bank)["bytes"]
     told = f"{before / 1e6:.2f} MB before, {after / 1e6:.2f} MB now"
@@ -106,7 +106,7 @@ def compact(request: VerbRequest) -> Answer:
 
 
 def repair(request: VerbRequest) -> Answer:
-    """Make rows, vectors and links what the events say they are; 1 when something is wrong still."""
+    """Restore rows, vectors and links from the events; returns 1 when something is still wrong."""
     with opened_bank(request) as bank, opened(request) as store:
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             records, forgotten = mend(tx, bank.embedder)
@@ -125,14 +125,14 @@ def govern(request: VerbRequest) -> Answer:
 
 
 def replay(request: VerbRequest) -> Answer:
-    """Verify stored episodes again: what is provisional, contested or of low confidence."""
+    """Verify stored episodes again: provisional, contested or low-confidence records."""
     verifier = request.registry.build(request.config, "verifier")
     with opened_bank(request) as bank:
         return _changes(bank.replay(verifier), "No stored episode changed a record.")
 
 
 def _changes(made: Any, nothing: str) -> Answer:
-    """What a pass has done: a line for each field of its result that says something."""
+    """A pass's changes: a line for each non-empty field of its result."""
     data = plain(made)
     listing = table("what", "which")
     for name, value in (data if isinstance(data, dict) else {"changes": data}).items():

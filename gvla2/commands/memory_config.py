@@ -1,4 +1,4 @@
-"""The schema of `gvla2 memory`: which bank, and how the verbs go about it."""
+"""The schema of `gvla2 memory`: which bank, and the verbs' options."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _HEAD = re.compile(r"\d{1,18}:[0-9a-f]{64}")
 class MemoryCommandConfig:
     """A bank and what to do with it.
 
-    ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for
-    other processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps
-    records of these states in `list` and `export` (none given: all that there are). ``trusted`` imports a backup of
-    one's own as it was. ``head`` is a head of the chain to `verify` against, SEQ:HASH. ``archived_days`` lets
-    `compact` forget what has been archived for longer than that.
+    ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
+    processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps records of
+    these states in `list` and `export` (default: all). ``trusted`` imports your own backup unchanged. ``head`` is a
+    head of the chain to `verify` against, SEQ:HASH. ``archived_days`` lets `compact` forget records archived for longer
+    than that.
     """
 
     url: str = ""
@@ -47,7 +47,7 @@ class MemoryCommandConfig:
         self.bank = unicodedata.normalize("NFC", self.bank)
         if self.head and not _HEAD.fullmatch(self.head):
             raise ConfigurationError(
-                f"'{self.head}' is no head of a chain: give head=SEQ:HASH as `gvla2 memory stats` has it."
+                f"'{self.head}' is not the head of a chain: give head=SEQ:HASH as `gvla2 memory stats` has it."
             )
         if self.limit is not None and self.limit < 0:
             raise ConfigurationError(f"limit is {self.limit}; it must not be negative (0 shows all).")

@@ -1,4 +1,4 @@
-"""The verbs of `gvla2 memory` that look: list, show, search, history, as-of, conflicts, stats, verify."""
+"""The read-only verbs of `gvla2 memory`: list, show, search, history, as-of, conflicts, stats, verify."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def list_records(request: VerbRequest) -> Answer:
 
 
 def show(request: VerbRequest) -> Answer:
-    """All of one record, its links and its last events."""
+    """Everything about one record, its links and its last events."""
     with opened(request) as store, store.reading(request.bank) as view:
         record = record_of(view, request.words[0])
         links, events = view.links([record.id]), view.history(record.id)
@@ -46,7 +46,7 @@ def show(request: VerbRequest) -> Answer:
 
 
 def search(request: VerbRequest) -> Answer:
-    """The records that the words find, best first, with every term of their scores."""
+    """The records that match the words, best first, with every term of their scores."""
     words = " ".join(request.words)
     with opened_bank(request) as bank:
         hits = bank.search(words, request.limit or len(bank.records()))
@@ -81,7 +81,7 @@ def search(request: VerbRequest) -> Answer:
 
 
 def history(request: VerbRequest) -> Answer:
-    """What happened to a record, from its first event on; forgotten ones too."""
+    """A record's events, oldest first; forgotten records too."""
     with opened(request) as store, store.reading(request.bank) as view:
         events = view.history(request.words[0]) or view.history(record_of(view, request.words[0]).id)
     return _bounded(events, request, events_listing, _event_data)
@@ -153,7 +153,7 @@ def stats(request: VerbRequest) -> Answer:
 
 
 def verify(request: VerbRequest) -> Answer:
-    """Whether the chain of events, the rows and the vectors hold; 1 when something is wrong."""
+    """Check the chain of events, the rows and the vectors; returns 1 when something is wrong."""
     with opened_bank(request) as bank:
         problems = bank.verify(head=request.config.head)
         counts = bank.stats()
@@ -174,7 +174,7 @@ def _head(counts: Mapping[str, Any]) -> str:
 
 
 def events_listing(events: Sequence[Event]) -> Listing:
-    """One row an event."""
+    """One row per event."""
     rows = [
         (
             str(event.seq),
@@ -224,7 +224,7 @@ def _bounded(
     laid_out: Callable[[Sequence[T]], Listing],
     data_of: Callable[[T], Any],
 ) -> Answer:
-    """As many of the items as were asked for: a listing, and a JSON document with its own bound."""
+    """The requested number of items: a listing, and a JSON document with its own bound."""
     shown, more = shortened(items, request.limit)
     data = [data_of(item) for item in shortened(items, request.data_limit)[0]] if request.json else []
     return Answer(data, [laid_out(shown), *([more] if more else [])])

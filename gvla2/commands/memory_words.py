@@ -33,7 +33,7 @@ class Invocation:
 
 
 def understood(argv: Sequence[str], verbs: Mapping[str, tuple[int, int | None]]) -> Invocation:
-    """Read the command line; ``verbs`` give how few and how many words each takes (None: any number).
+    """Read the command line; ``verbs`` give the least and most words each takes (None: any number).
 
     Raises :class:`UsageError`.
     """
@@ -79,9 +79,9 @@ def understood(argv: Sequence[str], verbs: Mapping[str, tuple[int, int | None]])
 
 
 def as_typed(override: str) -> str:
-    """The override with quotes for Hydra where its value is a name: 2026_11 is no number, true no truth value.
+    """The override with quotes for Hydra where its value is a name: 2026_11 is not a number, true not a boolean.
 
-    A value in quotes of its own stays as it is.
+    A quoted value stays as it is.
     """
     found = _VERBATIM.fullmatch(override)
     if not found:
@@ -91,7 +91,7 @@ def as_typed(override: str) -> str:
 
 
 def wants_json(argv: Sequence[str]) -> bool:
-    """Whether a command line that may not be understood asks for JSON."""
+    """Whether a command line, valid or not, asks for JSON."""
     return "--json" in (argv[: argv.index("--")] if "--" in argv else argv)
 
 
@@ -105,6 +105,6 @@ def _check(asked: Invocation, fewest: int, most: int | None) -> None:
     if most is not None and len(asked.words) > most:
         raise UsageError(f"`gvla2 memory {asked.verb}` does not take '{asked.words[most]}'. {see}")
     if asked.yes and asked.verb != "forget":
-        raise UsageError(f"--yes is for forget alone. {see}")
+        raise UsageError(f"--yes is only for forget. {see}")
     if asked.json and asked.verb == "forget" and not asked.yes:
         raise UsageError(f"`gvla2 memory forget --json` cannot ask for consent: it needs --yes. {see}")

@@ -23,7 +23,7 @@ from gvla2.record.text import printable
 from gvla2.skills.skill import Skill
 
 SKILL = "skill"
-"""The word for skills, in the place of a kind: all are offered at once, none is chosen."""
+"""The word for skills, used like a kind: all are available at once, none is chosen."""
 
 EPILOG = f"""\
   gvla2 plugins                 everything that can be chosen
@@ -38,7 +38,7 @@ GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """One option of a component: its dotted name, type and default as a person writes them."""
+    """One option of a component: its dotted name, type and default for display."""
 
     name: str
     type: str
@@ -46,7 +46,7 @@ class Option:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print the catalog. Broken plugins are told and do not change the exit status, 0."""
+    """Print the catalog. Broken plugins are reported; the exit status stays 0."""
     parser = argparse.ArgumentParser(
         "gvla2 plugins", epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def complete(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word: a kind, then a name of that kind, then ``--json``."""
+    """Completions of the last word: a kind, then a name of that kind, then ``--json``."""
     if len(words) == 1:
         return [*load_plugins().kinds, SKILL, "--json"]
     if len(words) == 2 and words[0] == SKILL:
@@ -84,7 +84,7 @@ def complete(words: Sequence[str]) -> list[str]:
 
 
 def options(config: type) -> list[Option]:
-    """The options of a component's dataclass, nested ones by dotted names; ``name`` is no option."""
+    """The options of a component's dataclass, nested ones by dotted names; ``name`` is not an option."""
     return [option for option in _options(config, OmegaConf.structured(config)) if option.name != "name"]
 
 

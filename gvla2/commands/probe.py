@@ -15,7 +15,7 @@ from typing import Any
 
 
 def imports(modules: Sequence[str]) -> dict[str, str]:
-    """Import each module; "" where it worked, the error where not."""
+    """Import each module; "" on success, else the error."""
     found = {}
     for module in modules:
         try:
@@ -58,7 +58,7 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     ]
     needed = {need for kind in chosen for need in registry.get(kind, config[kind].name).needs}
     for kind in chosen:
-        if kind == "language" and kind not in needed:  # asked by nobody
+        if kind == "language" and kind not in needed:  # not chosen
             continue
         start, fault = time.perf_counter(), ""
         try:

@@ -35,7 +35,7 @@ def job(config: ReconstructConfig, registry: Registry, folder: Path) -> float:
 
 
 def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> ReconstructionRecord:
-    """Reconstruct into ``folder``; what was done and measured.
+    """Reconstruct into ``folder``; returns what was done and measured.
 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
@@ -46,7 +46,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
 
 
 class _Steps:
-    """Times the steps of the job and tells them on the terminal and in the log."""
+    """Times the steps of the job and reports them on the terminal and in the log."""
 
     def __init__(self, progress: Progress) -> None:
         self.progress = progress
@@ -104,7 +104,7 @@ def _reconstruct(
     recorder.numbers(record)
 
     with steps.step("measure"):
-        # Held-out views cost more than the branch: they are measured when somebody asks.
+        # Held-out views cost more than the branch: they are measured on request.
         asked = config.measure or config.targets is not None or config.truth is not None
         held_out, truth = (given.held_out, given.truth) if asked else (None, None)
         measures = measure(result, views, parts["renderer"], held_out, truth)
@@ -120,7 +120,7 @@ def _reconstruct(
 
 
 def branch_options(config: BranchConfig) -> BranchOptions:
-    """The branch's own options of the configured ones."""
+    """The branch's own options, from the configured ones."""
     from gvla2.reconstruction.branch import BranchOptions
 
     return BranchOptions(**asdict(config))
@@ -133,7 +133,7 @@ def _first(made: Reconstruction | None, config: ReconstructConfig, registry: Reg
     if made is None:
         others = ", ".join(other for other in registry.components("reconstructor") if other != "none")
         raise ConfigurationError(
-            f"The reconstructor '{name}' makes no object, so there is nothing to refine. "
+            f"The reconstructor '{name}' makes no object: there is nothing to refine. "
             f"Choose another with reconstructor=NAME: {others}."
         )
     if not (

@@ -48,8 +48,8 @@ class ReconstructConfig:
     needed; by default the protocol's 0-4 of a GSO-30 tree and all of another folder), ``size`` their longer side in
     pixels. ``targets`` are views held out to judge by (by default the protocol's 10-24 of a GSO-30 tree; ``none``
     leaves them out), ``truth`` is a mesh file in the views' frame. ``object`` is the name to show, the folder's by
-    default; ``measure`` judges by held-out views and true mesh although neither ``targets`` nor ``truth`` names
-    them; ``frames`` the turntable's pictures; ``quiet`` leaves only errors on the terminal.
+    default; ``measure`` judges by held-out views and true mesh even if ``targets`` and ``truth`` are not given;
+    ``frames`` the turntable's pictures; ``quiet`` leaves only errors on the terminal.
     """
 
     views: str | None = None

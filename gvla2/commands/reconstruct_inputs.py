@@ -19,13 +19,13 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.support import mask_support
 
 LEAST_TRUTH_SUPPORT = 0.3
-"""Mean mask support below which a true mesh is taken to lie in another frame; masks may be occluded in part."""
+"""Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
 GSO_TRUTH = Path("meshes") / "model.obj"
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """``views`` all have masks, of which one at least shows something; ``truth`` lies in their frame.
+    """``views`` all have masks, at least one of them not empty; ``truth`` lies in their frame.
 
     ``held_out`` shares no view with them. ``truth_file`` is where the truth was read, "" for none.
     """
@@ -69,7 +69,7 @@ def _masked(views: Views, folder: Path) -> Views:
 
 
 def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | None:
-    """The views that were asked for, else the protocol's of a GSO-30 tree that are there and no input."""
+    """The requested views, else those of a GSO-30 tree's protocol that exist and are not inputs."""
     if config.targets == NO_TARGETS:
         return None
     if config.targets is not None:

@@ -19,8 +19,8 @@ FORMATS = ("terminal", "markdown", "latex", "html")
 class ReportConfig:
     """A selection of the results database.
 
-    ``where`` keeps the cells whose factors have one of the values given (``where.object=[apple,bowl]``); ``runs``
-    keeps those of some runs; ``formats`` are the forms that the table is made in.
+    ``where`` keeps the cells whose factors have one of the given values (``where.object=[apple,bowl]``); ``runs`` keeps
+    those of some runs; ``formats`` are the forms that the table is made in.
     """
 
     suite: str = "reconstruction"
@@ -36,9 +36,9 @@ class ReportConfig:
 
 
 def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
-    """Make the report into ``folder``; the number of cells in it.
+    """Make the report into ``folder``; returns the number of cells in it.
 
-    Raises :class:`ConfigurationError` when the database is not there, or nothing in it fits the selection.
+    Raises :class:`ConfigurationError` when the database does not exist, or nothing in it fits the selection.
     """
     from gvla2.commands.reporting import publish
     from gvla2.evaluation.results import Results, file_of
@@ -77,5 +77,5 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    # A factor is new to the configuration, for which Hydra would want a "+".
+    # A factor is new to the configuration, for which Hydra needs a "+".
     return launch("report", job, [f"++{one}" if one.startswith("where.") else one for one in argv])

@@ -34,12 +34,12 @@ log = logging.getLogger(__name__)
 LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 _TELLING = 4
-"""Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
+"""Parts of a run's folder that identify its episode: the day, the time, the job of a sweep, the seed."""
 
 
 @dataclass
 class EpisodeReporter:
-    """Passes an episode's news to its recorder and to the terminal, where there are any; keeps the latest record."""
+    """Passes an episode's events to its recorder and the terminal, if any; keeps the latest record."""
 
     recorder: RunRecorder | None = None
     progress: Progress | None = None
@@ -51,7 +51,7 @@ class EpisodeReporter:
             self.progress.begin(stage)
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """A stage ended, well or not."""
+        """A stage ended, successfully or not."""
         self.latest = record
         if self.recorder is not None:
             self.recorder.stage(record, stage)
@@ -63,7 +63,7 @@ class EpisodeReporter:
             self.progress.stage(record, stage)
 
     def name_culprit(self, who: str) -> None:
-        """Say in the latest record whose code crashed."""
+        """Note in the latest record which component crashed."""
         if self.latest is not None and self.latest.failure is not None:
             failure = self.latest.failure
             self.latest = replace(self.latest, failure=replace(failure, message=f"{who}: {failure.message}"))
@@ -79,7 +79,7 @@ class EpisodeReporter:
             self.recorder.frame(image)
 
     def finish(self) -> None:
-        """Write the page, also when Ctrl-C comes while it is being made; a second one gives it up."""
+        """Write the page, even if Ctrl-C comes meanwhile; a second one cancels it."""
         if self.recorder is None or self.latest is None:
             return
         try:
@@ -90,11 +90,11 @@ class EpisodeReporter:
 
 
 def job(config: RunConfig, registry: Registry, folder: Path) -> float:
-    """Run the configured episodes into ``folder``; the share that succeeded, for sweepers.
+    """Run the configured episodes into ``folder``; returns the share that succeeded, for sweepers.
 
-    A job of a sweep has a bank of its own unless one is named, and is not run again in a folder where it is done.
-    Raises :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an
-    episode that was carried out and failed is a result.
+    A job of a sweep has its own bank unless one is named, and is not run again in a folder where it is done. Raises
+    :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an episode that was
+    carried out and failed is a result.
     """
     from gvla2.commands import sweeps
 
@@ -124,10 +124,10 @@ def run_episodes(
     label: str = "",
     records: list[EpisodeRecord] | None = None,
 ) -> float:
-    """As :func:`job` in no sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
+    """As :func:`job` outside a sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
     aggregate ``result.json`` (brought up to date after each) and the composed configuration.
 
-    ``label`` begins each line on the terminal; ``records`` gets what was run, also before an error.
+    ``label`` begins each line on the terminal; ``records`` collects the episodes, also those before an error.
     """
     from gvla2.commands.tracking import Tracking
     from gvla2.episode import ABANDONED
@@ -167,7 +167,7 @@ def run_episodes(
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
-    """Which bank the run uses and how many lessons that holds, in a sentence."""
+    """Which bank the run uses and how many lessons it holds, in a sentence."""
     options: Any = getattr(config, "memory")  # noqa: B009  # a field that the bridge to Hydra adds
     stats = getattr(memory, "stats", None)
     if not callable(stats):
@@ -183,7 +183,7 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
 def build_parts(config: object, registry: Registry, choices: Mapping[str, str] | None = None) -> Parts:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
-    ``choices`` is what the record calls them, by default their names by group.
+    ``choices`` are their names in the record, by default their names by group.
     """
     from gvla2.episode import Parts
     from gvla2.loop.refine import GeometryParts
@@ -203,7 +203,7 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
 
 
 def crashed_component(parts: Parts, registry: Registry, error: BaseException) -> str:
-    """Whose code raised an unforeseen error: "The planner 'mine' of plugin 'mine' crashed"; "" where no component did.
+    """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
     """
@@ -243,7 +243,7 @@ def _run_one(
     finally:
         if listener.progress is not None:
             listener.progress.close()
-        listener.finish()  # also after an interrupt or a crash: the folder is complete up to there
+        listener.finish()  # also after an interrupt or a crash: the folder is complete up to that point
 
 
 def main(argv: list[str]) -> int:

@@ -12,7 +12,7 @@ from gvla2.robot.noise_options import DepthNoise
 
 @dataclass
 class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
+    """The results database: an SQLAlchemy address. ``fresh`` measures existing results again."""
 
     url: str = "sqlite:///outputs/results.sqlite"
     fresh: bool = False
@@ -20,16 +20,16 @@ class ResultsConfig:
 
 @dataclass
 class RunConfig(EveryKind):
-    """One episode, or many. Beside these options there is one group for each kind of component.
+    """One episode, or many. Besides these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
-    ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
-    looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
-    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
-    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
-    not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
-    ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept,
-    unless ``results.fresh``.
+    ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot looks and plans
+    again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
+    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
+    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they
+    disagree the confident one decides. A program that takes several plans is carried out in up to ``max_parts``. A
+    sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept, unless
+    ``results.fresh``.
     """
 
     instruction: str | None = None

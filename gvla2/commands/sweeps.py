@@ -1,4 +1,4 @@
-"""A sweep of ``gvla2 run``: a bank for each job, jobs that are done already, and the table at the end.
+"""A sweep of ``gvla2 run``: a bank for each job, finished jobs, and the table at the end.
 
 Each job leaves ``job.json`` in its folder. The process that launched the sweep makes the table from these, whichever
 launcher ran the jobs and however the sweep ended.
@@ -50,7 +50,7 @@ def in_sweep() -> bool:
 
 
 def job_label() -> str:
-    """What the terminal calls this job: its number and overrides; "" for a run of its own."""
+    """The job's name on the terminal: its number and overrides; "" outside a sweep."""
     if not in_sweep():
         return ""
     job = HydraConfig.get().job
@@ -68,13 +68,13 @@ def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:
 
 
 def clear(folder: Path) -> None:
-    """Take away what an earlier try of a job, which did not end, has learnt in the job's own bank."""
+    """Clear what an earlier, unfinished try of a job has learnt in the job's own bank."""
     for file in folder.glob(f"{_BANK}*"):
         file.unlink()
 
 
 def digest_of(config: RunConfig) -> str:
-    """Tells configurations apart that may have different results."""
+    """A digest that differs for configurations that may have different results."""
     told = OmegaConf.to_container(OmegaConf.structured(config), enum_to_str=True)
     assert isinstance(told, dict)
     kept = {key: value for key, value in told.items() if key not in _NOT_OF_THE_RESULT}
@@ -82,7 +82,7 @@ def digest_of(config: RunConfig) -> str:
 
 
 def done_before(folder: Path, digest: str) -> float | None:
-    """The share of success of a job that ended well in this folder with this configuration; None for none."""
+    """The success rate of a job that finished in this folder with this configuration; None if there is none."""
     row = _read(folder / JOB)
     if row.get("status") != "ok" or row.get("digest") != digest:
         return None
@@ -92,7 +92,7 @@ def done_before(folder: Path, digest: str) -> float | None:
 def write_job(
     folder: Path, config: RunConfig, digest: str, records: Sequence[EpisodeRecord], status: str
 ) -> None:
-    """Leave what the table of the sweep needs of this job."""
+    """Write what the sweep's table needs from this job."""
     from gvla2.record.files import write_json
 
     carried_out = [record for record in records if record.judgement is not None or record.failure is None]
@@ -118,7 +118,7 @@ def write_job(
 def conclude(status: int, argv: Sequence[str]) -> int:
     """After a sweep: its table on the terminal, as a page, as CSV and in the results database; the exit status.
 
-    A run that was no sweep is left alone. After a sweep that did not end well the way to go on is told.
+    Does nothing outside a sweep. After an incomplete sweep it prints how to resume.
     """
     folder, SweepFolder.latest = SweepFolder.latest, None
     if folder is None:
@@ -134,7 +134,7 @@ def conclude(status: int, argv: Sequence[str]) -> int:
     if status:
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
         command = shlex.join(["gvla2", "run", *words, f"hydra.sweep.dir={folder}"])
-        print(f"gvla2: jobs that are done are kept. To go on: {command}", file=sys.stderr)
+        print(f"gvla2: finished jobs are kept. To resume: {command}", file=sys.stderr)
     return status
 
 
@@ -174,7 +174,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 
 
 def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
-    """One line a job: what was overridden, what came of it, and its page."""
+    """One line per job: its overrides, result and page."""
     lines = [
         {"job": row["job"], **row["overrides"], **{name: row[name] for name in (*_MEASURES, "status")},
          "page": place / "index.html"}

@@ -17,13 +17,13 @@ from gvla2.record.text import printable
 
 WIDTH_OF_PIPES = 200
 _ROOM = 44
-"""Cells that a column of sentences needs to be read with ease."""
+"""Cells that a column of sentences needs to be readable."""
 _GAP = 3
 """Cells between two columns, at most."""
 
 
 def console() -> Console:
-    """Standard output: as wide as the terminal, or wide enough for `grep` when it is piped."""
+    """Standard output: as wide as the terminal, or wide enough for `grep` when piped."""
     return Console(width=None if sys.stdout.isatty() else WIDTH_OF_PIPES, highlight=False)
 
 
@@ -37,7 +37,7 @@ def table(first: str, *columns: str, style: str = "cyan") -> Table:
 
 
 def row(listing: Table, *cells: str) -> None:
-    """Add a row of plain text: what looks like markup in it is none, and control characters stay out."""
+    """Add a row of plain text: markup in it is escaped, and control characters are removed."""
     listing.add_row(*(Text(printable(cell)) for cell in cells))
 
 
@@ -54,7 +54,7 @@ class Listing:
     style: str = "cyan"
 
     def laid_out(self, width: int) -> Table | Group:
-        """As a table where that fits into ``width`` cells, else as blocks."""
+        """As a table if that fits into ``width`` cells, else as blocks."""
         made, need = table(*self.columns, style=self.style), -_GAP
         for i, (name, column) in enumerate(zip(self.columns, made.columns, strict=True)):
             column.no_wrap = name not in self.prose

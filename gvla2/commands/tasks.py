@@ -40,7 +40,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[TaskShown]:
-    """The named tasks, or all of them, one by one as they are photographed; progress goes to stderr."""
+    """The named tasks, or all of them, one by one as they are rendered; progress goes to stderr."""
     from gvla2.catalog import load_plugins
     from gvla2.record.gallery import TaskShown
 
@@ -107,12 +107,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output", type=Path, default=Path("tasks.html"), help="the page (default: %(default)s)"
     )
-    parser.add_argument("--start-only", action="store_true", help="leave the demonstrations out")
+    parser.add_argument("--start-only", action="store_true", help="omit the demonstrations")
     return parser
 
 
 def complete(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word: tasks and options."""
+    """Completions of the last word: tasks and options."""
     from gvla2.catalog import load_plugins
 
     del words

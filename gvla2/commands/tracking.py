@@ -1,4 +1,4 @@
-"""The tracker and the viewer of a run, guarded: what goes wrong with them is logged once, and the run goes on."""
+"""The tracker and the viewer of a run, guarded: a failure is logged once, and the run goes on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Tracking:
-    """Tells the tracker and the viewer (None: nobody) of a run, as a context manager round its episodes."""
+    """Reports a run to the tracker and the viewer (None: neither), as a context manager around its episodes."""
 
     def __init__(
         self, tracker: Tracker | None, config: Any, folder: Path, viewer: Viewer | None = None
@@ -38,7 +38,7 @@ class Tracking:
         return TrackedRun(name, self._folder, {str(key): value for key, value in told.items()})
 
     def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
-        """Tell of an episode that has ended."""
+        """Report a finished episode."""
         measures = measures_of(record)
         self._tell("tracker", lambda tracker: tracker.episode(number, measures, folder))
         self._tell("viewer", lambda viewer: viewer.show(record, folder))
@@ -54,12 +54,12 @@ class Tracking:
                 call(self._told[who])
         except Exception as error:
             self._told[who] = None
-            log.warning("The %s failed and is not told any more: %s: %s", who, type(error).__name__, error)
+            log.warning("The %s failed and is no longer used: %s: %s", who, type(error).__name__, error)
             log.info("What the %s raised:", who, exc_info=error)
 
 
 def measures_of(record: EpisodeRecord) -> dict[str, float]:
-    """The numbers of an episode: outcome, seconds of each stage, tokens. What nobody judged is left out."""
+    """The numbers of an episode: outcome, seconds of each stage, tokens. Unjudged outcomes are left out."""
     found = {f"seconds/{stage}": seconds for stage, seconds in record.timings.items()}
     found["seconds"] = record.seconds
     if record.judgement is not None:

@@ -45,15 +45,15 @@ VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
         "ab_fusion": {},
     }
 )
-"""The rows by name, with the stages that each switches off; None is no branch: G0 itself, or a plain use of depth."""
+"""The rows by name, with the stages that each disables; None means no branch: G0 itself, or a plain use of depth."""
 
 PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], TriangleMesh | None]] = MappingProxyType(
     {"carving": carved, "aligned_tsdf": aligned_tsdf}
 )
-"""Rows that use the very prior of the branch without it."""
+"""Rows that use the branch's prior without the branch."""
 
 PICTURED = ("baseline", "ab_fusion")
-"""Rows that a report shows pictures of: the first target view, with the true view left of the reference's."""
+"""Rows with pictures in a report: the first target view, with the true view left of the reference's."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured cell; ``picture`` is a PNG of its first target view, where one was asked for."""
+    """A measured cell; ``picture`` is a PNG of its first target view, if requested."""
 
     cell: Cell
     picture: bytes | None = None
@@ -92,9 +92,9 @@ def measure_object(
 ) -> Iterator[Measured]:
     """Measure cells of one object and one baseline, in their order.
 
-    ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor that is the same
-    object for two of them is run once. The seconds of the baseline row are those of the reconstruction, those of any
-    other row its own alone. A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
+    ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor object shared by two
+    of them is run once. The baseline row's seconds are the reconstruction's; any other row's are only its own. A
+    :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
     """
     judge: ReconstructionJudge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}
@@ -147,7 +147,7 @@ def measure_object(
 
 
 def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts) -> Reconstruction:
-    """What a plain use of the prior's depth makes, in colours from the views; G0 where there is no prior."""
+    """The result of a plain use of the prior's depth, coloured from the views; G0 without a prior."""
     estimate = parts.prior.predict(views)
     if estimate is None:
         return g0
@@ -158,7 +158,7 @@ def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts)
 
 
 def failed(want: Wanted, error: Exception) -> Cell:
-    """The cell of something that could not be measured."""
+    """The cell of a failed measurement."""
     return Cell(want.key, want.factors, dict.fromkeys((*MEASURES, "seconds")), {"status": f"failed: {error}"})
 
 

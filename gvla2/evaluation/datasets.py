@@ -1,8 +1,8 @@
 """The data sets of the reconstruction benchmark: finding them, listing their objects, loading one object.
 
 ``ycb30`` and ``meshes`` are folders of textured meshes, rendered here by the protocol. ``gso30`` is a tree of
-``<object>/render_mvs_25/model/%03d.{png,npy}`` with true shapes in ``<object>/meshes/model.obj``. Nothing is
-downloaded in secret: a missing set is an error that says where it was looked for and where it comes from.
+``<object>/render_mvs_25/model/%03d.{png,npy}`` with true shapes in ``<object>/meshes/model.obj``. Nothing is downloaded
+silently: a missing set is an error that says where it was searched and where it comes from.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.protocol import INPUTS, SAMPLES, SIZE, TARGETS, ObjectViews, object_views
 
 MESH_FILES = ("textured.obj", "textured.glb", "model.obj", "mesh.obj", "mesh.glb")
-"""Names that are looked for first in an object's folder; else its only .obj, .glb or .ply."""
+"""File names tried first in an object's folder; else its only .obj, .glb or .ply."""
 GSO_VIEWS = Path("render_mvs_25") / "model"
 GSO_MESH = Path("meshes") / "model.obj"
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a known data set comes from: its title, licence, and what a person does to have it here."""
+    """Where a known data set comes from: its title, licence, and how to get it."""
 
     name: str
     title: str
@@ -78,7 +78,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A data set that is there: ``kind`` is ``ycb30``, ``gso30`` or ``meshes``."""
+    """An available data set: ``kind`` is ``ycb30``, ``gso30`` or ``meshes``."""
 
     kind: str
     root: Path
@@ -87,7 +87,7 @@ class Dataset:
     samples: int = field(default=SAMPLES, repr=False)
 
     def load(self, item: Item) -> ObjectViews:
-        """The object's views and its true shape; rendered views come from the cache when they are there.
+        """The object's views and its true shape; rendered views come from the cache if possible.
 
         Raises :class:`gvla2.errors.GeometryError` for a file that cannot be used.
         """
@@ -111,8 +111,8 @@ def open_dataset(
 ) -> Dataset:
     """Find a data set and choose objects of it (all by default, in alphabetical order).
 
-    Without ``root`` the set is looked for where :func:`roots` says. Raises :class:`ConfigurationError` that lists
-    what was looked for, or the objects that there are.
+    Without ``root`` the set is searched for where :func:`roots` says. Raises :class:`ConfigurationError` that lists the
+    places searched, or the existing objects.
     """
     if kind not in SOURCES:
         raise ConfigurationError(f"No data set '{kind}'. Available: {', '.join(SOURCES)}.")
@@ -123,8 +123,8 @@ def open_dataset(
     if found is None:
         source = SOURCES[kind]
         raise ConfigurationError(
-            f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. To have it, "
-            f"{source.how} ({source.licence}), laid out as {source.layout}; then name the folder with "
+            f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. To get it, {source.how} "
+            f"({source.licence}), laid out as {source.layout}; then name the folder with "
             "data.root=PATH, or set GVLA2_DATA to the folder that holds it."
         )
     items = find_items(kind, found)

@@ -1,4 +1,4 @@
-"""The drift stress test: a known wrong scale, turn and shift planted on a first reconstruction.
+"""The drift stress test: a known error of scale, rotation and shift, applied to a first reconstruction.
 
 Carving from calibrated views has no drift of its own; reconstructions of generative models do. Rows made with a planted
 drift are labelled as such and never mixed with others.

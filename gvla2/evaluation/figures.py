@@ -10,7 +10,7 @@ from gvla2.evaluation.results import Cell
 
 @dataclass(frozen=True)
 class FigureLayout:
-    """A suite whose cells are figures of their own: test, n, value, unit, goal, peers."""
+    """A suite whose cells are single figures: test, n, value, unit, goal, peers."""
 
     suite: str
     title: str
@@ -35,9 +35,9 @@ MEMORY = FigureLayout(
     suite="memory",
     title="Memory",
     explanation=(
-        "Each value beside its goal and what a plain peer does in the same run: JSON lines scored one by one, as in "
-        "the released code (which has a column of its own where a checkout of it was named). Times are those of this "
-        "machine; what was not measured says so."
+        "Each value beside its goal and a plain peer's in the same run: JSON lines scored one by one, as in the "
+        "released code (which has its own column if a checkout was given). Times are this machine's; "
+        "unmeasured values say so."
     ),
 )
 
@@ -45,17 +45,17 @@ TRAJECTORIES = FigureLayout(
     suite="trajectories",
     title="Published runs of software agents",
     explanation=(
-        "A verifier judges runs whose outcome is known and not shown to it; a memory learns from them in that light. "
-        "The peer is a rule of one line on the same accounts."
+        "A verifier judges runs whose outcome is known but hidden from it; a memory learns from them with those "
+        "verdicts. The peer is a one-line rule on the same transcripts."
     ),
 )
 
 
 def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[FigureTable]:
-    """One table, or none for no cells; of one figure measured twice the later counts."""
+    """One table, or none for no cells; if a figure was measured twice, the later one counts."""
     latest: dict[tuple[str, ...], Cell] = {}
     for cell in sorted(cells, key=lambda cell: cell.run):
-        # By the size that was asked for: of what could not be measured no other is known.
+        # By the requested size: an unmeasured figure has no other.
         size = cell.notes.get("size", cell.factors.get("n"))
         latest[str(cell.factors["test"]), str(cell.factors.get("on", "")), str(size)] = cell
     kept = sorted(latest.values(), key=lambda cell: cell.notes.get("order", []))
@@ -75,7 +75,7 @@ def value_text(cell: Cell, name: str = "value") -> str:
 
 
 def goal_text(cell: Cell) -> str:
-    """The goal with the side that is good."""
+    """The goal with its direction."""
     text = value_text(cell, "goal")
     return f"{'≤' if cell.notes.get('better') == 'lower' else '≥'} {text}" if text else ""
 

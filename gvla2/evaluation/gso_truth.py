@@ -21,11 +21,11 @@ log = logging.getLogger(__name__)
 def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
     """The mesh of a file, scaled to a longest side of 1, centred, and turned as in the views.
 
-    Whoever rendered the views may have read the file as Y-up or as Z-up; the masks tell. None, with a warning, when
+    The views may have been rendered with the file as Y-up or as Z-up; the masks decide. None, with a warning, when
     there is no file or neither reading agrees with the masks: no Chamfer distance is better than a wrong one.
     """
     if not path.is_file():
-        log.warning("%s is not there: no Chamfer distance for this object.", path)
+        log.warning("%s is missing: no Chamfer distance for this object.", path)
         return None
     mesh = read_mesh(path)
     upright = mesh.with_vertices(unit_box(mesh.vertices))

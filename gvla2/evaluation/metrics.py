@@ -41,7 +41,7 @@ class Truth:
 def surface_points(
     mesh: TriangleMesh | None, centres: FloatArray | None, samples: int = SURFACE_SAMPLES, seed: int = 1
 ) -> tuple[FloatArray, str]:
-    """Points (N, 3) that stand for a reconstruction's surface, and what they are: ``mesh`` or ``centres``.
+    """Points (N, 3) that represent a reconstruction's surface, and their kind: ``mesh`` or ``centres``.
 
     Area-weighted samples of its mesh if it has one with faces, else all Gaussian centres as they are.
     Raises :class:`GeometryError` when it has neither.
@@ -57,7 +57,7 @@ def chamfer(points: FloatArray, truth: FloatArray, tree: cKDTree | None = None, 
     """Symmetric Chamfer distance, in thousandths of the frame's unit.
 
     1000 * (mean distance of points (N, 3) to the nearest truth (M, 3) + mean distance the other way) / 2, Euclidean,
-    not squared. ``tree`` is the truth's k-d tree, where it is there already; ``workers`` threads, -1 for all cores.
+    not squared. ``tree`` is the truth's k-d tree, if already built; ``workers`` threads, -1 for all cores.
     """
     there, _ = (cKDTree(truth) if tree is None else tree).query(points, workers=workers)
     back, _ = cKDTree(points).query(truth, workers=workers)
@@ -72,7 +72,7 @@ def cd_surface(points: FloatArray, truth: Truth, workers: int = -1) -> float:
 def cd_official(vertices: FloatArray, truth: Truth, workers: int = -1) -> float:
     """Chamfer distance of all vertices, each shape scaled to its own unit box, as the released evaluator takes it.
 
-    It hides errors of position and scale, and depends on how finely a mesh is cut.
+    It hides errors of position and scale, and depends on a mesh's resolution.
     """
     return chamfer(unit_box(vertices), truth.vertices, truth.vertex_tree, workers)
 
@@ -82,7 +82,7 @@ def unit_box(points: FloatArray) -> FloatArray:
     low, high = points.min(axis=0), points.max(axis=0)
     side = float((high - low).max())
     if not side > 0:
-        raise GeometryError("Points that all coincide have no box to be scaled to.")
+        raise GeometryError("Points that all coincide have no box to scale to.")
     return np.asarray((points - 0.5 * (low + high)) / side)
 
 

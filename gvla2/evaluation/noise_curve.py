@@ -1,4 +1,4 @@
-"""Gain against noise as a picture: one line a method, intervals over objects."""
+"""Gain against noise as a picture: one line per method, intervals over objects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def noise_curve(tables: Sequence[Table], measure: str = "cd_surface") -> str:
     """An SVG of the change of a measure against low-frequency error; "" with fewer than three points of the curve.
 
     Lines are carving, aligned TSDF and the whole branch, of the tables whose ``noise`` lies on :data:`CURVE`, of the
-    first baseline and drift that have any. Bars are 95 % intervals over objects, where a table tells them, too.
+    first baseline and drift that have any. Bars are 95 % intervals over objects, if a table has them.
     """
     on = [table for table in tables if table.group.get("noise") in CURVE]
     if not on:

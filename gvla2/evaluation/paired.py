@@ -12,7 +12,7 @@ Pair = tuple[bool, bool]
 
 
 def exact_mcnemar(pairs: Sequence[Pair]) -> float:
-    """Two-sided exact p of McNemar's test: are episodes won and lost by the second condition alike in number?
+    """Two-sided exact p of McNemar's test: does the second condition win as many episodes as it loses?
 
     1 where no episode differs.
     """
@@ -23,7 +23,7 @@ def exact_mcnemar(pairs: Sequence[Pair]) -> float:
 
 
 def won_and_lost(pairs: Sequence[Pair]) -> tuple[int, int]:
-    """Episodes that succeed under the second condition alone, and under the first alone."""
+    """Episodes that succeed only under the second condition, and only under the first."""
     return sum(b and not a for a, b in pairs), sum(a and not b for a, b in pairs)
 
 
@@ -40,7 +40,7 @@ def holm(values: Mapping[str, float]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Difference:
-    """A mean difference of success rates over tasks, in points of per cent, with its interval; ``pairs`` episodes."""
+    """A mean difference of success rates over tasks, in percentage points, with its interval; ``pairs`` episodes."""
 
     points: float
     low: float
@@ -52,7 +52,7 @@ class Difference:
 def pooled_difference(
     by_task: Mapping[str, Sequence[Pair]], *, level: float = 0.95, draws: int = 4000, seed: int = 0
 ) -> Difference:
-    """How much the second condition adds to the success rate, on the mean over tasks.
+    """How much the second condition adds to the success rate, averaged over tasks.
 
     The interval is the percentile bootstrap in two stages: tasks are drawn, then episodes within each, since episodes
     of one task are alike. Raises ValueError for no pairs.

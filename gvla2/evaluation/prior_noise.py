@@ -1,4 +1,4 @@
-"""What is wrong with the depth that a benchmark's prior gives: settings of ``prior=depth`` by name."""
+"""Errors of a benchmark prior's depth: settings of ``prior=depth`` by name."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ NOISES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
         ),
     }
 )
-"""By name: what a caption says, and the options of the ``depth`` prior."""
+"""By name: the caption, and the options of the ``depth`` prior."""
 
 CURVE = ("exact", "low0.5", "low1", "low2", "low4")
 """The settings along which a curve of gain against noise is drawn, and per cent of low-frequency error."""
@@ -56,4 +56,4 @@ DEVELOPMENT = (
     "a_toy_airplane", "banana", "cracker_box", "large_clamp", "mini_soccer_ball", "pitcher_base", "power_drill",
     "scissors", "strawberry", "tomato_soup_can",
 )  # fmt: skip
-"""Every third scan of YCB-30 by name: constants were chosen on these, and on no others."""
+"""Every third scan of YCB-30 by name: constants were chosen only on these."""

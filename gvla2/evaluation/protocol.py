@@ -1,9 +1,9 @@
 """The GSO-30 view protocol on any textured mesh: 25 cameras, five inputs, fifteen held-out targets.
 
-The mesh is scaled to a longest side of 1 and centred. Cameras look at its centre from random points of the sphere,
-at radius 1.5 to 2.2 (view 0: radius 1.7 to 2.0 at height 0.9 to 1.1), with a 35 mm lens on a 32 mm sensor. Pictures are
-ray cast at 512 x 512 with 2 x 2 rays a pixel and averaged to 256 x 256 on white. The cameras depend on the object's
-name alone. Rendered views are kept on disk under the hash of what can be seen and the protocol's version.
+The mesh is scaled to a longest side of 1 and centred. Cameras look at its centre from random points of the sphere, at
+radius 1.5 to 2.2 (view 0: radius 1.7 to 2.0 at height 0.9 to 1.1), with a 35 mm lens on a 32 mm sensor. Pictures are
+ray cast at 512 x 512 with 2 x 2 rays a pixel and averaged to 256 x 256 on white. The cameras depend only on the
+object's name. Rendered views are cached on disk under a hash of the visible content and the protocol's version.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ObjectViews:
-    """One object of an evaluation: what a method sees, what it is judged by, and the true shape.
+    """One object of an evaluation: a method's inputs, its targets, and the true shape.
 
     All in one frame (longest side 1, centred, Z-up). ``inputs`` and ``targets`` have masks; ``inputs`` have depth
     when the views were rendered here. ``mesh`` is None when the data set has no true shape.
@@ -96,8 +96,8 @@ def object_views(
 ) -> ObjectViews:
     """The object of a mesh file under the protocol; rendered once, then read from the cache.
 
-    ``name`` (the file's folder by default) chooses the cameras. A cache that cannot be written only costs time;
-    a damaged entry is made anew. Raises :class:`GeometryError` for a file that is no mesh.
+    ``name`` (the file's folder by default) chooses the cameras. A cache that cannot be written only costs time; a
+    damaged entry is remade. Raises :class:`GeometryError` for a file that is not a mesh.
     """
     textured = read_textured_mesh(path).normalised()
     name = name or Path(path).absolute().parent.name
@@ -139,7 +139,7 @@ def _write_entry(entry: Path, views: tuple[View, ...]) -> None:
         entry.parent.mkdir(parents=True, exist_ok=True)
         write_whole(entry, buffer.getvalue())
     except (OSError, OutputError) as error:
-        log.warning("The rendered views could not be kept in %s: %s", entry.parent, error)
+        log.warning("The rendered views could not be cached in %s: %s", entry.parent, error)
 
 
 def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
@@ -151,8 +151,8 @@ def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
         with np.load(io.BytesIO(entry.read_bytes()), allow_pickle=False) as stored:
             image, alpha, depth = (stored[key] for key in ("image", "alpha", "depth"))
         return _as_views(cameras, image, alpha, depth)
-    except Exception as error:  # a damaged archive fails in many ways, and each has the same cure
-        log.warning("The cached views %s are damaged (%s) and are made anew.", entry, error)
+    except Exception as error:  # a damaged archive can raise anything
+        log.warning("The cached views %s are damaged (%s) and are remade.", entry, error)
         return None
 
 

@@ -1,4 +1,4 @@
-"""Which code and which versions a number came from."""
+"""The code and versions behind a number."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def commit() -> str:
 
 @cache
 def code_digest(packages: tuple[str, ...]) -> str:
-    """Hexadecimal digest of the Python files of packages: rows measured by other code are not taken for these.
+    """Hexadecimal digest of the Python files of packages: rows measured by other code are not mistaken for these.
 
-    Unlike a commit it also tells uncommitted changes apart. A package that is not there counts as empty.
+    Unlike a commit it also covers uncommitted changes. A missing package counts as empty.
     """
     digest = hashlib.sha256()
     for package in packages:

@@ -20,13 +20,13 @@ from gvla2.evaluation.table_formats import EXPLANATION, AnyTable, sheet_of
 from gvla2.evaluation.tables import Table
 
 MOST_PICTURES = 60
-"""Objects shown below one table: the page stays small enough to be sent by mail."""
+"""Objects shown below one table: the page stays small enough for e-mail."""
 
 
 def render_report(
     tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Sequence[Run], title: str, curve: str = ""
 ) -> str:
-    """The page, ``curve`` (SVG) on top. Pictures that the cells name and that are still on disk are put into it."""
+    """The page, ``curve`` (SVG) on top. Pictures of the cells that are still on disk are embedded."""
     environment = Environment(
         loader=PackageLoader("gvla2.evaluation", "."),
         autoescape=True,
@@ -70,7 +70,7 @@ def _films(table: AnyTable) -> list[dict[str, str]]:
 
 
 def _film(film: Film | RunJob) -> dict[str, str]:
-    """Films are linked to, not put into the page: they would make it hundreds of megabytes."""
+    """Films are linked, not embedded: they would make it hundreds of megabytes."""
     folder = Path(film.folder)
     moving = folder / "episode.gif"
     still = moving if moving.is_file() else folder / "before.png"
@@ -82,7 +82,7 @@ def _film(film: Film | RunJob) -> dict[str, str]:
 
 
 def _pictures(table: Table, cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """One entry an object: its pictures in the order of the table's rows."""
+    """One entry per object: its pictures in the order of the table's rows."""
     layout = table.layout
     order = list(layout.labels)
     by_object: dict[str, dict[str, str]] = {}

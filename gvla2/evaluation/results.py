@@ -1,7 +1,7 @@
 """The results database: what was measured, with which configuration, seed, code and versions.
 
-SQLite by default, or PostgreSQL. A run is one call of a benchmark; a row is one cell of its
-design. A row's key names everything that could change its numbers, so a cell that is there need not be measured again.
+SQLite by default, or PostgreSQL. A run is one call of a benchmark; a row is one cell of its design. A row's key covers
+everything that could change its numbers, so a stored cell need not be measured again.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Run(ResultTables, table=True):
 class Row(ResultTables, table=True):
     """One measured cell: ``factors`` (object, seed, ...) and ``measures`` (numbers or null), both JSON.
 
-    ``notes`` (JSON) holds what is neither: the status of stages, what a Chamfer distance was taken of, an error.
+    ``notes`` (JSON) holds the rest: the status of stages, the points of a Chamfer distance, an error.
     """
 
     __tablename__: ClassVar[Any] = "bench_row"
@@ -66,7 +66,7 @@ class Row(ResultTables, table=True):
 
 @dataclass(frozen=True)
 class Cell:
-    """A row as the rest of the program sees it. A measure that could not be taken is None, never a number."""
+    """A row as the rest of the program sees it. A missing measure is None, never a number."""
 
     key: str
     factors: Mapping[str, str | int]
@@ -94,7 +94,7 @@ class Results(Closing):
 
     @classmethod
     def open(cls, url: str = DEFAULT_URL) -> Results:
-        """Open, or create, a database; raises :class:`ConfigurationError` for an address that is none."""
+        """Open, or create, a database; raises :class:`ConfigurationError` for an invalid address."""
         where = parsed(url)
         connect = {"timeout": BUSY_SECONDS} if where.drivername == "sqlite" else {}
         try:
@@ -112,7 +112,7 @@ class Results(Closing):
         return opened
 
     def begin(self, run: Run) -> int:
-        """Record that a run begins; its number."""
+        """Record the start of a run; returns its number."""
         with self._session() as session:
             session.add(run)
             session.flush()
@@ -146,7 +146,7 @@ class Results(Closing):
         where: Mapping[str, Sequence[str | int]] | None = None,
         runs: Sequence[int] = (),
     ) -> list[Cell]:
-        """Cells of a suite whose factors have one of the values given, of these runs (of all by default)."""
+        """Cells of a suite whose factors have one of the given values, from these runs (default: all)."""
         query = select(Row).where(Row.suite == suite).order_by(col(Row.run_id), col(Row.key))
         if runs:
             query = query.where(col(Row.run_id).in_(list(runs)))
@@ -184,7 +184,7 @@ class Results(Closing):
 
 
 def file_of(url: str) -> Path | None:
-    """The file of a SQLite database; None for one of PostgreSQL."""
+    """The file of a SQLite database; None for PostgreSQL."""
     where = parsed(url)
     return Path(str(where.database)) if where.drivername == "sqlite" else None
 

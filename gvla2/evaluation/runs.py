@@ -1,4 +1,4 @@
-"""The table of a sweep of ``gvla2 run``: success with its interval, seconds and tokens by what varied."""
+"""The table of a sweep of ``gvla2 run``: success with its interval, seconds and tokens by the varied options."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gvla2.evaluation.statistics import wilson_interval
 
 SUITE = "run"
 REPEATED = "seed"
-"""Jobs that differ in nothing but this are one row."""
+"""Jobs that differ only in this are one row."""
 
 EXPLANATION = (
-    "Success in per cent of the episodes by the simulator's referee, with its 95 % Wilson interval; an episode that "
-    "nobody judged counts as not succeeded, one that could not be carried out is no episode. Seconds and tokens are "
+    "Success in per cent of the episodes by the simulator's referee, with its 95 % Wilson interval; an unjudged "
+    "episode counts as a failure, one that could not be carried out is not counted. Seconds and tokens are "
     "medians over jobs, a job's episodes taken together."
 )
 
@@ -32,7 +32,7 @@ class RunLayout:
 
 @dataclass(frozen=True)
 class RunJob:
-    """A job that can be looked at: what varied in it, and the folder of its page."""
+    """A job with a page: its varied options, and the page's folder."""
 
     caption: str
     folder: str
@@ -56,19 +56,19 @@ RUNS = RunLayout(SUITE, "Runs")
 
 
 def make_run_tables(cells: Iterable[Cell], layout: RunLayout = RUNS) -> list[RunTable]:
-    """One table a sweep; cells are jobs, with what was overridden as factors."""
+    """One table per sweep; cells are jobs, with the overrides as factors."""
     by_run = sorted(cells, key=lambda cell: (cell.run, int(cell.factors["job"])))
     return [_table(run, list(group), layout) for run, group in groupby(by_run, key=lambda cell: cell.run)]
 
 
 def varied(factors: Sequence[Mapping[str, str | int]]) -> list[str]:
-    """The names of what is not the same in all jobs, in the order in which they were given."""
+    """The names of options that vary over the jobs, in the given order."""
     names = dict.fromkeys(name for each in factors for name in each if name != "job")
     return [name for name in names if len({str(each.get(name, "")) for each in factors}) > 1]
 
 
 def label_of(factors: Mapping[str, str | int], names: Sequence[str]) -> str:
-    """What a job or a row is called: its values of what varied."""
+    """The name of a job or row: its values of the varied options."""
     return ", ".join(f"{name}={factors.get(name, '')}" for name in names)
 
 

@@ -1,4 +1,4 @@
-"""Any table of results as plain cells of text: what Markdown, LaTeX, HTML and the terminal print alike."""
+"""Any table of results as plain text cells, shared by Markdown, LaTeX, HTML and the terminal."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class SheetRow:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table as text. ``headings`` are of the cells, without the label's."""
+    """A table as text. ``headings`` are those of the cells, without the label's."""
 
     title: str
     headings: tuple[str, ...]
@@ -41,7 +41,7 @@ class Sheet:
 
 
 def sheet_of_figures(table: FigureTable) -> Sheet:
-    """One row a figure; the released code has a column where it was measured."""
+    """One row per figure; the released code has a column if it was measured."""
     released = any(cell.measures.get("released_value") is not None for cell in table.cells)
     headings = ("n", "value", "goal", "reached", "plain peer", *(("released code",) if released else ()), "")
     rows = tuple(SheetRow(_label(cell), _figure(cell, released)) for cell in table.cells)

@@ -39,8 +39,8 @@ def paired_change(
     """How much the mean changed, in per cent of the mean before: 100 (mean(after) / mean(before) - 1).
 
     ``before[i]`` and ``after[i]`` belong to the same object. The interval is the percentile bootstrap over pairs
-    (Efron), so what objects differ by does not blur what the change is; one pair gives an interval of no width.
-    Raises ValueError for no pairs, unequal lengths, values that are not finite, or a mean of zero before.
+    (Efron), so differences between objects do not blur the change; one pair gives an interval of zero width. Raises
+    ValueError for no pairs, unequal lengths, values that are not finite, or a mean of zero before.
     """
     old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
     if old.shape != new.shape or old.ndim != 1 or len(old) == 0:

@@ -13,9 +13,9 @@ from gvla2.evaluation.tables import NOTABLE, Entry, Measure, Table, TableRow
 
 NOT_MEASURED = "not measured"
 FEWEST = 5
-"""Objects from which an interval is told: a bootstrap of fewer knows hardly more values than there are objects."""
+"""Least objects for an interval: a bootstrap of fewer has hardly more values than objects."""
 EXPLANATION = (
-    "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
+    "Mean over objects ± standard deviation over seeds, if there are several; change of the mean against the first "
     "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
     "that fared worst."
 )
@@ -37,7 +37,7 @@ def lines_of(entry: Entry, measure: Measure) -> list[str]:
 
 
 def heading(measure: Measure) -> str:
-    """A column's heading, with an arrow towards the better side."""
+    """A column's heading, with an arrow in the better direction."""
     return f"{measure.title} {'↓' if measure.better == 'lower' else '↑'}"
 
 
@@ -47,7 +47,7 @@ def label(row: TableRow) -> str:
 
 
 def footnote(table: Table) -> str:
-    """How much is in a table and where it comes from."""
+    """A table's counts and sources."""
     objects = max((row.objects for row in table.rows), default=0)
     seeds = max((row.seeds for row in table.rows), default=0)
     runs = ", ".join(map(str, table.runs))

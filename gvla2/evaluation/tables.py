@@ -36,7 +36,7 @@ class TableLayout:
 
     One table for each combination of the ``groups`` factors; one row for each value of ``row`` in the order of
     ``labels``, compared with the row ``reference`` over the ``pair`` factor; deviations are over ``repeat``;
-    ``explanation`` says what a reader must know of this suite's rows and measures.
+    ``explanation`` explains this suite's rows and measures.
     """
 
     suite: str
@@ -53,11 +53,11 @@ class TableLayout:
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of a table; None where nothing was measured.
+    """One number of a table; None if not measured.
 
     ``mean`` over objects, then over seeds; ``deviation`` over seeds; ``change`` against the reference row, paired by
     object; ``worst`` the change in per cent of the object that fared worst, ``worst_object`` its name, and ``worse``
-    all that lost more than :data:`NOTABLE` per cent. ``deviation`` is None of one seed.
+    all that lost more than :data:`NOTABLE` per cent. ``deviation`` is None for one seed.
     """
 
     mean: float | None
@@ -70,10 +70,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A row: its label, one entry a measure, how many objects and seeds it holds, and how many cells failed.
+    """A row: its label, one entry per measure, its numbers of objects and seeds, and of failed cells.
 
-    ``rejected``: of each stage, in how many of its cells the input views spoke against it ("5 of 6"), where in any:
-    rows that differ in such a stage alone are alike.
+    ``rejected``: for each stage, in how many of its cells the input views refuted it ("5 of 6"), if any: rows that
+    differ only in such a stage are alike.
     """
 
     name: str
@@ -101,7 +101,7 @@ class Table:
 
 
 NOTABLE = 2.0
-"""Per cent by which an object must lose to be named among those made worse."""
+"""Per cent of loss above which an object is named as made worse."""
 
 RECONSTRUCTION = TableLayout(
     suite="reconstruction",
@@ -127,12 +127,12 @@ RECONSTRUCTION = TableLayout(
     ),
     groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
     explanation=(
-        "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the very "
-        "mesh that is held as truth, the most that a prior can tell. Seeds draw the drift, the prior's noise and the "
-        "order of splat's views: ± 0.00 where none of them is at work. CD surface is the mean distance of surface "
+        "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the true "
+        "mesh itself, the best that a prior can be. Seeds draw the drift, the prior's noise and the "
+        "order of splat's views: ± 0.00 if none of them applies. CD surface is the mean distance of surface "
         "samples, both ways, with position and scale; CD official that of all vertices, each shape scaled to its own "
-        "box, which a speck beside the object stretches. Seconds are wall time: the first row's of the reconstruction "
-        "of G0, any other row's of what follows alone."
+        "box, which a speck beside the object stretches. Seconds are wall time: the first row's for the reconstruction "
+        "of G0, any other row's only for what follows."
     ),
 )
 AGENTS = TableLayout(
@@ -191,7 +191,7 @@ def tables_of(
 
 
 def make_tables(cells: Iterable[Cell], layout: TableLayout) -> list[Table]:
-    """One table a group, in the order in which groups first appear; of equal cells measured twice the later counts."""
+    """One table per group, in order of first appearance; if equal cells were measured twice, the later counts."""
     groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
     for cell in sorted(cells, key=lambda cell: cell.run):
         group = tuple(str(cell.factors.get(name, "")) for name in layout.groups)
@@ -244,7 +244,7 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     if not by_seed:
         return Entry(None)
     mean, spread = mean_and_deviation([_mean(values) for values in by_seed.values()])
-    deviation = spread if len(by_seed) > 1 else None  # of one seed nothing is known
+    deviation = spread if len(by_seed) > 1 else None  # one seed has no deviation
     ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
     theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
     both = [pair for pair in ours if pair in theirs]
@@ -253,7 +253,7 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     change = paired_change([theirs[pair] for pair in both], [ours[pair] for pair in both])
     sign = 1 if measure.better == "lower" else -1
     losses = {pair: sign * 100 * (ours[pair] / theirs[pair] - 1) for pair in both if theirs[pair] != 0}
-    # Where nothing has changed, no object fared worst.
+    # If nothing has changed, no object is the worst.
     worst = max(losses, key=losses.__getitem__) if any(losses.values()) else None
     # The change of the measure itself, like the one of the mean: a loss of PSNR is negative.
     changed = None if worst is None else sign * losses[worst]

@@ -39,8 +39,8 @@ class _Hits:
 class TexturedCaster:
     """Casts rays against one textured mesh that lies in the world's frame.
 
-    Colour is the texture (bilinear, in the file's own gamma) under a mild light that stands still in the world,
-    so that views agree with one another; faces are seen from both sides; the background is white.
+    Colour is the texture (bilinear, in the file's own gamma) under a mild light fixed in the world, so that views
+    agree; faces are seen from both sides; the background is white.
     """
 
     def __init__(self, textured: TexturedMesh) -> None:

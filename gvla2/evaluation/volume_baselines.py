@@ -1,6 +1,6 @@
 """Two plain ways to use depth maps, as rows beside the branch: carving, and a truncated signed distance field.
 
-Both get the very prior that the branch gets, and the masks. Neither estimates an error or keeps anything of G0.
+Both get the same prior as the branch, and the masks. Neither estimates an error or keeps anything of G0.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TRUNCATION = 6.0
 
 
 def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh | None:
-    """The visual hull less every voxel that lies before a depth map; None when nothing is left."""
+    """The visual hull without the voxels in front of a depth map; None when nothing is left."""
     field = hull_field(views, resolution)
     depth = prior.depth.astype(np.float64) * camera_scale(prior, views)
     values = field.values.copy()
@@ -43,7 +43,7 @@ def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) ->
     """A TSDF mean of the depth maps within the hull, each brought to the consensus by a scale and a shift.
 
     Four rounds: fit each map to the surface that all make (the hull at first) by the median of ratios and, from the
-    second round, a robust line; then take the mean anew.
+    second round, a robust line; then take the mean again.
     """
     hull = hull_field(views, resolution)
     maps = np.where(prior.depth > 0, prior.depth, np.nan) * camera_scale(prior, views)
@@ -93,7 +93,7 @@ def _mean(hull: Field, views: Views, maps: FloatArray) -> Field:
 
 
 def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
-    """How far behind the depth map each voxel lies along the camera's z, metres; NaN where nothing is known."""
+    """How far behind the depth map each voxel lies along the camera's z, metres; NaN where unknown."""
     shape = field.values.shape
     points = field.points(np.indices(shape).reshape(3, -1).T)
     uv, z = camera.project(points)
@@ -104,7 +104,7 @@ def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
 
 
 def mesh_of(field: Field) -> TriangleMesh | None:
-    """The zero of a field as a mesh without colours; None when it has none."""
+    """The zero level set of a field as a mesh without colours; None when it has none."""
     try:
         return surface_of(field)
     except (ValueError, GeometryError):

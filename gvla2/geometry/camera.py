@@ -61,7 +61,7 @@ class Camera:
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Project world points (..., 3) to pixels (..., 2) and depths (...); equation pi_i(p) of the paper.
 
-        Points on or behind the camera plane get NaN pixels; their depth is returned as it is.
+        Points on or behind the camera plane get NaN pixels; their depth is returned unchanged.
         """
         local = transform_points(self.camera_from_world, points)
         depth = local[..., 2]

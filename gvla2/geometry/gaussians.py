@@ -79,7 +79,7 @@ class Gaussians:
     @property
     def opacities(self) -> NDArray[np.float32]:
         """(N,) in [0, 1]."""
-        # tanh does not overflow, whatever the logit.
+        # tanh does not overflow for any logit.
         return np.asarray(0.5 + 0.5 * np.tanh(0.5 * self.opacity_logits), dtype=np.float32)
 
     @property
@@ -102,7 +102,7 @@ class Gaussians:
         return np.asarray(scaled @ scaled.transpose(0, 2, 1))
 
     def with_centres(self, centres: ArrayLike) -> Gaussians:
-        """The same Gaussians at other centres (N, 3); every other array is kept as it is, not copied."""
+        """The same Gaussians at other centres (N, 3); every other array is shared, not copied."""
         moved = np.asarray(centres, dtype=np.float32)
         if moved.shape != self.centres.shape:
             raise GeometryError(f"{len(self)} Gaussians cannot take centres of shape {moved.shape}.")

@@ -1,4 +1,4 @@
-"""GLB files: their axes, and moving their vertices while all else stays.
+"""GLB files: their axes, and moving their vertices while everything else stays.
 
 glTF is Y-up; ours is Z-up. Materials, texture coordinates, images, the scene graph, extensions and extras are
 never decoded: positions (and the normals that go with them) are changed where they lie in the binary chunk.
@@ -58,7 +58,7 @@ class _Placed:
 
 @dataclass(frozen=True)
 class GlbFile:
-    """A GLB file held in memory; ``positions`` and ``with_positions`` speak of the vertices of its whole scene."""
+    """A GLB file held in memory; ``positions`` and ``with_positions`` cover the vertices of its whole scene."""
 
     document: Document = field(repr=False)
     binary: bytes = field(repr=False)
@@ -68,7 +68,7 @@ class GlbFile:
     def read(cls, path: str | os.PathLike[str]) -> GlbFile:
         """Read and check a file.
 
-        Raises :class:`GeometryError`, naming the file, when it is absent, no GLB 2 file, truncated, without
+        Raises :class:`GeometryError`, naming the file, when it is absent, not a GLB 2 file, truncated, without
         vertices, or when its positions are compressed, quantised, sparse or not finite.
         """
         try:
@@ -176,7 +176,7 @@ def _turn(normals: FloatArray, before: FloatArray, after: FloatArray, faces: NDA
     a, b = _vertex_normals(before, faces), _vertex_normals(after, faces)
     axis, cosine = np.cross(a, b), np.einsum("ij,ij->i", a, b)[:, None]
     along = np.einsum("ij,ij->i", axis, normals)[:, None]
-    # Rodrigues' formula for the rotation a -> b; where a surface is turned right over, no axis is given.
+    # Rodrigues' formula for the rotation a -> b; a half turn leaves the axis undefined.
     turned = cosine * normals + np.cross(axis, normals) + axis * along / np.maximum(1 + cosine, 1e-9)
     return np.where(cosine > -0.999, turned, -normals)
 

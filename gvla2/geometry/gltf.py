@@ -39,9 +39,9 @@ def unpack(content: bytes) -> tuple[Document, bytes]:
     """The JSON document and the binary chunk of a GLB file's content."""
     magic, version, length = struct.unpack_from("<III", content)
     if magic != _MAGIC or version != 2:
-        raise GeometryError("it is no GLB file of glTF version 2.")
+        raise GeometryError("it is not a GLB file of glTF version 2.")
     if length > len(content):
-        raise GeometryError(f"it is truncated: {length} bytes are announced, it has {len(content)}.")
+        raise GeometryError(f"it is truncated: its header says {length} bytes, it has {len(content)}.")
     bodies: dict[int, bytes] = {}
     at = 12
     while at < length:
@@ -104,7 +104,7 @@ def _elements(
     stride = view.get("byteStride", kind.itemsize * width)
     offset = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
     if entry["count"] and offset + stride * (entry["count"] - 1) + kind.itemsize * width > len(binary):
-        raise GeometryError("it is truncated: vertices are announced beyond its end.")
+        raise GeometryError("it is truncated: vertices lie beyond its end.")
     return np.ndarray((entry["count"], width), kind, binary, offset, (stride, kind.itemsize))
 
 

@@ -54,7 +54,7 @@ def read_gso(model: Path, numbers: Sequence[int]) -> Views:
 def write_gso(model: str | os.PathLike[str], views: Views) -> None:
     """Write views as a model folder of the GSO-30 layout, numbered from 0.
 
-    The layout has no place for K: what reads it assumes the lens above. Raises :class:`OutputError`.
+    The layout cannot store K: readers assume the lens above. Raises :class:`OutputError`.
     """
     folder = Path(model)
     try:

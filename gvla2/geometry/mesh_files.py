@@ -1,8 +1,8 @@
 """Meshes in OBJ, GLB and PLY files, read and written by trimesh.
 
-GLB files are Y-up by their standard and are turned to our Z-up frame and back; OBJ and PLY state no axes and
-are taken as they are. Materials do not pass through a :class:`TriangleMesh`: to move the vertices of a GLB file
-and keep all else, use :func:`gvla2.geometry.glb.map_glb`.
+GLB files are Y-up by their standard and are turned to our Z-up frame and back; OBJ and PLY state no axes and are taken
+as they are. Materials do not pass through a :class:`TriangleMesh`: to move the vertices of a GLB file and keep
+everything else, use :func:`gvla2.geometry.glb.map_glb`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def read_mesh(path: str | os.PathLike[str]) -> TriangleMesh:
     try:
         scene = trimesh.load_scene(source, process=False, maintain_order=True)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    except Exception as error:  # trimesh raises whatever its parsers meet
+    except Exception as error:  # trimesh's parsers raise anything
         raise GeometryError(f"Cannot read a mesh from {source}: {type(error).__name__}: {error}") from error
     if not parts:
         raise GeometryError(f"Cannot read a mesh from {source}: it holds no triangles.")

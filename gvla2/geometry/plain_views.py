@@ -49,7 +49,7 @@ def find_cameras(place: Path) -> Path | None:
 
 
 def read_plain(cameras: Path, numbers: Sequence[int] | None = None) -> Views:
-    """The views that a file of cameras lists, or those of them at the given places; errors name the file."""
+    """The views that a file of cameras lists, or those at the given indices; errors name the file."""
     entries = _entries(cameras)
     if numbers is not None:
         absent = [n for n in numbers if n >= len(entries)]

@@ -1,7 +1,7 @@
 """Gaussians in PLY files, in the layout of 3D Gaussian splatting.
 
 float32 ``x y z nx ny nz f_dc_0..2 [f_rest_*] opacity(logit) scale_0..2(log) rot_0..3(wxyz)``. Other tools add
-properties of their own, so a file that was read is changed in place: xyz alone, every other byte is kept.
+properties of their own, so a file that was read is changed in place: only xyz, every other byte is kept.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class GaussianPly:
         return replace(self, gaussians=self.gaussians.with_centres(centres))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the file whole or not at all: the bytes that were read, but for centres that have changed.
+        """Write the file whole or not at all: the bytes that were read, except for changed centres.
 
         Raises :class:`gvla2.errors.OutputError`.
         """
@@ -66,7 +66,7 @@ class GaussianPly:
         centres = self.gaussians.centres
         records = np.frombuffer(content, self._dtype, len(centres), self._offset)
         for axis, name in enumerate(_XYZ):
-            # A file may hold doubles: what was not moved keeps all its digits.
+            # A file may hold doubles: unmoved centres keep all their digits.
             moved = centres[:, axis] != records[name].astype(np.float32)
             np.copyto(records[name], centres[:, axis], where=moved)
         write_whole(path, content)
@@ -102,13 +102,13 @@ def _vertices(source: Path, content: bytes) -> np.memmap[tuple[int], np.dtype[np
     """The vertex records as they lie in a complete file; ValueError and PlyParseError say what is wrong."""
     if re.match(rb"ply\s+(?:(?:comment|obj_info)[^\n]*\n)*format ascii", content):
         raise ValueError("it is an ASCII file and only binary ones are read; save it as binary PLY.")
-    ply = PlyData.read(str(source))  # maps the file, so that this reads the header alone
+    ply = PlyData.read(str(source))  # maps the file, so this reads only the header
     if "vertex" not in ply:
         raise ValueError(f"it has no element 'vertex', only {[element.name for element in ply]}.")
     vertices = ply["vertex"].data
     missing = [name for name in _REQUIRED if name not in (vertices.dtype.names or ())]
     if missing:
-        raise ValueError(f"it is no 3DGS file, its vertices lack {', '.join(missing)}.")
+        raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
     if len(vertices) == 0:
         raise ValueError("it holds no Gaussians.")
     if not isinstance(vertices, np.memmap):

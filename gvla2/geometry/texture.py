@@ -1,4 +1,4 @@
-"""What is painted on a surface, at the detail of the pixels that look at it."""
+"""Textures of a surface, filtered to the size of the pixels that see it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gvla2.geometry.textured_mesh import TexturedMesh
 from gvla2.geometry.transform import FloatArray
 
 LEVELS = 7
-"""Of a pyramid: from the image's own texels to 64 of them in one."""
+"""Levels of a pyramid: from the image's own texels to 64 of them in one."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Texture:
     ``density`` (F,) texels a metre; ``pyramids``: per image, levels (H, W, 3) float32 in [0, 1], each half of the
     one before.
 
-    A pixel that spans many texels shows their mean, as a camera's does; taking one of them would make noise of a
-    fine print. What no face uses of an image (often black) takes no part in the means.
+    A pixel that spans many texels shows their mean, as a camera's does; taking one of them would turn fine print into
+    noise. Unused parts of an image (often black) do not enter the means.
     """
 
     uv: NDArray[np.float32]
@@ -34,7 +34,7 @@ class Texture:
 
     @classmethod
     def of(cls, textured: TexturedMesh) -> Texture | None:
-        """The texture of a mesh; None where it has none."""
+        """The texture of a mesh; None if it has none."""
         if not textured.images:
             return None
         uv = np.asarray(textured.uv, dtype=np.float32)

@@ -22,7 +22,7 @@ GREY = 0.7
 
 @dataclass(frozen=True)
 class TexturedMesh:
-    """A triangle mesh and what is painted on it.
+    """A triangle mesh with textures and colours.
 
     ``mesh``: its vertices and faces, Z-up; ``uv`` (F, 3, 2) float32, texture coordinates of each face's corners,
     v upwards, repeating outside [0, 1]; ``texture`` (F,) int, the face's image, -1 for none; ``rgb`` (F, 3, 3)
@@ -47,7 +47,7 @@ class TexturedMesh:
         return replace(self, mesh=self.mesh.with_vertices((self.mesh.vertices - 0.5 * (low + high)) / side))
 
     def content_hash(self) -> str:
-        """Hexadecimal digest of all that can be seen, however the file is named."""
+        """Hexadecimal digest of everything visible, independent of the file name."""
         digest = hashlib.sha256()
         arrays: tuple[NDArray[Any], ...] = (
             self.mesh.vertices,
@@ -76,7 +76,7 @@ def read_textured_mesh(path: str | os.PathLike[str]) -> TexturedMesh:
         scene = trimesh.load_scene(source, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
         looks = [_look(part) for part in parts]
-    except Exception as error:  # trimesh raises whatever its parsers meet
+    except Exception as error:  # trimesh's parsers raise anything
         raise GeometryError(f"Cannot read a mesh from {source}: {type(error).__name__}: {error}") from error
     if not parts:
         raise GeometryError(f"Cannot read a mesh from {source}: it holds no triangles.")

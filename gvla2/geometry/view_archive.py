@@ -1,8 +1,8 @@
-"""Views in one file, ``views.npz``: exact, and without anything but numpy to read them.
+"""Views in one file, ``views.npz``: exact, readable with numpy alone.
 
-``names`` (S,) are the cameras' names. Arrays of view i: ``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i``
-(H, W, 3) uint8, and where the view has them ``depth_i`` (H, W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i``
-(H, W) bool. ``subject``, where there is one, says in words what the masks show.
+``names`` (S,) are the cameras' names. Arrays of view i: ``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i`` (H,
+W, 3) uint8, and where the view has them ``depth_i`` (H, W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i`` (H, W)
+bool. ``subject``, where there is one, names what the masks show.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def write_views(folder: str | os.PathLike[str], views: Views, subject: str = "")
 
 
 def subject_of(path: Path) -> str:
-    """What an archive's masks show, in words; "" where it does not say, or cannot be read."""
+    """What an archive's masks show; "" if it does not say, or cannot be read."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             return str(arrays["subject"]) if "subject" in arrays.files else ""
@@ -54,7 +54,7 @@ def subject_of(path: Path) -> str:
 
 
 def read_archive(path: Path, numbers: Sequence[int] | None = None) -> Views:
-    """The views of an archive, or those at the given places; raises :class:`GeometryError`, naming the file."""
+    """The views of an archive, or those at the given indices; raises :class:`GeometryError`, naming the file."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             names = [str(name) for name in arrays["names"]]

@@ -1,6 +1,6 @@
 """Folders of calibrated views, in and out.
 
-Three kinds are read, told apart by what lies there:
+Three kinds are read, recognised by their files:
 
 * ``cameras.json`` or ``cameras.npz``: our plain folder, see :mod:`gvla2.geometry.plain_views`;
 * ``views.npz``: what a robot run stores, and :func:`write_views` writes;
@@ -44,7 +44,7 @@ def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: in
     if not place.is_dir():
         raise GeometryError(f"Cannot read views from {place}: there is no such folder.")
     if size is not None and size < 8:
-        raise GeometryError(f"Views cannot be resized to {size} pixels; 8 is the least.")
+        raise GeometryError(f"Views cannot be resized to {size} pixels; the minimum is 8.")
     cameras, model = find_cameras(place), find_model_folder(place)
     if cameras is not None:
         views = read_plain(cameras, None if spec is None else parse_view_spec(spec))

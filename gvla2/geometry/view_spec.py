@@ -1,4 +1,4 @@
-"""The short words in which views and axis changes are written: ``0-4,7`` and ``perm012_signpnn``."""
+"""The short notation for views and axis changes: ``0-4,7`` and ``perm012_signpnn``."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def parse_axis_word(word: str) -> FloatArray:
 
 
 def parse_rotation_word(word: str) -> FloatArray:
-    """(3, 3) rotation of a transform word; a :class:`ConfigurationError` for a mirror, since no shape is turned so."""
+    """(3, 3) rotation of a transform word; a :class:`ConfigurationError` for a mirror, which is not a rotation."""
     matrix = parse_axis_word(word)
     if np.linalg.det(matrix) < 0:
         raise ConfigurationError(
-            f"The axis transform '{word}' is mirrored (determinant -1); flip one sign more."
+            f"The axis transform '{word}' is mirrored (determinant -1); flip one more sign."
         )
     return matrix

@@ -77,10 +77,10 @@ class Views:
 class Observation:
     """What a robot knows at one moment: its cameras' views and its own measured hand.
 
-    ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the
-    fingers' motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the
-    same in metres. Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it,
-    takes the same moment's pictures with more pixels, for people alone: see :meth:`pictured`.
+    ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the fingers'
+    motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the same in metres.
+    Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it, takes the same
+    moment's pictures with more pixels, only for people: see :meth:`pictured`.
     """
 
     views: Views
@@ -91,7 +91,7 @@ class Observation:
     finer: Callable[[], Views] | None = field(default=None, repr=False, compare=False)
 
     def pictured(self) -> Views:
-        """The views to draw for people: the finer ones where there are any, by the cameras' believed poses."""
+        """The views to draw for people: the finer ones if available, at the cameras' believed poses."""
         if self.finer is None:
             return self.views
         return Views(

@@ -3,8 +3,8 @@
     env = gymnasium.make("gvla2.gym:gvla2/pick_and_lift-v0")     # names the package to import, or
     import gvla2.gym; env = gymnasium.make("gvla2/pick_and_lift-v0")
 
-Gymnasium finds the environments of other packages by importing them, so that importing this one registers them. It
-is the only package of gvla2 that does anything when it is imported, and no other imports it.
+Gymnasium finds the environments of other packages by importing them, so importing this one registers them. It is the
+only package of gvla2 with a side effect on import, and no other imports it.
 """
 
 from typing import Any

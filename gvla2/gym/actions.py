@@ -1,4 +1,4 @@
-"""Actions: waypoints, or small changes of the joints, as numbers in the ranges that learners like."""
+"""Actions: waypoints, or small changes of the joints, as numbers in the ranges usual for reinforcement learning."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class WaypointActions:
 
 @dataclass(frozen=True)
 class JointDeltas:
-    """A number a joint in [-1, 1], its change in units of ``step`` radians, and the gripper's opening in [0, 1].
+    """A number per joint in [-1, 1], its change in units of ``step`` radians, and the gripper's opening in [0, 1].
 
     The robot keeps within its joints' limits, whatever is asked for.
     """

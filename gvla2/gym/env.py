@@ -1,4 +1,4 @@
-"""The environment: one task on one robot, a waypoint or a change of the joints a step."""
+"""The environment: one task on one robot, one waypoint or joint change per step."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
     ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.actions.WaypointActions`), which the robot's
-    own motion planner and executor carry out: straight where they can, else around the table and the arm itself. What
-    lies on the table is no obstacle: minding it is up to the agent. A waypoint that cannot be reached moves nothing,
-    costs its step, and is told in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the joints'
-    targets (see :class:`gvla2.gym.actions.JointDeltas`), 20 times a second; nothing is planned or checked.
+    own motion planner and executor carry out: straight where they can, else around the table and the arm itself.
+    Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
+    nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
+    joints' targets (see :class:`gvla2.gym.actions.JointDeltas`), 20 times a second; nothing is planned or checked.
 
     The observation holds ``tcp``, ``gripper`` and ``joints``, and with ``obs_mode="rgbd"`` what the cameras see
     (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
@@ -75,10 +75,10 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     ) -> None:
         """Build task and robot by name, with their options as on the command line.
 
-        ``image_size`` (pixels) and ``cameras`` (names) are options of the robot, here for short; a task may ask for
+        ``image_size`` (pixels) and ``cameras`` (names) are shortcuts for options of the robot; a task may ask for
         larger images than that. ``speed`` of the tool in m/s, for waypoints; ``joint_step`` in radians, what 1 means in
-        an action of joint changes. Raises :class:`gvla2.errors.UnknownComponentError` and
-        :class:`ConfigurationError` for names and options that there are not.
+        an action of joint changes. Raises :class:`gvla2.errors.UnknownComponentError` and :class:`ConfigurationError`
+        for names and options that do not exist.
         """
         for name, value, known in (
             ("profile", profile, Profile),
@@ -103,7 +103,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         if needs := registry.get("robot", robot).needs:
             raise ConfigurationError(
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
-                "eyes of its own and a referee."
+                f"cameras of its own and a referee."
             )
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
@@ -121,7 +121,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             low, high = self.actions.bounds
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         try:
-            stepper = self._lay_out(0, None)  # how large the images are, the cameras themselves know
+            stepper = self._lay_out(0, None)  # the cameras themselves know how large the images are
             shown = picture_space(stepper.seen.views) if self._pictures else body_space()
             self.observation_space = gymnasium.spaces.Dict({**shown, **joint_space(self.arm)})
         except BaseException:
@@ -147,7 +147,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
 
     @property
     def observation(self) -> Observation:
-        """What the robot saw last, as perceivers and planners of gvla2 take it."""
+        """The robot's last observation, in the form that gvla2's perceivers and planners take."""
         return self._running().seen
 
     @property
@@ -160,7 +160,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Begin an episode: that of ``seed``, or without one the next of the generator seeded last."""
+        """Begin an episode: that of ``seed``, or without one the next from the generator seeded last."""
         super().reset(seed=seed)
         chosen = int(self.np_random.integers(2**31)) if seed is None else seed
         unknown = set(options or {}) - {INSTRUCTION}
@@ -199,7 +199,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         return None if self.render_mode is None else self.observation.views[0].image.copy()
 
     def close(self) -> None:
-        """Let go of the simulator; safe to call twice."""
+        """Release the simulator; safe to call twice."""
         self._instance = self._stepper = None
         self._robot.close()
 
@@ -212,8 +212,8 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             )
         if not self._pictures and len(instance.layout.bodies) > MOST_BODIES:
             raise ConfigurationError(
-                f"This episode has {len(instance.layout.bodies)} bodies, and obs_mode='state' tells of {MOST_BODIES} "
-                "at most: ask for fewer distractors, or for obs_mode='rgbd'."
+                f"This episode has {len(instance.layout.bodies)} bodies, and obs_mode='state' has room for "
+                f"{MOST_BODIES}: ask for fewer distractors, or for obs_mode='rgbd'."
             )
         self._instance, seen = instance, self._robot.observe()
         if isinstance(self.actions, WaypointActions):
@@ -222,11 +222,11 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
 
     def _running(self) -> WaypointStepper | JointStepper:
         if self._stepper is None:
-            raise RobotError("No episode is under way: call reset() first.")
+            raise RobotError("No episode is running: call reset() first.")
         return self._stepper
 
     def _look(self, stepper: WaypointStepper | JointStepper) -> None:
-        """Note what the policy is shown, and what is told beside it."""
+        """Note the policy's observation and info."""
         assert self._instance is not None
         measured = joint_arrays(stepper.state, self.arm)
         told: dict[str, Any]

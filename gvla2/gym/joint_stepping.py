@@ -19,7 +19,7 @@ RATE = 20.0
 
 
 class JointStepper:
-    """Drives the arm for a twentieth of a second an action; ``state`` is what was measured last.
+    """Drives the arm for a twentieth of a second per action; ``state`` is the last measurement.
 
     Nothing is planned or checked, and pictures are taken only when ``seen`` is asked for.
     """
@@ -49,8 +49,8 @@ class JointStepper:
     def step(self, action: ArrayLike) -> SuccessCheck:
         """Drive on, and look whether the goal is reached.
 
-        A goal that is passed through does not count: where one looks reached the arm holds still until the referee has
-        judged. Raises :class:`gvla2.errors.RobotError` when the simulation has blown up.
+        Passing through a goal does not count: where it looks reached, the arm holds still until the referee has judged.
+        Raises :class:`gvla2.errors.RobotError` when the simulation has blown up.
         """
         joints, opening = self._actions.target(action, self._target, self.state.joints)
         self.state = self._servo.servo(joints, opening, 1.0 / RATE)

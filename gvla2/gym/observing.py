@@ -18,7 +18,7 @@ from gvla2.robot.driver import DriverState
 from gvla2.robot.task import WorldState
 
 MAX_DEPTH = 10.0
-"""Metres; what is further away counts as not measured."""
+"""Metres; anything further away counts as not measured."""
 
 BEYOND = 1.0
 """How far outside the workspace the tool may be seen, metres."""
@@ -106,7 +106,9 @@ def cameras(views: Views) -> dict[str, Arrays]:
 
 def _pose(world_from_frame: FloatArray) -> NDArray[np.float32]:
     turn = Rotation.from_matrix(world_from_frame[:3, :3]).as_quat()
-    if turn[0] < 0:  # not w: it is near 0 for every hand that points down, so that its sign would flip about
+    if (
+        turn[0] < 0
+    ):  # not w: it is near 0 for every hand that points down, so its sign would flip back and forth
         turn = -turn
     return np.concatenate([world_from_frame[:3, 3], np.clip(turn, -1.0, 1.0)]).astype(np.float32)
 

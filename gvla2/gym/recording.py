@@ -21,19 +21,19 @@ Step = dict[str, Any]
 
 
 class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[np.float32]]):
-    """Keeps every episode in a folder of its own below ``folder``, which must be empty or missing.
+    """Stores every episode in a folder of its own below ``folder``, which must be empty or missing.
 
-    A frame a step, and one of the beginning: the first camera's picture, the measured joints and opening. With
-    ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is there once it ended,
-    was left by :meth:`reset`, or by :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that
-    succeeded. The film needs the extra ``[export]``. Raises :class:`ConfigurationError` for an environment that is none
-    of gvla2's, or shows no pictures, and :class:`OutputError` for a folder that holds something.
+    One frame per step, and one at the start: the first camera's picture, the measured joints and opening. With
+    ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is stored when it ends,
+    or is left by :meth:`reset` or :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded.
+    The film needs the extra ``[export]``. Raises :class:`ConfigurationError` for an environment that is not gvla2's or
+    shows no images, and :class:`OutputError` for a folder that is not empty.
     """
 
     def __init__(self, env: gymnasium.Env[Step, NDArray[np.float32]], folder: str | Path) -> None:
         super().__init__(env)
         if not isinstance(env.unwrapped, TaskEnv) or not env.unwrapped.shows_pictures:
-            raise ConfigurationError("Rollouts are kept of gvla2's own environments, with obs_mode='rgbd'.")
+            raise ConfigurationError("Only gvla2's own environments, with obs_mode='rgbd', can be recorded.")
         self._task = env.unwrapped
         self._folder = make_folder(Path(folder))
         if any(self._folder.iterdir()):
@@ -70,7 +70,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         return seen, float(reward), terminated, truncated, info
 
     def close(self) -> None:
-        """Keep what is under way, and let go of the simulator."""
+        """Store the running episode, and release the simulator."""
         self._keep()
         super().close()
 

@@ -1,4 +1,4 @@
-"""Which environments there are: one a task, by the task's name."""
+"""The available environments: one per task, by the task's name."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from gvla2.errors import MissingDependencyError
 NAMESPACE, VERSION = "gvla2", 0
 
 MAX_STEPS = 40
-"""Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` has its own."""
+"""Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` overrides it."""
 
 NO_TASK = "none"
-"""The null choice of the kind ``task``: nothing to do is no environment."""
+"""The null choice of the kind ``task``: without a task there is no environment."""
 
 
 def env_id(task: str) -> str:
@@ -20,7 +20,7 @@ def env_id(task: str) -> str:
 
 
 def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
-    """Tell Gymnasium of every installed task, and return the identifiers.
+    """Register every installed task with Gymnasium, and return the identifiers.
 
     What is registered already stays as it is, so that calling it again after installing a plugin is fine. No plugin
     is built: simulators and their libraries are loaded by ``gymnasium.make``. Raises

@@ -17,10 +17,10 @@ from gvla2.robot.driver import DriverState
 from gvla2.robot.report import WaypointReport
 
 SAME_GRIP = 0.02
-"""A command that differs less from the last one leaves the fingers as they are: what they squeeze stays squeezed."""
+"""A command that differs less from the last one leaves the fingers as they are: a grasp keeps its grip."""
 
 NOT_MOVED = ("unreachable", "no_path", "collision")
-"""Why a motion was not even begun."""
+"""Why a motion was not started."""
 
 _TOLD = (
     "stage",
@@ -37,9 +37,9 @@ _TOLD = (
 
 
 class WaypointStepper:
-    """Sends waypoints one by one; ``seen`` and ``report`` are the last observation and what became of the last one.
+    """Sends waypoints one by one; ``seen`` and ``report`` are the last observation and the result of the last one.
 
-    The executor begins each time from what is measured: what the fingers were told last is remembered here.
+    The executor starts each time from measurements: the last finger command is remembered here.
     """
 
     def __init__(
@@ -53,17 +53,17 @@ class WaypointStepper:
 
     @property
     def state(self) -> DriverState:
-        """The robot as it was measured last."""
+        """The robot's last measured state."""
         return DriverState(self.seen.joints, self.seen.gripper_width)
 
     @property
     def told(self) -> dict[str, Any]:
-        """What became of the last waypoint; without its times, which differ from run to run."""
+        """The result of the last waypoint, without its times, which differ from run to run."""
         report = self.report
         return {"waypoint": {} if report is None else {name: getattr(report, name) for name in _TOLD}}
 
     def step(self, action: ArrayLike) -> SuccessCheck:
-        """Bring the tool to a pose, then the fingers to an opening; the referee's word on the result.
+        """Bring the tool to a pose, then the fingers to an opening; returns the referee's verdict.
 
         Raises :class:`gvla2.errors.RobotError` when the simulation has blown up, and :class:`ConfigurationError` when
         the robot has no referee.

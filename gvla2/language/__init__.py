@@ -1,12 +1,12 @@
 """Language models at any OpenAI-compatible address: the ground floor for planners, verifiers and inducers.
 
 A component that asks a model says ``needs=("language",)`` and gets the run's :class:`LanguageModel` (Hydra group
-``language``). It asks for text by :meth:`LanguageModel.complete`, and for an answer of a certain kind by
+``language``). It asks for text by :meth:`LanguageModel.complete`, and for a typed answer by
 
     found = ask_typed(language, [{"role": "user", "content": "..."}], parse, purpose="plan", schema={...})
     found.answer, found.transcript          # or a LanguageModelError
 
-Nothing here knows what the models are asked about.
+Nothing here depends on what the models are asked about.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ _HOMES = (
 
 
 def __getattr__(name: str) -> object:
-    """Load a name's module when it is asked for: `gvla2 plugins` wants the options without what talks to servers."""
+    """Load a name's module when it is asked for: `gvla2 plugins` needs the options without the client code."""
     for module, *names in _HOMES:
         if name in names:
             return getattr(import_module(f"{__name__}.{module}"), name)

@@ -1,4 +1,4 @@
-"""Answers kept in a folder by what was asked."""
+"""Answers cached in a folder by request."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def digest(asked: Mapping[str, Any]) -> str:
 
 
 class AnswerCache:
-    """A folder of JSON documents that processes may share (``diskcache``; its oldest go beyond 1 GB).
+    """A folder of JSON documents that processes may share (``diskcache``; beyond 1 GB the oldest are dropped).
 
-    What cannot be read is treated as absent. A folder that cannot be written to loses answers, never a call.
+    Unreadable entries count as absent. If the folder is not writable, answers are not cached, but no call fails.
     """
 
     def __init__(self, folder: str) -> None:
@@ -30,7 +30,7 @@ class AnswerCache:
         self._usable = True
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """The document under the key, None where there is none or it is damaged."""
+        """The document under the key; None if it is missing or damaged."""
         found = self._use(lambda cache: cache.get(key))
         try:
             document = json.loads(found) if isinstance(found, str) else None
@@ -48,10 +48,10 @@ class AnswerCache:
         if not self._usable:
             return None
         try:
-            # Opened for each use, as threads come and go; waiting for the disk would cost 20 ms at each closing.
+            # Opened for each use, as threads come and go; syncing to disk would cost 20 ms at each close.
             with diskcache.Cache(self._folder, sqlite_synchronous=0) as cache:
                 return work(cache)
         except (OSError, sqlite3.Error, diskcache.Timeout) as error:
             self._usable = False
-            _log.warning("Answers of language models are not kept in %s: %s", self._folder, error)
+            _log.warning("Answers of language models are not cached in %s: %s", self._folder, error)
             return None

@@ -1,4 +1,4 @@
-"""An answer of a language model, read from the JSON of an OpenAI-compatible server."""
+"""A language model's answer, read from the JSON of an OpenAI-compatible server."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gvla2.language.reasoning import locate_answer, split_reasoning
 class Token:
     """One token of an answer.
 
-    ``spelt`` is its bytes (a token may end within a letter; ``text`` shows what can be shown). ``start`` is the byte of
-    the answer's UTF-8 where it begins, negative when it begins before the answer does.
-    ``alternatives`` are (text, natural log-probability) of what the model might have said here, the token itself
-    included, most likely first as the server sent them; values may be -inf or NaN where a server sent such.
+    ``spelt`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
+    byte of the answer's UTF-8 where it begins, negative when it begins before the answer does. ``alternatives`` are
+    (text, natural log-probability) of what the model might have said here, the token itself included, most likely first
+    as the server sent them; values may be -inf or NaN if the server sent them.
     """
 
     spelt: bytes
@@ -48,9 +48,9 @@ class Completion:
 
     ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` belong to ``text``, never to the
     reasoning, and cover it from the first token's ``start`` to its end; empty when the server gave no
-    log-probabilities, or none that spell the answer. ``finish`` is the server's word ("stop", "length").
+    log-probabilities, or none that spell the answer. ``finish`` is the server's finish reason ("stop", "length").
     ``latency`` in seconds, with retries; a ``cached`` answer was not asked for again and cost nothing. ``unmet`` names
-    what was wished for and not had: "logprobs", "schema", "grammar", "system_role".
+    what was requested but not supported: "logprobs", "schema", "grammar", "system_role".
     """
 
     text: str
@@ -145,7 +145,7 @@ def _token(entry: Mapping[str, Any], piece: bytes, start: int) -> Token:
 
 
 def _bytes(entry: Mapping[str, Any]) -> bytes:
-    """A token's bytes as the server spells them, else its text, with the blanks of raw vocabularies as blanks."""
+    """A token's bytes as the server spells them, else its text, with raw vocabularies' space markers as spaces."""
     spelt = entry.get("bytes")
     if isinstance(spelt, Sequence) and not isinstance(spelt, str):
         try:
@@ -157,7 +157,7 @@ def _bytes(entry: Mapping[str, Any]) -> bytes:
 
 
 def _number(value: object) -> float:
-    """A log-probability; NaN for what is none."""
+    """A log-probability; NaN if it is not a number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return math.nan
     try:
@@ -178,5 +178,5 @@ def _usage(counts: object) -> Usage:
 
 
 def _count(value: object) -> int | None:
-    """A count of tokens, None for what is none."""
+    """A count of tokens; None if it is not one."""
     return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else None

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _UNKNOWN, _BROKEN = (400, 422), 500
-"""How servers answer a wish that they do not know, and a system role that a template breaks over."""
+"""Statuses of servers that do not know an option, or whose template fails on a system role."""
 
 
 class LanguageModel(Protocol):
-    """What planners, verifiers and inducers get of the run's ``language``: something that answers."""
+    """The run's ``language`` as planners, verifiers and inducers see it."""
 
     @property
     def ledger(self) -> Ledger:
-        """What was asked so far, by purpose."""
+        """The calls so far, by purpose."""
         ...
 
     def complete(self, request: Request, *, purpose: str) -> Completion:
@@ -48,9 +48,9 @@ class LanguageModel(Protocol):
 
 
 class Server(Protocol):
-    """Who answers. :class:`EndpointOptions` is one that runs already; another may be started when it is needed.
+    """A server. :class:`EndpointOptions` is one that already runs; others may be started when needed.
 
-    ``model`` is its name, "" for the only one; ``identity`` tells the server from others in the cache.
+    ``model`` is the model's name, "" for the only one; ``identity`` distinguishes servers in the cache.
     """
 
     model: str
@@ -58,7 +58,7 @@ class Server(Protocol):
 
     @property
     def identity(self) -> str:
-        """The same for equal answers."""
+        """Equal for servers that give equal answers."""
         ...
 
     def address(self) -> str:
@@ -73,10 +73,9 @@ class Server(Protocol):
 class Endpoint:
     """A :class:`LanguageModel` at an OpenAI-compatible server. It keeps no connection: there is nothing to close.
 
-    Raises :class:`ConfigurationError` for options that cannot be or a key that is not set, and
-    :class:`MissingDependencyError` without the packages; it does not look for the server yet. What the server refuses
-    to do with an answer it is not asked for again. An answer's ``text`` may be empty, when the model spent
-    ``max_tokens`` on reasoning (``finish`` is then "length").
+    Raises :class:`ConfigurationError` for invalid options or a key that is not set, and :class:`MissingDependencyError`
+    without the packages; it does not contact the server yet. An option that the server refuses is not requested again.
+    An answer's ``text`` may be empty, when the model spent ``max_tokens`` on reasoning (``finish`` is then "length").
     """
 
     def __init__(self, options: AskingOptions, server: Server | None = None) -> None:
@@ -96,7 +95,7 @@ class Endpoint:
 
     @property
     def ledger(self) -> Ledger:
-        """What was asked so far, by purpose."""
+        """The calls so far, by purpose."""
         return self._ledger
 
     def complete(self, request: Request, *, purpose: str) -> Completion:
@@ -138,7 +137,7 @@ class Endpoint:
         address = self._server.address()
         answers = await self._ask_at(address, asked)
         lost = [i for i, a in enumerate(answers) if isinstance(a, ModelUnavailableError) and not a.reached]
-        # A server of ours that ended just after it was found is started again, elsewhere.
+        # A server of ours that stopped just after it was found is restarted at another address.
         if lost and (moved := self._server.address()) != address:
             for i, answer in zip(lost, await self._ask_at(moved, [asked[i] for i in lost]), strict=True):
                 answers[i] = answer
@@ -171,7 +170,7 @@ class Endpoint:
     async def _ask(
         self, client: openai.AsyncOpenAI, request: Request
     ) -> tuple[dict[str, Any], frozenset[str]]:
-        """The answer's JSON, and what could not be asked for: less and less, where the server refuses."""
+        """The answer's JSON, and the options left out: one after another, while the server refuses."""
         known = self._without
         wishes = [wish for wish in request.wishes(grammars=self._server.grammars) if wish not in known]
         first: ModelRefusedError | ModelUnavailableError | None = None
@@ -204,7 +203,7 @@ class Endpoint:
         return replace(answer, unmet=tuple(sorted(unmet)))
 
     def _kept(self, key: str, request: Request) -> Completion | None:
-        """A kept answer; what was kept and makes no sense is asked for anew."""
+        """A cached answer; an invalid one is requested again."""
         kept = (self._cache.get(key) if self._cache else None) or {}
         try:
             return self._read(kept["answer"], request, frozenset(kept["without"]), cached=True)
@@ -218,7 +217,7 @@ class Endpoint:
 
 
 def _run(work: Coroutine[Any, Any, T]) -> T:
-    """Run to the end in this thread, or in one of its own where a loop runs here already (a notebook)."""
+    """Run to completion in this thread, or in a new one if a loop already runs here (a notebook)."""
     try:
         asyncio.get_running_loop()
     except RuntimeError:

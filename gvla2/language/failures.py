@@ -1,4 +1,4 @@
-"""How asking a language model fails: it was not there, it refused, its answer makes no sense, or is of no use."""
+"""Failures of a language model: unavailable, refused, a malformed answer, or an unusable one."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from gvla2.errors import Gvla2Error
 
 
 class LanguageModelError(Gvla2Error):
-    """Root of the four failures below. ``transcript`` is what was said before, where it was a conversation."""
+    """Root of the four failures below. ``transcript`` is the conversation so far, if any."""
 
     transcript: tuple[Mapping[str, Any], ...] = ()
 
 
 class ModelUnavailableError(LanguageModelError):
-    """No answer could be had: no network, a time-out, too many requests after all retries, an error of the server.
+    """No answer was received: no network, a time-out, too many requests after all retries, an error of the server.
 
-    ``transient`` tells that asking again soon may help; ``status`` is HTTP's, 0 where there was no response;
-    ``reached`` is False where nobody listened at the address.
+    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response; ``reached`` is False if
+    nothing was listening at the address.
     """
 
     def __init__(
@@ -41,4 +41,4 @@ class MalformedAnswerError(LanguageModelError):
 
 
 class UnusableAnswerError(LanguageModelError):
-    """The model answered, again and again, and nothing that it said could be used."""
+    """The model answered every time, but no answer could be used."""

@@ -1,4 +1,4 @@
-"""Where a language model is and how it is to be asked."""
+"""Where a language model is and how it is asked."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class AskingOptions:
     model's reasoning; it and ``temperature`` are never sent when null, for models that refuse them (with ``extra`` =
     ``{max_completion_tokens: 4096}``).
 
-    ``cache`` is a folder for answers, empty for none: it holds what was said in full, and forgetting a memory does
-    not reach it. ``extra`` goes into each request as it is, for what one server alone understands
-    (``{chat_template_kwargs: {enable_thinking: false}}``).
+    ``cache`` is a folder for answers, empty for none: it holds what was said in full, and forgetting a memory does not
+    clear it. ``extra`` goes into each request as it is, for server-specific options (``{chat_template_kwargs:
+    {enable_thinking: false}}``).
     """
 
     timeout: float = 120.0
@@ -35,7 +35,7 @@ class AskingOptions:
     extra: dict[str, Any] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Raise :class:`ConfigurationError` for options that cannot be."""
+        """Raise :class:`ConfigurationError` for invalid options."""
         limits = {
             "timeout": (self.timeout, self.timeout > 0, "more than 0 seconds"),
             "retries": (self.retries, self.retries >= 0, "0 or more"),
@@ -56,10 +56,10 @@ class AskingOptions:
 class EndpointOptions(AskingOptions):
     """One OpenAI-compatible server (vLLM, Ollama, llama.cpp, a provider) and one of its models.
 
-    ``base_url`` ends in the version (``/v1``); the default is where vLLM listens. An empty ``model`` takes the one
-    that the server lists. ``api_key_env`` names the environment variable that holds the key; empty sends none, so
-    that a provider's key never reaches another server by accident. ``grammars`` tells that the server heeds
-    llama.cpp's ``grammar``, which other servers pass over in silence.
+    ``base_url`` ends in the version (``/v1``); the default is where vLLM listens. An empty ``model`` takes the one that
+    the server lists. ``api_key_env`` names the environment variable that holds the key; empty sends none, so that a
+    provider's key never reaches another server by accident. ``grammars`` says that the server supports llama.cpp's
+    ``grammar``, which other servers silently ignore.
     """
 
     base_url: str = "http://127.0.0.1:8000/v1"
@@ -69,7 +69,7 @@ class EndpointOptions(AskingOptions):
 
     @property
     def identity(self) -> str:
-        """What tells this server from others, in the cache and in messages."""
+        """Identifies this server in the cache and in messages."""
         return self.base_url.rstrip("/")
 
     def address(self) -> str:
@@ -87,7 +87,7 @@ class EndpointOptions(AskingOptions):
         return key
 
     def check(self) -> None:
-        """As for every model; and the address must be one, and hold no secret, since configurations are shown."""
+        """As for every model; the address must also be valid and hold no secret, since configurations are shown."""
         super().check()
         try:
             parts = urlsplit(self.base_url)
@@ -96,7 +96,7 @@ class EndpointOptions(AskingOptions):
             sound = False
         if not sound:
             raise ConfigurationError(
-                f"base_url is '{self.base_url}', which is no address of a server. It should look like "
+                f"base_url is '{self.base_url}', which is not a server's address. It should look like "
                 "http://127.0.0.1:8000/v1."
             )
         if "@" in parts.netloc:

@@ -27,7 +27,7 @@ def split_reasoning(content: str) -> tuple[str, str]:
 
 
 def locate_answer(stream: bytes, answer: str, reasoning: str) -> tuple[int, int] | None:
-    """Where the answer lies in a stream of tokens that may hold the reasoning too, and what of it was found.
+    """Where the answer lies in a stream of tokens that may hold the reasoning too.
 
     Gives (offset in the stream, offset in the answer), in bytes, of the answer's beginning; or of its last stretch of
     ASCII, where a server's tokens do not spell the rest. None when the end of the stream is not the end of the

@@ -1,4 +1,4 @@
-"""One question, and how it is put into JSON for a server that may not take all of it."""
+"""One question, and its JSON for a server that may not support all of it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Message = Mapping[str, Any]
 """``{"role": "system" | "user" | "assistant", "content": str | parts}``; parts as OpenAI has them: text, images."""
 
 TOP_LOGPROBS, FEW_LOGPROBS = 20, 5
-"""The most alternatives a token that the interface allows, and what some servers stop at."""
+"""The most alternatives per token that the API allows, and the limit of some servers."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """One question. What of the wishes a server does not take is left out, and named in ``Completion.unmet``.
+    """One question. Options that a server does not support are left out, and named in ``Completion.unmet``.
 
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
-    holds the answer to a form; where the server heeds grammars, a grammar goes before a schema. The same ``seed`` gives
-    the same answer where the server supports it; different seeds are different questions to the cache.
+    constrains the answer; where the server supports grammars, a grammar takes precedence over a schema. The same
+    ``seed`` gives the same answer where the server supports it; different seeds are different questions to the cache.
     ``temperature`` and ``max_tokens`` None take the endpoint's; where those are null, neither is sent.
     """
 
@@ -35,7 +35,7 @@ class Request:
     grammar: str | None = None
 
     def body(self, options: AskingOptions, without: frozenset[str], *, grammars: bool) -> dict[str, Any]:
-        """The request's JSON but for the model, ``without`` what the server was found not to take."""
+        """The request's JSON but for the model, ``without`` the options that the server refused."""
         system = "system_role" not in without
         given: dict[str, Any] = {
             "messages": [sendable(m) for m in (self.messages if system else without_system(self.messages))],
@@ -55,7 +55,7 @@ class Request:
         return {name: value for name, value in given.items() if value is not None}
 
     def wishes(self, *, grammars: bool) -> list[str]:
-        """What of it a server may not take, likeliest first; "alternatives" is more than a few a token."""
+        """Options that a server may refuse, likeliest first; "alternatives" means more than a few per token."""
         wished = {
             "schema": self.schema is not None and not (grammars and self.grammar),
             "alternatives": self.logprobs,
@@ -88,7 +88,7 @@ def without_system(messages: Sequence[Message]) -> list[dict[str, Any]]:
 
 
 def sendable(value: Any) -> Any:
-    """As JSON that UTF-8 can carry: halves of characters, as damaged logs have them, become question marks."""
+    """As JSON that UTF-8 can encode: lone surrogates, as in damaged logs, become question marks."""
     if isinstance(value, str):
         return value.encode(errors="replace").decode()
     if isinstance(value, Mapping):

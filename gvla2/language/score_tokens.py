@@ -17,7 +17,7 @@ from gvla2.language.completion import Token
 
 LETTERS = ascii_uppercase[:20]
 ENOUGH_MASS = 0.5
-"""Below this share of probability on valid letters, what the model would say is not what it did say."""
+"""Below this probability of valid letters, the distribution does not reflect the answer given."""
 
 _TAG = re.compile(r"<score>([^<]{0,32}?)(?:</score>|\Z)", re.IGNORECASE | re.ASCII)
 _CLOSING = "</score>"
@@ -48,7 +48,7 @@ def phi(letter: str) -> float:
 
 
 def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
-    """The score that an answer's last tag gives; ``tokens`` as :class:`gvla2.language.Completion` has them."""
+    """The score in an answer's last tag; ``tokens`` as :class:`gvla2.language.Completion` has them."""
     tags = list(_TAG.finditer(text))
     if not tags:
         return TokenScore(0.5, 0.0, "midpoint")
@@ -74,7 +74,7 @@ def _letters(tokens: Sequence[Token], at: int) -> dict[str, float]:
     found: dict[str, float] = {}
     for alternative, logprob in token.alternatives:
         letter = _letter(alternative, before.strip(_AROUND))
-        if letter and logprob < 1e-3:  # servers round to a little above zero; NaN is not below anything
+        if letter and logprob < 1e-3:  # servers may round to slightly above zero; NaN compares false
             found[letter] = found.get(letter, 0.0) + math.exp(min(logprob, 0.0))
     return found
 

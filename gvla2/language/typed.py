@@ -1,4 +1,4 @@
-"""A question whose answer must be of a certain kind: asked again, with reasons, until it is."""
+"""A question whose answer must parse: asked again, with the reason, until it does."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gvla2.language.request import Message, Request
 T = TypeVar("T")
 
 LONGEST_SHOWN = 2_000
-"""Characters of a rejected answer that go back to its author: an endless one would push the question out of sight."""
+"""Characters of a rejected answer that are sent back: an endless one would push the question out of context."""
 _STARTS = 200
 """Brackets that :func:`json_in` tries at most."""
 _OPENING = re.compile(r"[{\[]")
@@ -29,11 +29,11 @@ _OPENING = re.compile(r"[{\[]")
 
 @dataclass(frozen=True)
 class Answered(Generic[T]):
-    """A parsed answer, ``votes`` of ``samples`` that agreed on it, and all that was said on the way.
+    """A parsed answer, the ``votes`` of ``samples`` that agreed on it, and the whole conversation.
 
-    ``transcript`` is plain JSON, one mapping a call, ready for a plan's record: ``prompt`` (the messages that the call
-    added), ``answer``, ``rejected`` (why, "" where it was not), ``prompt_tokens``, ``completion_tokens``, ``seconds``,
-    ``cached``, ``seed``, ``temperature``, ``unmet``. It is data, whatever it says.
+    ``transcript`` is plain JSON, one mapping per call, ready for a plan's record: ``prompt`` (the messages that the
+    call added), ``answer``, ``rejected`` (why, "" if it was not), ``prompt_tokens``, ``completion_tokens``,
+    ``seconds``, ``cached``, ``seed``, ``temperature``, ``unmet``. It is untrusted data.
     """
 
     answer: T
@@ -58,15 +58,15 @@ def ask_typed(
     warmth: float = 0.7,
     max_tokens: int | None = None,
 ) -> Answered[T]:
-    """Ask until ``parse`` takes the answer; it raises :class:`ValueError` with a sentence that says what is wrong.
+    """Ask until ``parse`` accepts the answer; it raises :class:`ValueError` with a sentence on what is wrong.
 
     The rejected answer and the sentence go back to the model, with another seed and at least the temperature
-    ``warmth``: at 0 the same wrong answer comes back word for word. Of ``samples`` answers a try (the first at
-    ``temperature``, the others warm) the one that most agree on is taken, as ``same`` tells them apart, and the
-    first of those where votes are even. An answer that was cut off is rejected, whatever it says.
+    ``warmth``: at 0 the same wrong answer comes back word for word. Of ``samples`` answers per try (the first at
+    ``temperature``, the others warm) the majority wins, compared by ``same``; the first one breaks a tie. A truncated
+    answer is always rejected.
 
-    Raises :class:`UnusableAnswerError` after ``tries``, the last of which may have been damaged;
-    :class:`ModelUnavailableError` where the server broke off in the last; and any other :class:`LanguageModelError` at
+    Raises :class:`UnusableAnswerError` after ``tries``, even if the last one was damaged;
+    :class:`ModelUnavailableError` if the server broke off in the last; and any other :class:`LanguageModelError` at
     once; all with ``transcript``.
     """
     if tries < 1 or samples < 1:
@@ -98,7 +98,7 @@ def ask_typed(
 
 
 class _Tried(Generic[T]):
-    """One answer: ``parsed`` holds what it means, or ``why`` says what is wrong with it."""
+    """One answer: ``parsed``, or ``why`` it could not be."""
 
     def __init__(self, parse: Callable[[str], T], answer: Completion | LanguageModelError) -> None:
         self.completion = answer if isinstance(answer, Completion) else Completion("")
@@ -135,14 +135,14 @@ class _Tried(Generic[T]):
         }
 
     def correction(self) -> tuple[Message, ...]:
-        """What to tell the author."""
+        """The message that asks for a correction."""
         said = self.said if len(self.said) <= LONGEST_SHOWN else f"{self.said[:LONGEST_SHOWN]} ..."
-        words = f"That answer cannot be used. {self.why}\nAnswer the question again, in the form that was asked for."
+        words = f"That answer cannot be used. {self.why}\nAnswer the question again in the requested form."
         return {"role": "assistant", "content": said}, {"role": "user", "content": words}
 
 
 def _may_pass(failure: LanguageModelError) -> bool:
-    """Whether the next try may fare better: the response was damaged, or broke off."""
+    """Whether a retry may succeed: the response was damaged, or broke off."""
     if isinstance(failure, ModelUnavailableError):
         return failure.transient and not failure.status
     return isinstance(failure, MalformedAnswerError)
@@ -154,7 +154,7 @@ def _with(transcript: Sequence[Mapping[str, Any]], failure: LanguageModelError) 
 
 
 def _shown(content: Any) -> Any:
-    """A message's content for the record: images are named by their size, not kept."""
+    """A message's content for the record: images are replaced by their size."""
     if not isinstance(content, list | tuple):
         return content
     texts = (part.get("text") or f"[{part.get('type')}, {len(str(part))} characters]" for part in content)
@@ -165,7 +165,7 @@ def json_in(text: str) -> Any:
     """The longest JSON object or array of an answer, which may stand in a code fence or between other words.
 
     Raises :class:`ValueError` with a sentence for the model when there is none, or when one is broken or holds NaN or
-    Infinity: a sound part of a broken whole is not what was meant.
+    Infinity: a valid part of broken JSON is not what was meant.
     """
     decoder = json.JSONDecoder(parse_constant=_no_number)
     best: tuple[int, Any] = (0, None)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import openai
 
 _BUSY = (408, 409, 429)
-"""Refusals that pass by themselves, like every 5xx; the package tries them again."""
+"""Transient refusals, like every 5xx; the package retries them."""
 
 _ADVICE = {
     401: "The key is missing or wrong: check api_key_env and the variable it names.",
@@ -114,7 +114,7 @@ def _status_failure(
         return ModelUnavailableError(
             f"{client.base_url} answered with status {status}: {said}", status=status
         )
-    advice = _ADVICE.get(status, "Check model, extra and what this server supports.")
+    advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
     return ModelRefusedError(
         f"{client.base_url} refused the request with status {status}: {said}. {advice}", status=status
     )

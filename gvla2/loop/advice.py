@@ -1,4 +1,4 @@
-"""What a planner is told before it plans: what memory recalled, and how earlier attempts of the episode failed."""
+"""The planner's advice: what memory recalled, and how earlier attempts of the episode failed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gvla2.skills.table import STANDARD
 
 
 def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
-    """Memory's text, effects and programs, then what failed attempts say, whose effects bind as memory's do."""
+    """Memory's text, effects and programs, then those of failed attempts, which bind in the same way."""
     context = record.recalled or MemoryContext()
     told = [(item.effect, item.id) for item in context.items if item.effect]
     effects = [Effect.from_json(effect, source) for effect, source in told if not _is_program(effect)]
@@ -40,7 +40,7 @@ def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) ->
 
 
 def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str, Skill]) -> list[Done]:
-    """What an attempt did of the parameters that last, where that was not enough."""
+    """The value that an attempt reached for a persistent parameter, where it was not enough."""
     plan, theme = attempt.plan, theme_of(attempt)
     if plan is None or theme is None or plan.skill not in skills:
         return []
@@ -51,7 +51,7 @@ def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str
 
 
 def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
-    """The context with effects that say nothing definite taken off their items, and one note each."""
+    """The context with ill-defined effects removed from their items, and one note each."""
     items, notes = [], []
     for item in context.items:
         try:
@@ -60,8 +60,8 @@ def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str
             elif item.effect:
                 Effect.from_json(item.effect)
         except PlanningError as error:
-            notes.append(f"The effect of the remembered '{item.id}' was passed over: {error}")
-            item = replace(item, effect=None)  # its words may still serve
+            notes.append(f"The effect of the remembered '{item.id}' was ignored: {error}")
+            item = replace(item, effect=None)  # its words may still help
         items.append(item)
     return replace(context, items=tuple(items)), tuple(notes)
 

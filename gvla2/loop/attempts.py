@@ -1,4 +1,4 @@
-"""Trying again within an episode: when, from where, and what becomes of the attempt before."""
+"""Retrying within an episode: when, from where, and what happens to the previous attempt."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 NO_MORE = ("not_started", "interrupted", "diverged")
-"""Ways to stop after which the same robot had better not move again by itself."""
+"""Stops after which the robot must not move again by itself."""
 
 RISE = 0.10
-"""Metres that the opened hand backs off straight up before it goes home, or as far as the workspace goes."""
+"""Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
 
 def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
-    """Whether to plan anew: something was executed, surely failed, and trying again means the same.
+    """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
-    "10 cm to the left" is said of where a thing stood: after a failed push or placement without a goal that can be seen
-    it means something else.
+    "10 cm to the left" refers to where a thing stood: after a failed push or placement without a visible goal it means
+    something else.
     """
     if record.verdict is None or record.verdict.outcome != "verified_fail" or record.plan is None:
         return False
@@ -38,7 +38,7 @@ def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD)
 
 
 def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
-    """Whether a part of the attempt goes by where a thing stood."""
+    """Whether a part of the attempt is relative to where a thing stood."""
     for part in record.whole:
         plan = part.plan
         if plan is None:
@@ -54,13 +54,13 @@ def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
 
 
 def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
-    """The record of the next attempt, which knows the ones before; instruction and memory's answer stay."""
+    """The record of the next attempt, which holds the ones before; instruction and memory's answer stay."""
     before = replace(record, attempts=())
     return record.afresh(attempts=(*record.attempts, before), parts=())
 
 
 def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
-    """The attempt before, which stands when this one ended before anything moved; a note says why it did."""
+    """The previous attempt, which counts when this one ended before anything moved; a note says why."""
     before, failure = record.attempts[-1], record.failure
     why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
     note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
@@ -72,7 +72,7 @@ def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
 def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionListener) -> str:
     """Open the hand where the attempt left it, rise and go home, so that the cameras see the table.
 
-    Returns "" or a sentence on what stood in the way; the next attempt then starts from where the arm is.
+    Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
     """
     assert attempt.after is not None
     scene = attempt.after_scene or attempt.scene
@@ -81,7 +81,7 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
     stopped = robot.execute(way, scene, listener).abort
     if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
         stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
-    return f"The arm did not get home before it looked again: {stopped.message}" if stopped else ""
+    return f"The arm did not reach home before the next look: {stopped.message}" if stopped else ""
 
 
 def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:
@@ -101,7 +101,7 @@ def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Traj
 
 
 def pooled(parts: list[Learned]) -> Learned:
-    """What memory made of all attempts, as one."""
+    """What memory learnt from all attempts, combined."""
     return Learned(
         added=tuple(i for p in parts for i in p.added),
         merged=tuple(i for p in parts for i in p.merged),

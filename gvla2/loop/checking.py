@@ -17,7 +17,7 @@ from gvla2.record.contents import EpisodeRecord
 
 
 def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckReport]:
-    """The report on the record's plan, and the record with the plan repaired where that made it pass."""
+    """The report on the record's plan, and the record with the plan repaired if that made it pass."""
     assert record.plan is not None
     assert record.plan.trajectory is not None
     assert record.scene is not None

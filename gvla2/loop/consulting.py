@@ -1,10 +1,10 @@
-"""Who plans: the planner, once more with what was wrong with its answer, then the fallback planner.
+"""Who plans: the planner, again with what was wrong with its answer, then the fallback planner.
 
-A planner that fails (no answer, no plan, rejected twice) or declines for want of means may be followed by another one.
-That is never silent: the plan names who stepped in, and a note says why.
+If a planner fails (no answer, no plan, rejected twice) or declines for lack of means, another one may follow. That is
+never silent: the plan names the one that stepped in, and a note says why.
 
-With ``agreement`` the fallback planner is asked about every instruction. Where both mean the same the planner's plan is
-taken; where they do not, the one of them that is sure decides; where neither is, nothing is done.
+With ``agreement`` the fallback planner is asked about every instruction. Where both agree the planner's plan is taken;
+where they do not, the confident one decides; if neither is confident, nothing is done.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FAILED = (LanguageModelError, PlanningError)
 
 @dataclass(frozen=True)
 class Asked:
-    """A planner, and what messages call it."""
+    """A planner, and its name in messages."""
 
     name: str
     planner: Planner
@@ -46,10 +46,10 @@ class Consultation:
     agreement: bool = False
 
     def plan(self, record: EpisodeRecord) -> EpisodeRecord:
-        """The record with a plan; an abstention that stands is its failure.
+        """The record with a plan; a final abstention is its failure.
 
-        An answer that is no plan is given back once, with what is wrong with it. Raises :class:`PlanningError`,
-        :class:`PlannerTimeoutError` or :class:`LanguageModelError` where nobody had a plan.
+        An invalid plan is returned to its planner once, with what is wrong with it. Raises :class:`PlanningError`,
+        :class:`PlannerTimeoutError` or :class:`LanguageModelError` if no planner had a plan.
         """
         try:
             record = self._answered(record, self.first)
@@ -77,18 +77,18 @@ class Consultation:
         return record
 
     def _compared(self, record: EpisodeRecord, fallback: Asked) -> EpisodeRecord:
-        """The record with what the two planners come to: see the module. One that gives way leaves the other's plan."""
+        """The record with the two planners' joint decision: see the module."""
         plan = record.plan
         assert plan is not None
         try:
             other = self._ask(record, fallback)
         except _FAILED as error:
-            return _noted(record, f"The fallback planner was to agree, and failed: {error}")
+            return _noted(record, f"The fallback planner was asked to agree, and failed: {error}")
         refusal = other.abstention
         if (refusal is not None and refusal.gives_way) or _alike(plan, other):
             return record
         if plan.abstention is not None and not plan.abstention.gives_way and not other.sure:
-            return record  # a refusal for good needs no second voice
+            return record  # a final refusal needs no second opinion
         if refusal is not None or other.sure or plan.abstention is not None:
             said = f"refused ({refusal.kind})" if refusal is not None else f"planned to {other.skill}"
             record = _noted(
@@ -97,7 +97,10 @@ class Consultation:
             )
             transcript = (*plan.transcript, *other.transcript)
             return replace(record, plan=replace(other, fallback=fallback.name, transcript=transcript))
-        words = f"'{self.first.name}' would {plan.skill}, '{fallback.name}' would {other.skill}, of other things or so."
+        words = (
+            f"'{self.first.name}' would {plan.skill}, '{fallback.name}' would {other.skill}, "
+            "with different objects or details."
+        )
         disagree = Abstention("ambiguous", f"The two planners read the instruction differently: {words}")
         return replace(record, plan=replace(plan, trajectory=None, abstention=disagree))
 
@@ -121,7 +124,7 @@ class Consultation:
     def _taken(
         self, record: EpisodeRecord, report: CheckReport, other: EpisodeRecord, fallback: Asked
     ) -> tuple[EpisodeRecord, CheckReport]:
-        """The fallback's plan, checked; where it has none either, the rejected one stands."""
+        """The fallback's plan, checked; if it has none either, the rejected one stays."""
         assert other.plan is not None
         if other.plan.abstention is not None:
             refusal = f"The fallback planner declined ({other.plan.abstention.kind}): {other.plan.abstention.message}"
@@ -137,7 +140,7 @@ class Consultation:
         )
 
     def _checked(self, record: EpisodeRecord, author: Asked) -> tuple[EpisodeRecord, CheckReport, bool]:
-        """The plan's report, of a second plan where the first was rejected; and whether another planner may try."""
+        """The plan's report (the second plan's if the first was rejected), and whether another planner may try."""
         record, report = check_plan(record, self.arm)
         if report.passed:
             return record, report, False
@@ -163,7 +166,7 @@ class Consultation:
         return record, report, True
 
     def _answered(self, record: EpisodeRecord, asked: Asked) -> EpisodeRecord:
-        """The record with the answer of one planner, asked twice where the first answer is no plan."""
+        """The record with one planner's answer; it is asked again if the first one is not a plan."""
         try:
             plan = self._ask(record, asked)
         except PlannerTimeoutError:
@@ -176,7 +179,7 @@ class Consultation:
         return replace(record, plan=plan)
 
     def _stepped_in(self, record: EpisodeRecord, fallback: Asked, why: str) -> EpisodeRecord:
-        """The record with the fallback's plan; the conversation of the planner before it is kept."""
+        """The record with the fallback's plan; the previous planner's conversation is kept."""
         said = record.plan.transcript if record.plan is not None else ()
         note = f"The planner '{self.first.name}' {why} The fallback planner '{fallback.name}' stepped in."
         record = _noted(replace(record, plan=None), note)
@@ -185,7 +188,7 @@ class Consultation:
         except _FAILED as error:
             late = isinstance(error, PlannerTimeoutError)
             kind = PlannerTimeoutError if late else PlanningError
-            raise kind(f"{note} It failed, too: {error}") from error
+            raise kind(f"{note} It failed too: {error}") from error
         assert record.plan is not None
         plan = replace(record.plan, fallback=fallback.name, transcript=(*said, *record.plan.transcript))
         return replace(record, plan=plan)

@@ -1,7 +1,7 @@
-"""Programs of several plans: going on after a part that went well, with what the scene has become.
+"""Programs of several plans: continuing after a successful part, in the changed scene.
 
 A planner may hand over more skill calls than one plan holds (open the drawer, then put the cube in). The loop carries
-out the plan, gets the hand out of the cameras' way, looks again, finds the objects of the remaining calls in the new
+out the plan, moves the hand out of the cameras' view, looks again, finds the objects of the remaining calls in the new
 scene, and plans on.
 """
 
@@ -24,7 +24,7 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.skills.carry_out import carry_out
 
 AT_HOME = 0.05
-"""How near the tool is to where it rests where the arm counts as out of the cameras' way, metres."""
+"""Distance from the tool to its rest position below which the arm is out of the cameras' view, metres."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Continuation:
     options: SkillOptions
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The next plan. Raises :class:`PlanningError` for one that leaves as much to do as there was before it."""
+        """The next plan. Raises :class:`PlanningError` for one that makes no progress."""
         plan = carry_out(self.calls, request, self.options)
         if plan.trajectory is not None and len(plan.remaining) >= len(self.calls):
             raise PlanningError(f"A plan for {_listed(self.calls)} carries out none of it.")
@@ -43,7 +43,7 @@ class Continuation:
 
 
 def goes_on(record: EpisodeRecord) -> bool:
-    """Whether there is more of the program, and nothing speaks against what was done of it."""
+    """Whether the program has more parts, and nothing suggests that the last one failed."""
     return (
         record.failure is None
         and record.plan is not None
@@ -64,14 +64,14 @@ def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
 
 
 def next_part(record: EpisodeRecord) -> EpisodeRecord:
-    """The record of the next part, which knows the ones before; instruction, memory's answer and notes stay."""
+    """The record of the next part, which holds the ones before; instruction, memory's answer and notes stay."""
     return record.afresh(parts=record.whole)
 
 
 def rest_of_program(record: EpisodeRecord) -> Continuation:
-    """What the part before left to do, with its ids as the record's scene has them.
+    """What the previous part left to do, with ids of the record's scene.
 
-    Raises :class:`PerceptionError` where an object of it was not seen again.
+    Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
     before = record.parts[-1]
     assert before.plan is not None
@@ -85,9 +85,9 @@ def rest_of_program(record: EpisodeRecord) -> Continuation:
 
 
 def _present_ids(before: EpisodeRecord, scene: Scene) -> dict[str, str]:
-    """Ids in ``scene`` by those that the part before was planned with.
+    """Ids in ``scene`` by the ids that the previous part was planned with.
 
-    Matched directly; what has changed too much for that, by way of what was seen when the part ended.
+    They are matched directly; objects that changed too much, via the scene seen when that part ended.
     """
     assert before.scene is not None
     found = {old: new.id for old, new in correspond(before.scene, scene).later.items()}
@@ -106,14 +106,14 @@ def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall
     if lost is not None:
         label = next((o.label for o in scene.objects if o.id == lost), "")
         what = f"'{label}' ({lost})" if label else lost
-        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the part before.")
+        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the previous part.")
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
 def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
-    """Get the hand out of the cameras' way before the next look, where it is in it; what it holds is set down first.
+    """Move the hand out of the cameras' view before the next look, if it is in it; a held object is set down first.
 
-    Returns "" or a sentence on what stood in the way.
+    Returns "" or a sentence on what prevented it.
     """
     assert part.after is not None
     rest = robot.arm.forward(robot.arm.home)[:3, 3]
@@ -126,13 +126,13 @@ def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: Execution
         assert scene is not None
         stopped = robot.execute(down, scene, listener).abort
         if stopped is not None:
-            return f"What the hand held could not be set down before the next part: {stopped.message}"
+            return f"The held object could not be set down before the next part: {stopped.message}"
         part = replace(part, after=robot.observe(), after_scene=None)  # it stands where it stood before
     return back_off(robot, part, listener)
 
 
 def _way_down(part: EpisodeRecord) -> Trajectory | None:
-    """Back along the way that the object in the hand was lifted, to where it was grasped; None with an empty hand."""
+    """Back along the path on which the held object was lifted, to where it was grasped; None with an empty hand."""
     assert part.plan is not None
     assert part.plan.trajectory is not None
     waypoints = part.plan.trajectory.waypoints
@@ -147,7 +147,7 @@ def _way_down(part: EpisodeRecord) -> Trajectory | None:
 
 
 def _set_down(grasped: Waypoint, held: str) -> Waypoint:
-    """Where the object was grasped is where it stands when the hand is there again."""
+    """An object is set down once the hand is back where it grasped it."""
     touching = grasped.allowed_contacts | {held, "table"}
     return replace(
         grasped, stage="set down", motion="linear", carries=held, allowed_contacts=touching, guard=None
@@ -155,9 +155,9 @@ def _set_down(grasped: Waypoint, held: str) -> Waypoint:
 
 
 def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, ...]:
-    """The parts as memory is told of them: a program that was parted is a success only where all of it was.
+    """The parts as reported to memory: a split program is a success only if every part was.
 
-    It is then told with the last part; no part alone vouches for it.
+    It is then reported with the last part; no single part vouches for it.
     """
     if len(parts) < 2 and not (parts and parts[0].partial):
         return tuple(parts)
@@ -172,10 +172,10 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
 
 
 def words_of_part(record: EpisodeRecord) -> str:
-    """What this part alone was to do, in words that are the user's or gvla2's own: "place the red cube in".
+    """What this part alone should do, in the user's or gvla2's own words: "place the red cube in".
 
-    A verifier must not hold a part to the whole sentence, and a perceived label must not speak to it as the user
-    does: of labels only words that the instruction has are kept.
+    A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user had
+    said it: only label words that occur in the instruction are kept.
     """
     plan, scene = record.plan, record.scene
     if plan is None or scene is None:

@@ -1,4 +1,4 @@
-"""Which object of a later scene is which of an earlier one: by looks and size, and by place where looks don't tell."""
+"""Which object of a later scene is which of an earlier one: by look and size, by place where looks are alike."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from gvla2.planning.scene import Scene, SceneObject
 
 MAX_DIFFERENCE = 1.0
-"""Two objects that differ by more are not the same thing."""
+"""Objects that differ by more are different ones."""
 
 _UNMATCHED = 10.0
 _PLACE_WEIGHT = 0.15
@@ -25,16 +25,15 @@ class Correspondence:
     later: Mapping[str, SceneObject]
 
     def of(self, object_id: str) -> SceneObject | None:
-        """What became of the earlier object, or None."""
+        """The later match of the earlier object, or None."""
         return self.later.get(object_id)
 
 
 def correspond(before: Scene, after: Scene) -> Correspondence:
     """Match the objects of two perceived scenes one to one, with the least total difference.
 
-    How far counts little, so that a moved object is found again; what stands where it stood counts more than a label
-    that perception words otherwise the second time, so that its unmoved twin keeps its own identity.
-    Painted regions match regions alone.
+    Distance counts little, so that a moved object is found again; an unchanged place counts more than a changed label,
+    so that its unmoved twin keeps its own identity. Painted regions match regions only.
     """
     if not before.objects or not after.objects:
         return Correspondence({})

@@ -1,6 +1,6 @@
-"""What went wrong in an episode, from signals that were measured: the ground on which constraints stand.
+"""What went wrong in an episode, from measured signals: the basis for constraints.
 
-A failure without a diagnosed signal teaches words alone; guessing a bound would be superstition.
+A failure without a diagnosed signal yields text only, since a bound would be a guess.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 CLEARANCE_MARGIN = 0.03
-"""Metres to stay clear by, beyond the clearance at which something was touched."""
+"""Metres added to the clearance at which something was touched."""
 DEPTH_MARGIN = 0.005
-"""Metres to grasp deeper at least after a slip; a tenth of the object's height where that is more."""
+"""Least metres to grasp deeper after a slip; a tenth of the object's height if that is more."""
 DROP = 0.03
-"""Metres lower that something is put down, not let go of by a stop's play; and aside that are the same place."""
+"""Metres lower that count as putting down rather than as play of the stop; and sideways, as the same place."""
 
 
 def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> list[Signal]:
-    """The signals of an executed episode, none for one that was not executed; ``skills`` add their own diagnoses.
+    """The signals of an executed episode (none if it was not executed); ``skills`` add their own diagnoses.
 
     Bounds on parameters that go with the object's size are shares of it, as the plan's ``scales`` say; each effect
     names the look of what was handled.
@@ -49,7 +49,7 @@ def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> l
     short = _fell_short(record, skills.get(plan.skill), theme)
     if short is not None:
         if report.completed and any(s is not None and s.kind in ("slip", "missed_grasp") for s in found):
-            short = None  # what was lost could not be moved further
+            short = None  # a lost object could not be moved further
         else:
             found = [s for s in found if s is None or s.kind != "slip"]  # the mechanism held it back
     found.append(short)
@@ -64,7 +64,7 @@ def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> l
 
 
 def theme_of(record: EpisodeRecord) -> SceneObject | None:
-    """What the plan handled, as it was perceived before; None where the plan does not say."""
+    """The object that the plan handled, as perceived before; None if the plan does not say."""
     if record.plan is None or record.scene is None:
         return None
     known = {o.id: o for o in record.scene.objects}
@@ -73,7 +73,7 @@ def theme_of(record: EpisodeRecord) -> SceneObject | None:
 
 
 def approach_of(plan: Plan) -> str:
-    """From where the hand came to its first grasp, or lowest point: "top", "side" or "below"; "" when unclear."""
+    """From where the hand reached its first grasp, or lowest point: "top", "side" or "below"; "" when unclear."""
     waypoints = plan.trajectory.waypoints if plan.trajectory else ()
     turned = [w for w in waypoints if w.orientation.policy in ("grasp", "axis")]
     if not turned:
@@ -84,10 +84,10 @@ def approach_of(plan: Plan) -> str:
 
 
 def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject | None) -> Signal | None:
-    """What the skill's own diagnosis says of how far things were moved; None where it has none or cannot tell.
+    """The skill's own diagnosis of how far things were moved; None if it has none or cannot tell.
 
-    It is asked of motions that ran to their end, or that what is moved may have held back: they lost it, or the hand
-    did not get on.
+    It is asked about motions that ran to their end, or that the object may have blocked: it was lost, or the hand made
+    no progress.
     """
     plan, report, before, after = record.plan, record.report, record.scene, record.after_scene
     if skill is None or skill.diagnose is None or theme is None:
@@ -110,7 +110,7 @@ def _planned(plan: Plan, report: WaypointReport) -> Waypoint | None:
 
 
 def _slip(plan: Plan, report: ExecutionReport, theme: SceneObject | None) -> Signal | None:
-    """Held first and lost before the hand was told to open; by the fingers' gap, where the robot feels no hold."""
+    """Held, then lost before the command to open; by the fingers' gap, if the robot cannot feel a grasp."""
     held = gap = False
     for done in report.waypoints:
         waypoint = _planned(plan, done)
@@ -120,7 +120,7 @@ def _slip(plan: Plan, report: ExecutionReport, theme: SceneObject | None) -> Sig
         carrying = waypoint is not None and bool(waypoint.carries)
         lost = (held and done.held is False) or (gap and done.gripper_width <= EMPTY)
         if carrying and ((done.abort == "slipped" and held) or lost):
-            # What was learnt of one thing's depth says nothing of another that the same plan carries.
+            # The depth learnt for one object says nothing about another in the same plan.
             others = {i for role, i in plan.roles.items() if role.startswith("theme_")}
             own = waypoint is not None and waypoint.carries not in others - {theme.id if theme else ""}
             return Signal(
@@ -141,7 +141,7 @@ def _lets_go(plan: Plan, report: WaypointReport) -> bool:
 
 
 def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
-    """Grasp deeper by a tenth of the object's height, but no deeper than it is high; a lip is held deeper."""
+    """Grasp deeper by a tenth of the object's height, but no deeper than its height; a lip is held deeper."""
     if "lip_depth" in plan.parameters:
         return Effect("bound", "lip_depth", plan.parameters["lip_depth"] + DEPTH_MARGIN, skill=plan.skill)
     depth = plan.parameters.get("grasp_depth")
@@ -154,12 +154,12 @@ def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
 
 
 def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
-    """Contact, or a collision, on the way where none was allowed."""
+    """Contact or a collision on the way where none was allowed."""
     for done in report.waypoints:
         waypoint = _planned(plan, done)
         if waypoint is None or waypoint.allowed_contacts or waypoint.guard:  # contact was meant
             continue
-        # Fingers that carry touch what they carry; only the executor's own word counts then.
+        # Fingers touch what they carry; then only the executor's own report counts.
         if done.abort == "collision" or (done.contacts and not waypoint.carries and not done.held):
             name = next((n for n in ("transit_clearance", "lift_height") if n in plan.parameters), None)
             effect = name and Effect(
@@ -170,9 +170,9 @@ def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
 
 
 def _opened_early(plan: Plan, report: ExecutionReport) -> Signal | None:
-    """The hand let go of what it held high up, and then went down over the same place with nothing in it.
+    """The hand released its object high up, and then went down empty over the same place.
 
-    Measured: something was felt before and nothing after, and the plan's own later stage is where it should have been
+    Measured: a grasp was felt before and none after, and a later stage of the plan is where the object should have been
     put down. That stage then comes before the one that opened the hand.
     """
     held = False
@@ -192,7 +192,7 @@ def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) 
         if done.index <= opened.index or waypoint is None:
             continue
         if waypoint.carries or waypoint.gripper < 0.5 or done.held:
-            return None  # the hand has begun something else
+            return None  # the hand has started something else
         aside = float(np.linalg.norm(np.subtract(done.reached[:2], opened.reached[:2])))
         lower = opened.reached[2] - done.reached[2]
         if lower > DROP and aside < DROP and waypoint.stage and waypoint.stage != opened.stage:
@@ -202,7 +202,7 @@ def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) 
 
 
 def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
-    """The arm could not get there; the approach is forbidden only where the plan had weighed another that works."""
+    """The arm could not get there; the approach is forbidden only if the plan had found another that works."""
     stopped = report.abort
     if stopped is None or stopped.abort not in ("unreachable", "no_path"):
         return None
@@ -212,9 +212,9 @@ def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
 
 
 def _replaceable(plan: Plan) -> str:
-    """The name of the approach taken that another viable candidate does without, the most telling one; "" for none.
+    """The most specific name of the approach taken that some other viable candidate does not need; "" for none.
 
-    Candidates that name no approaches are told apart by nothing: then any second one will do.
+    Candidates without named approaches cannot be told apart: then any other one will do.
     """
     viable = [c for c in plan.candidates if not c.rejected]
     if len(viable) < 2:

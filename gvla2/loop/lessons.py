@@ -1,6 +1,6 @@
-"""From an episode to what memory is asked and told: task, lessons, transcript. No language model; all of it repeats.
+"""From an episode to memory's query and report: task, lessons, transcript. No language model; deterministic.
 
-Lessons are worded so that the next episode of the same kind words them alike: numbers live in the typed effects,
+Lessons are worded so that the next episode of the same kind gives the same words: numbers are in the typed effects,
 where a merge can pool them.
 """
 
@@ -26,15 +26,15 @@ from gvla2.skills.table import STANDARD
 
 TRANSCRIPT_LIMIT = 8000
 MOST_PARAMETERS = 3
-"""Of a skill's key parameters, so many are taught: as many as a recall shows hints at a time.
+"""At most this many of a skill's key parameters are taught: as many as a recall shows hints at a time.
 
-How high to lift and how far to push are not among them: that is the instruction's to say, not experience's. How far
-to swing, turn or pull something open is: no sentence says it.
+Lift height and push distance are not among them: the instruction gives those. How far to swing, turn or pull something
+open is: no sentence says it.
 """
 
 
 def memory_task(record: EpisodeRecord) -> MemoryTask:
-    """What memory is asked: the instruction, the scene's signature and, once there is a plan, its skill.
+    """Memory's query: the instruction, the scene's signature and, once there is a plan, its skill.
 
     The signature has ``objects`` (count), ``table_height`` and, for the object that it is about,
     ``theme_length``, ``theme_width`` and ``theme_height``, metres. Before there is a plan that object is the one
@@ -57,7 +57,7 @@ def memory_task(record: EpisodeRecord) -> MemoryTask:
 def memory_episode(
     record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill] = STANDARD
 ) -> MemoryEpisode:
-    """What memory is told: the lessons of the episode in the light of its verdict, and where they come from."""
+    """Memory's report: the episode's lessons given its verdict, and their source."""
     return MemoryEpisode(
         task=memory_task(record),
         lessons=tuple(_lessons(record, verdict, skills)),
@@ -69,7 +69,7 @@ def memory_episode(
 
 
 def handled_lengths(record: EpisodeRecord) -> dict[str, float]:
-    """The sides of what the plan handles, metres by name: as the planner took them, else as they were perceived."""
+    """The sides of the handled object, metres by name: as the planner took them, else as perceived."""
     theme = theme_of(record)
     perceived = sides_of(theme) if theme is not None else {}
     return {**perceived, **dict(record.plan.scales.values() if record.plan is not None else ())}
@@ -117,7 +117,7 @@ def _lessons(record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill
 
 
 def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
-    """Nothing moved, so nothing was learnt about moving; only how the planner takes such an instruction."""
+    """Nothing moved, so nothing was learnt about motion; only how the planner handles such an instruction."""
     assert record.plan is not None
     if record.plan.abstention is not None:
         what = f"the planner abstained ({record.plan.abstention.kind})"
@@ -130,7 +130,7 @@ def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
 
 
 def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
-    """What worked: one hint a key parameter, with its value as a prior; the order of stages without any.
+    """What worked: one hint per key parameter, with its value as a prior; the order of stages if there is none.
 
     Values that go with the object's size are shares of it, so that they hold for other sizes.
     """
@@ -205,7 +205,7 @@ def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain
 def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     """Skill, size class, look and shape, and approach: the kind of episode, without its numbers.
 
-    The look belongs to it: things that look alike behave alike, others may not.
+    It includes the look: things that look alike behave alike, others may not.
     """
     assert record.plan is not None
     plan, theme = record.plan, theme_of(record)
@@ -222,12 +222,12 @@ def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
 
 
 def _look(record: EpisodeRecord) -> str:
-    """What was handled looks like, in colours."""
+    """The handled object's colours."""
     return look_of(theme_of(record), record.scene) if record.scene is not None else ""
 
 
 def _size_class(thing: SceneObject) -> str:
-    """In words: "small", "tall medium", "flat tiny"; boxes alike in words are alike in build too."""
+    """In words: "small", "tall medium", "flat tiny"; boxes of the same words have similar shapes."""
     across, height = float(max(thing.extents[:2])), float(thing.extents[2])
     build = "tall " if height > 1.5 * across else "flat " if height < 0.5 * across else ""
     sizes = (("tiny", 0.03), ("small", 0.075), ("medium", 0.15))
@@ -237,7 +237,7 @@ def _size_class(thing: SceneObject) -> str:
 def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
     """The one solid object whose label and colour share most words with the instruction.
 
-    None when tied, and for a thing with parts: the words don't tell which part will be handled.
+    None for a tie, and for an object with parts: the words don't say which part will be handled.
     """
     solids = scene.obstacles()
     said = set(re.findall(r"\w+", instruction.casefold()))

@@ -25,7 +25,7 @@ DEPTH_BAND = 0.015
 """A pixel belongs to an object when its depth lies within this of the object's box, metres."""
 
 ABOVE_SUPPORT = 0.003
-"""What is lower than this above the object's underside is the table around it, metres."""
+"""Points less than this above the object's underside belong to the table, metres."""
 
 
 @dataclass(frozen=True)

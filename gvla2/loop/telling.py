@@ -1,4 +1,4 @@
-"""What memory is told of an episode: one story an attempt and part, each in the light of its own verdict."""
+"""What is reported to memory: one story per attempt and part, each with its own verdict."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 CONVERSATION_LIMIT = 6000
-"""Characters of a planner's conversation with a language model that memory keeps of an episode."""
+"""Characters of a planner's conversation with a language model that memory keeps per episode."""
 
 
 def told_of(
     record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD
 ) -> Iterator[tuple[MemoryEpisode, Verdict]]:
-    """The stories of a finished episode, first to last; what nobody judged is not told.
+    """The stories of a finished episode, first to last; unjudged ones are left out.
 
-    The last part of the last attempt goes by the episode's id, others by theirs and a number: ``#2`` the second
-    attempt, ``#2.1`` its first part.
+    The last part of the last attempt has the episode's id, others that id and a number: ``#2`` the second attempt,
+    ``#2.1`` its first part.
     """
     attempts = (*record.attempts, replace(record, attempts=()))
     for number, attempt in enumerate(attempts, 1):
@@ -55,7 +55,7 @@ def _story(part: EpisodeRecord, place: int, of: int, skills: Mapping[str, Skill]
 
 
 def _conversation(transcript: tuple[Mapping[str, Any], ...]) -> str:
-    """The planner's conversation as text; where it is too long, its beginning goes first."""
+    """The planner's conversation as text; if it is too long, its beginning is cut."""
     text = "\n".join(f"{turn.who}: {turn.text}" for turn in turns(transcript))
     if len(text) > CONVERSATION_LIMIT:
         text = "…" + text[-(CONVERSATION_LIMIT - 1) :]

@@ -7,7 +7,7 @@
         ...  # work, with context.text before the planner's eyes
         bank.learn("lift the cup", transcript, success=True, recalled=context)
 
-Everything here is loaded when it is first used: ``import gvla2.memory`` costs nothing.
+Everything here is loaded on first use: ``import gvla2.memory`` costs nothing.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The governed KnowledgeBank: verified experience in, a few reliable records out.
 
-What it promises is in :mod:`gvla2.memory.contracts`; what it decides, and how, in :mod:`gvla2.memory.curation`
-(trust, admission, consolidation, governance, replay), by what texts mean (:mod:`gvla2.memory.meaning`). What is on
-disk is the truth (:mod:`gvla2.memory.storage`); what is in RAM follows it (:mod:`gvla2.memory.indexing`) and is ranked
+Its contract is in :mod:`gvla2.memory.contracts`; its decisions are in :mod:`gvla2.memory.curation` (trust, admission,
+consolidation, governance, replay), based on the meaning of texts (:mod:`gvla2.memory.meaning`). The disk is the source
+of truth (:mod:`gvla2.memory.storage`); an index in RAM follows it (:mod:`gvla2.memory.indexing`) and is ranked
 (:mod:`gvla2.memory.retrieval`).
 """
 
@@ -47,7 +47,7 @@ from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.store import Store
 
-if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
+if TYPE_CHECKING:  # a recall does not wait for the curation modules
     from gvla2.memory.curation.governance import Governed
     from gvla2.memory.curation.judging import Judged
     from gvla2.memory.curation.replay import Replayed
@@ -55,11 +55,11 @@ if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
 MAX_THINGS = 64
-"""Things of a task that are looked at."""
+"""Most things of a task that are considered."""
 JUDGED = 16
-"""Suspicions that are decided after each episode."""
+"""Most suspicions decided after each episode."""
 WRITTEN = 2
-"""Lessons that a writer looks at after each episode."""
+"""Most lessons given to a writer after each episode."""
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
@@ -76,17 +76,15 @@ class Hit:
 class KnowledgeBank(Closing):
     """A named bank, for any number of processes and threads.
 
-    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
-    closed with the bank; "" is the user's own memory. It is created where there is none. By default it ranks by
-    words, vectors, quality and geometry, and induces lessons by rules. Texts are embedded by the static table unless an
-    ``embedder`` is named; vectors of another model than that one are then replaced, once. ``verifier`` is who judges
-    stored episodes again, ``judge`` who decides whether texts that are suspected of it contradict each other,
-    ``writer`` who merges lessons in words of his own (rules sum up without him); ``clock`` gives seconds since the
-    epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
+    the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
+    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given;
+    vectors of other models are then replaced, once. ``verifier`` judges stored episodes again, ``judge`` decides
+    whether suspected texts contradict each other, ``writer`` merges lessons in its own words (without one, rules
+    summarise); ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
 
-    Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
-    it as a memory turns that into a degraded answer. Options that cannot be raise
-    :class:`~gvla2.errors.ConfigurationError`.
+    Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers it
+    as a memory turns that into a degraded answer. Invalid options raise :class:`~gvla2.errors.ConfigurationError`.
     """
 
     def __init__(
@@ -114,7 +112,7 @@ class KnowledgeBank(Closing):
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
         self.store = address
-        # Asking for its model would load one that is not wanted.
+        # Reading its model would load one that is not needed.
         chooses = getattr(embedder, "for_bank", None)
         if chooses is not None:
             with self.store.reading(bank) as view:
@@ -125,7 +123,7 @@ class KnowledgeBank(Closing):
         self.inducer = inducer
         self._lock = threading.RLock()
         self.retired_at = -1e18
-        """When failures were last looked through for what is to retire."""
+        """When failures were last checked for retirement."""
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -155,10 +153,9 @@ class KnowledgeBank(Closing):
     ) -> Learned:
         """Store what the episode teaches and credit what was recalled for it, in one transaction.
 
-        Either a whole episode with its verdict, or a task and its transcript: ``success`` is then how it ended (None
-        for unknown, which teaches nothing that is believed yet), ``recalled`` what :meth:`recall` gave for it, and
-        ``source`` the id of the run. Then, where a verifier was given and replay is on, one doubtful episode of
-        earlier is verified again.
+        Either a whole episode with its verdict, or a task and its transcript: ``success`` is then its outcome (None for
+        unknown, whose lessons are not believed yet), ``recalled`` what :meth:`recall` gave for it, and ``source`` the
+        id of the run. Then, if a verifier was given and replay is on, one doubtful earlier episode is verified again.
         """
         from gvla2.memory.curation import governance, intake, rewriting
 
@@ -192,10 +189,10 @@ class KnowledgeBank(Closing):
         source: str = "",
         trusted: bool = False,
     ) -> Learned:
-        """Bring in lessons without an episode; durable when it returns.
+        """Add lessons without an episode; durable when it returns.
 
-        What comes from others stays provisional until verified episodes of two independent sources bear it out.
-        ``trusted`` vouches for it as for an episode of one's own, and is its verdict where none is given.
+        Lessons from others stay provisional until verified episodes of two independent sources confirm them.
+        ``trusted`` vouches for them as for the user's own episodes, and serves as verdict if none is given.
         """
         listed = [lessons] if isinstance(lessons, Lesson | str) else lessons
         said = verdict or _said(True if trusted else None)
@@ -204,7 +201,7 @@ class KnowledgeBank(Closing):
     def admit_many(
         self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
     ) -> Learned:
-        """Bring in many lessons, each with its verdict, task and source ("" for none); see :meth:`admit`.
+        """Add many lessons, each with its verdict, task and source ("" for none); see :meth:`admit`.
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
@@ -219,7 +216,7 @@ class KnowledgeBank(Closing):
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
 
-        Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
+        If a judge was given, it decides all suspicions first, and a writer gets all lessons that it has not seen.
         """
         from gvla2.memory.curation import governance, rewriting
 
@@ -236,13 +233,13 @@ class KnowledgeBank(Closing):
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
         """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
 
-        The less trusted, or else the less borne out, of two that contradict each other is archived.
+        Of two that contradict each other the less trusted, else the one with less evidence, is archived.
         """
         from gvla2.memory.curation import judging
 
         chosen = judge or self._judge
         if chosen is None or not self.options.governance or self.options.frozen:
-            off = "Governance is switched off." if chosen else "Nobody was given to judge anything."
+            off = "Governance is switched off." if chosen else "The bank has no judge."
             return judging.Judged(notes=[off])
         with self._lock:
             return judging.judge(self, chosen, limit=limit)
@@ -252,20 +249,20 @@ class KnowledgeBank(Closing):
     ) -> Replayed:
         """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
 
-        At most ``limit`` episodes, the least sure first, and not that of the source ``but``.
-        A verifier that is unavailable changes nothing.
+        At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
+        unavailable changes nothing.
         """
         from gvla2.memory.curation import replay
 
         judge = verifier or self._verifier
         if judge is None or not self.options.replay or self.options.frozen:
-            off = "Replay is switched off." if judge else "Nobody was given to verify anything again."
+            off = "Replay is switched off." if judge else "The bank has no verifier."
             return replay.Replayed(notes=[off])
         with self._lock:
             return replay.replay(self, judge, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
-        """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
+        """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
         with self._lock:
             try:
                 with self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
@@ -281,7 +278,7 @@ class KnowledgeBank(Closing):
             return view.records(states)
 
     def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
-        """What a recall would show, with its score, then the nearest of all others, and by what; ``k`` at most."""
+        """The records that a recall would show, then the nearest others, with scores and terms; at most ``k``."""
         with self._lock:
             asked, vector = self._asked(text)
             served = self._candidates()
@@ -301,9 +298,9 @@ class KnowledgeBank(Closing):
             return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
-        """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.
+        """The bank's problems, [] if there are none; its vectors are compared with this embedder's.
 
-        ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
+        ``head`` is "SEQ:HASH" from :meth:`stats`, kept elsewhere: with it, a truncated chain is found too.
         """
         from gvla2.memory.storage.audit import audit
 
@@ -320,14 +317,14 @@ class KnowledgeBank(Closing):
             self.store.close()
 
     def _candidates(self, *more: str) -> Candidates:
-        """What is served now, and the records of ``more`` states."""
+        """The records served now, and those of ``more`` states."""
         self.index.refresh()
         self.index.keep()
         states = {*SERVED, *more, *(("provisional",) if self.options.show_provisional else ())}
         return self.index.candidates(sorted(states), now=self.clock())
 
     def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
-        """The task with a query that any retriever can take, and sound numbers; and the query's (D,) vector."""
+        """The task with a query that any retriever accepts and valid numbers, and the query's (D,) vector."""
         told = _task(task)
         query, numbers = clean(told.query, MAX_QUERY), finite(told.signature)
         asked = MemoryTask(query, numbers, told.skill, told.things[:MAX_THINGS])
@@ -343,7 +340,7 @@ def _lesson(lesson: Lesson | str) -> Lesson:
 
 
 def _said(success: bool | None) -> Verdict:
-    """The verdict of who says how it ended, and no more."""
+    """The verdict for a reported outcome."""
     if success is None:
-        return Verdict.unavailable("nobody has verified it")
+        return Verdict.unavailable("it was not verified")
     return Verdict.from_criteria({"success": float(success)}, verifier="told")

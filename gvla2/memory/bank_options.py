@@ -10,22 +10,22 @@ from gvla2.errors import ConfigurationError
 
 @dataclass
 class BankOptions:
-    """What a bank admits, shows, keeps and spends; a component's configuration may inherit it.
+    """What a bank admits, shows and keeps; a component's configuration may inherit it.
 
-    Switches, each of them an ablation of the paper when turned off: ``admission`` (off: what was not verified is let
-    in, too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summed up, or
-    archived for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures).
-    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see
-    unverified records, without binding force; ``frozen`` stops learning while recall goes on.
+    Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons are admitted
+    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summarised, or archived
+    for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures). ``retrieval`` is
+    "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
+    without binding force; ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
     records.
 
-    Consolidation: the ``rivals`` nearest are looked at, and records are compared from a cosine of ``match`` on.
-    Governance: failures that nobody used retire after ``retire_days``; ``summary_size`` successes that are equal but
-    for their numbers, or that share ``summary_match`` of their words and come from two tasks or more, become one
-    summary. Replay looks at records with a confidence below
-    ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learnt (0: on demand alone).
+    Consolidation: the ``rivals`` nearest are considered, and records are compared above a cosine of ``match``.
+    Governance: unused failures retire after ``retire_days``; ``summary_size`` successes that are equal except for their
+    numbers, or that share ``summary_match`` of their words and come from two tasks or more, become one summary. Replay
+    looks at records with a confidence below ``replay_confidence``, at most ``replay_per_episode`` episodes after each
+    that is learnt (0: only on demand).
     """
 
     admission: bool = True
@@ -48,7 +48,7 @@ class BankOptions:
     replay_per_episode: int = 1
 
     def check(self, where: str = "BankOptions") -> None:
-        """Raises :class:`~gvla2.errors.ConfigurationError` for values that cannot be; ``where`` they were given."""
+        """Raises :class:`~gvla2.errors.ConfigurationError` for invalid values; ``where`` they were given."""
         if self.retrieval not in ("full", "semantic"):
             raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
         for field in fields(self):

@@ -20,23 +20,23 @@ RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
 Trust = Literal["screened", "foreign", "confirmed", "own"]
-"""How far a text is trusted, from least to most: foreign and reads like orders; foreign; foreign and borne out by
-episodes of two independent sources; written about a verified episode of ours."""
+"""Levels of trust in a text, from least to most: foreign and reads like orders; foreign; foreign and confirmed by
+episodes of two independent sources; about a verified episode of ours."""
 EditAction = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
-"""The types in a fixed order: columns of numbers hold places in it."""
+"""The types in a fixed order: numeric columns hold indices into it."""
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
-"""The outcomes in a fixed order: columns of numbers hold places in it."""
+"""The outcomes in a fixed order: numeric columns hold indices into it."""
 
 
 @dataclass(frozen=True)
 class MemoryTask:
-    """What memory is asked about. ``query`` is the instruction, in any language.
+    """A query to memory. ``query`` is the instruction, in any language.
 
-    ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents;
-    ``skill`` narrows it where it is known ("" otherwise). ``things`` are what could be handled, a label and a shape
-    each ("red cup cylinder"): programs whose roles they can fill are preferred.
+    ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents; ``skill``
+    narrows it if known ("" otherwise). ``things`` are the objects that could be handled, a label and a shape each ("red
+    cup cylinder"): programs whose roles they can fill are preferred.
     """
 
     query: str
@@ -68,8 +68,8 @@ class MemoryItem:
 class MemoryContext:
     """What memory recalled: items in rank order and one bounded text block, delimited as data.
 
-    ``abstained`` gives the reason when nothing was reliable enough, "" otherwise; ``degraded`` says what went
-    wrong with the store (locked, corrupt), "" otherwise: planning goes on without memory then.
+    ``abstained`` gives the reason when nothing was reliable enough, "" otherwise; ``degraded`` says what went wrong
+    with the store (locked, corrupt), "" otherwise: planning then continues without memory.
     """
 
     items: tuple[MemoryItem, ...] = ()
@@ -85,8 +85,8 @@ class Verdict:
     >= .70 is ``verified_success``, <= .35 ``verified_fail``, else ``uncertain``. A verifier that could not judge
     is ``unavailable`` (quality and confidence are then meaningless), never a midpoint.
 
-    ``usage`` is what judging cost by name (prompt_tokens, completion_tokens, calls), empty for rules. ``mass`` is how
-    much probability a model gave to valid score tokens, by criterion, in [0, 1]; empty where no model judged.
+    ``usage`` is the cost of judging by name (prompt_tokens, completion_tokens, calls), empty for rules. ``mass`` is the
+    probability that a model gave to valid score tokens, by criterion, in [0, 1]; empty if no model judged.
     """
 
     outcome: Outcome
@@ -104,7 +104,7 @@ class Verdict:
     ) -> Verdict:
         """The verdict of criterion scores in [0, 1] (paper eq. R_t with the score tokens already summed).
 
-        Raises ``ValueError`` where there are none, or others.
+        Raises ``ValueError`` for none, or scores out of range.
         """
         if not criteria or not all(0.0 <= score <= 1.0 for score in criteria.values()):
             raise ValueError(f"A verdict needs criteria with scores in [0, 1], not {dict(criteria)}.")
@@ -128,8 +128,8 @@ class Lesson:
     ``program``: ``{"kind": "program", "skill": "pick", "language": "calls", "roles": {"theme": "cup cylinder"},
     "steps": [...]}``, what succeeded, with roles for names and shares for sizes.
 
-    ``evidence`` are passages of the transcript, word for word, that the lesson rests on. What a model wrote is
-    believed at once only with some.
+    ``evidence`` are verbatim passages of the transcript that support the lesson. A model's lesson needs some to be
+    believed immediately.
     """
 
     type: RecordType
@@ -140,7 +140,7 @@ class Lesson:
 
 @dataclass(frozen=True)
 class MemoryEpisode:
-    """What memory learns from: the task, what was recalled for it, the candidate lessons, and where they come from.
+    """Memory's input for learning: the task, what was recalled for it, the candidate lessons, and their source.
 
     ``transcript`` is the episode in words (plan and execution). ``source`` identifies the run (its episode id);
     ``provenance`` holds plugin names and versions; ``facts`` are named JSON observations (an exit status), kept so
@@ -158,7 +158,7 @@ class MemoryEpisode:
 
 @dataclass(frozen=True)
 class Learned:
-    """What became of an episode's lessons: ids by action, with a sentence each.
+    """The fate of an episode's lessons: ids by action, with a sentence each.
 
     ``degraded`` says why nothing could be stored, "" otherwise.
     """
@@ -178,15 +178,15 @@ class Memory(Protocol):
         """Knowledge for the task. A broken store gives an empty context with ``degraded`` set, not an error."""
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
-        """Draw on an episode and its verdict; all of it is stored, or nothing."""
+        """Learn from an episode and its verdict; all of it is stored, or nothing."""
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
 
 
 class Embedder(Protocol):
-    """Maps texts to unit vectors. One with a method ``for_bank(model)`` gives the embedder for a bank whose vectors are
-    of ``model``, "" for one without any.
+    """Maps texts to unit vectors. One with a method ``for_bank(model)`` returns the embedder for a bank whose vectors
+    are by ``model``, "" for a bank without vectors.
     """
 
     @property
@@ -220,7 +220,7 @@ class Retriever(Protocol):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a verifier judges: the episode in words (``transcript``) and named observations (an exit status)."""
+    """A verifier's input: the episode in words (``transcript``) and named observations (an exit status)."""
 
     instruction: str
     transcript: str = ""
@@ -228,24 +228,24 @@ class Evidence:
 
 
 class Verifier(Protocol):
-    """Judges an episode apart from whoever executed it, never from simulator state."""
+    """Judges an episode independently of its execution, never from simulator state."""
 
     def verify(self, evidence: Evidence) -> Verdict:
-        """A verdict; ``unavailable`` when this verifier cannot judge such evidence or failed itself."""
+        """A verdict; ``unavailable`` when this verifier cannot judge such evidence or failed."""
 
 
 class Inducer(Protocol):
     """Draws candidate lessons from an episode, before admission."""
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
-        """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
+        """The lessons given the verdict; the episode's own are its ``lessons``."""
 
 
 @dataclass(frozen=True)
 class Suspects:
-    """Two lessons of which one may contradict the other, each with the instructions that it comes from, one a line.
+    """Two lessons that may contradict each other, each with the instructions that it comes from, one per line.
 
-    ``suspicion`` in [0, 1] is the probability that they do, as rules read them; .5 where these cannot tell.
+    ``suspicion`` in [0, 1] is the probability that they do, by rules; .5 if these cannot tell.
     """
 
     first: str
@@ -257,9 +257,9 @@ class Suspects:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a judge makes of two lessons: whether they contradict each other, None where it cannot tell.
+    """A judge's decision on two lessons: whether they contradict each other, None if it cannot tell.
 
-    ``probability`` in [0, 1] that they do; ``usage`` what asking cost by name (prompt_tokens, completion_tokens,
+    ``probability`` in [0, 1] that they do; ``usage`` the cost of asking by name (prompt_tokens, completion_tokens,
     calls, cached), empty for rules.
     """
 
@@ -274,15 +274,15 @@ class Judge(Protocol):
     """Decides suspicions in the background, many at once."""
 
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
-        """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
+        """A judgement for each, in order; None with the reason if it could not be obtained."""
 
 
 @dataclass(frozen=True)
 class ConsolidationEdit:
     """What to do with a lesson, about which ``target`` near it; the paper's four edits.
 
-    ADD keeps both; MERGE puts ``content``, written of both, in their place; REPLACE archives the target, which the
-    lesson corrects; DISCARD archives the lesson, which says nothing new.
+    ADD keeps both; MERGE replaces both by ``content``; REPLACE archives the target, which the lesson corrects; DISCARD
+    archives the lesson, which is not new.
     """
 
     action: EditAction
@@ -292,7 +292,7 @@ class ConsolidationEdit:
 
 
 class Consolidator(Protocol):
-    """Reads a lesson and those near it, and writes."""
+    """Consolidates a lesson with those near it."""
 
     def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
-        """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""
+        """The edit; raises :class:`~gvla2.errors.Gvla2Error` if it cannot decide."""

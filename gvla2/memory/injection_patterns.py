@@ -1,7 +1,7 @@
-"""Text that gives orders to machines, in its disguises: what is not shown, frames of conversations, addresses, phrases.
+"""Prompt injections in their disguises: invisible characters, chat frames, addresses, phrases.
 
-A small English screen. It lowers trust and does nothing else: what keeps orders out is where a text comes from
-(:mod:`gvla2.memory.curation.trust`), for no list of words is ever complete.
+A small English screen, which only lowers trust: the real defence is a text's origin
+(:mod:`gvla2.memory.curation.trust`), since no list of words is complete.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 _BLANK = frozenset("\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0")
-"""Characters of other categories that show nothing."""
+"""Invisible characters of other categories."""
 _VARIATION = re.compile("[\ufe00-\ufe0f\U000e0100-\U000e01ef\U000e0000-\U000e007f]")
 _URL = re.compile(
     r"\b(?:[a-z][a-z0-9+.-]{1,12}://|www\.)[^\s<>\"'()]+|\b(?:data|javascript):[^\s]+", re.IGNORECASE
@@ -28,7 +28,7 @@ _FRAMES = re.compile(
 
 @lru_cache(maxsize=65536)
 def invisible(letter: str) -> bool:
-    """Whether a character shows nothing, or changes what is shown beside it: controls, joiners, tags, fillers."""
+    """Whether a character is invisible, or changes its neighbours' display: controls, joiners, tags, fillers."""
     if letter.isascii():
         return not letter.isprintable()
     return (
@@ -39,9 +39,9 @@ def invisible(letter: str) -> bool:
 
 
 def sanitised(text: str) -> str:
-    """``text`` as it may stand in a prompt as data: no invisible characters, no chat frames, no addresses.
+    """``text`` made safe as data in a prompt: no invisible characters, no chat frames, no addresses.
 
-    Lines and tabs stay. What a frame held stays as well, as words; an address leaves "(link)".
+    Lines and tabs stay. A frame's content stays as plain words; an address becomes "(link)".
     """
     plain = text
     if not (text.isascii() and text.isprintable()):
@@ -77,13 +77,13 @@ _LEAK = (
     r"\b(?:print|send|post|upload|e-?mail|reveal|show|leak|output|write|cat|read out|dump|paste|share|forward|repeat)\b"
 )
 _PATTERNS = (
-    # Setting aside what one was told.
+    # Overriding earlier instructions.
     rf"\b(?:ignore|disregard|forget|override|bypass|set aside|violate|disobey|drop)\b(?: \w+){{0,4}} {_TOLD}\b",
     r"\b(?:ignore|disregard|forget)\b (?:everything|anything|all (?:of )?(?:the )?(?:above|previous|prior))\b",
     rf"\b{_TOLD}\b(?: \w+){{0,4}} (?:are|is) (?:now )?(?:void|obsolete|cancelled|lifted|revoked|suspended|no longer)\b",
     r"\b(?:your|the) (?:real|true|actual|new|only) (?:task|goal|objective|instructions?|purpose|orders?) (?:is|are)\b",
     r"\bregardless of (?:what )?(?:the |your )?(?:user|operator|task|instruction|person|human)\b",
-    # A new role, or a word to the machine that reads.
+    # A new role, or addressing the model.
     r"\byou are (?:now|no longer)\b|\bfrom now on,? you\b",
     r"\bact as (?:an?|the) (?:\w+ )?(?:assistant|model|admin\w*|root)\b",
     r"\bjailbreak\b|\bdeveloper mode\b|\"role\":",
@@ -93,7 +93,7 @@ _PATTERNS = (
     r"\b(?:trust|believe|accept|approve) (?:only )?(?:this|every|all|any) (?:note|record|memory|lesson|plan)\w*\b",
     r"\b(?:rate|score|mark|judge|treat|record|report|count|verify|declare)\b(?: \w+){0,6} "
     r"(?:full marks?|perfect|success(?:ful)?|passed|verified)\b(?: \w+){0,4} (?:regardless|always|whatever)\b",
-    # Lifting a check, handing out a secret, running what a stranger wrote.
+    # Disabling a check, leaking a secret, running foreign code.
     rf"{_SWITCH_OFF}(?: \w+){{0,4}} {_CHECKS}",
     rf"\b{_CHECKS}(?: \w+){{0,4}} (?:can be|may be|are|is|should be|must be) "
     r"(?:skipped|disabled|ignored|bypassed|off|unnecessary|not needed)",
@@ -102,12 +102,12 @@ _PATTERNS = (
 )
 _SCREEN = "|".join(f"(?:{pattern})" for pattern in _PATTERNS)  # compiled when the first text is screened
 _HIDDEN = re.compile(r"[A-Za-z0-9+/]{40,}={0,2}|(?:[0-9a-f]{2}[ :]?){24,}|(?:\b\w ){8,}")
-"""Long codes, and words torn into letters: nobody can say what they say."""
+"""Long codes and s p a c e d letters: their content is hidden."""
 
 
 @lru_cache(maxsize=8192)
 def screen(text: str) -> str:
-    """Why a text is trusted a level less, "" for no reason: it reads like orders, or hides what it says."""
+    """Why a text is trusted one level less, "" if it is not: it reads like orders, or hides its content."""
     text = text[:MAX_SCREENED]
     if sum(map(invisible, text)) > text.count("\n") + text.count("\t") + text.count("\r"):
         return "it holds characters that are not shown"
@@ -120,7 +120,7 @@ def screen(text: str) -> str:
 
 
 def screened_effect(effect: Mapping[str, Any] | None) -> str:
-    """Why a typed effect is trusted a level less: its names are sentences, or read like orders; "" for no reason."""
+    """Why a typed effect is trusted one level less: its names are sentences, or read like orders; "" if it is not."""
     for name in ("parameter", "scale", "object", "region", "skill"):
         said = str((effect or {}).get(name) or "")
         if len(said) > 80 or len(said.split()) > 6:

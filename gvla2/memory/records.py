@@ -1,4 +1,4 @@
-"""A lesson as the store keeps it: m = (i, q, c, y, s, z, kappa, R, u, d, L, v) of the paper, and more."""
+"""A stored lesson: m = (i, q, c, y, s, z, kappa, R, u, d, L, v) of the paper, and more."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
 from gvla2.memory.meaning.plain_text import unified
 
 FORGOTTEN = "forgotten"
-"""The state of a tombstone: the record was forgotten, its id and the number of its changes are all that is left."""
+"""The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
 MAX_QUERY, MAX_PHRASINGS = 1000, 8
-"""Characters of one instruction that a record keeps, and how many instructions."""
+"""Most characters of one instruction in a record, and most instructions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
     """One lesson in a bank. Links and the embedding are kept apart, see :class:`Link` and :class:`RecordChange`.
 
-    ``query`` are the instructions it came from, one a line; ``count`` how many episodes say the same; ``usage`` how
+    ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
     outcome was verified either way. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
-    ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect``
-    one or "". ``trust`` is what the origins of its events amount to. The store alone sets
-    ``version``, which counts the changes of this record (0: not stored yet), and ``rev``, the number of the bank's
-    transaction that last changed it or a link of it.
+    ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect`` one
+    or "". ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
+    of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it or a link
+    of it.
     """
 
     id: str
@@ -61,7 +61,7 @@ class Record:
 
     @property
     def text(self) -> str:
-        """What is searched and embedded: its instructions and what it says."""
+        """The text that is searched and embedded: its instructions and content."""
         return f"{self.query} {self.content}"
 
     def effect_json(self) -> dict[str, Any] | None:
@@ -73,11 +73,11 @@ class Record:
         return {k: float(v) for k, v in load_object(self.signature).items()}
 
     def provenance_json(self) -> dict[str, Any]:
-        """Where the record comes from: ``made_by`` and ``sources``, the ids of its episodes."""
+        """The record's provenance: ``made_by`` and ``sources``, the ids of its episodes."""
         return load_object(self.provenance)
 
     def verifier_json(self) -> dict[str, Any]:
-        """What the verifier said last."""
+        """The verifier's latest verdict."""
         return load_object(self.verifier)
 
     def sources(self) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", "
 
 
 def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no JSON number")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 _DECODER = json.JSONDecoder(parse_constant=_no_constant)
@@ -119,16 +119,16 @@ def load_object(text: str) -> dict[str, Any]:
 
 
 def damage_of(row: tuple[Any, ...]) -> str:
-    """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" for nothing."""
+    """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" if nothing."""
     if (kinds := tuple(map(type, row))) != TYPES:
         wrong = [name for name, kind, due in zip(COLUMNS, kinds, TYPES, strict=True) if kind is not due]
         return f"{', '.join(wrong)} of a wrong type"
     for i in _NUMBERS:
         if not math.isfinite(row[i]):
-            return f"{COLUMNS[i]} is no finite number"
+            return f"{COLUMNS[i]} is not a finite number"
     for i in _COUNTS:
         if not 0 <= row[i] < 2**63:
-            return f"{COLUMNS[i]} is no count"
+            return f"{COLUMNS[i]} is not a count"
     for i in _JSON_COLUMNS:
         text = row[i]
         if text == "{}" or (not text and i == _EFFECT):
@@ -136,14 +136,14 @@ def damage_of(row: tuple[Any, ...]) -> str:
         try:
             data = load_object(text)
             if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
-                return "signature holds what is no number"
+                return "signature has a value that is not a number"
         except (ValueError, TypeError, RecursionError) as error:
-            return f"{COLUMNS[i]} is no sound JSON ({error})"
+            return f"{COLUMNS[i]} is not valid JSON ({error})"
     return ""
 
 
 def numbered(record: Record, version: int, rev: int) -> Record:
-    """The same record, of another version and rev."""
+    """The same record with another version and rev."""
     return Record(*(*_VALUES(record)[:-2], version, rev))
 
 
@@ -153,7 +153,7 @@ def as_json(record: Record) -> dict[str, Any]:
 
 
 def clean(text: str, limit: int) -> str:
-    """Text that any database takes: no NUL, no lone surrogates, at most ``limit`` characters."""
+    """Text that any database accepts: no NUL, no lone surrogates, at most ``limit`` characters."""
     if text.isascii() and "\x00" not in text:
         return text[:limit]
     return text[:limit].replace("\x00", "").encode("utf-8", "replace").decode("utf-8")
@@ -165,14 +165,14 @@ def finite(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, Any] | None) -> str:
-    """Two lessons of one key say the same: equal words (case, width and spacing aside) and the same parameter.
+    """Two lessons with one key say the same: equal words (case, width and spacing aside) and the same parameter.
 
     The effect's numbers are left out: they are what merging pools.
     """
     words, said = " ".join(unified(content).casefold().split()), effect or {}
     about = [str(said.get(name, "")) for name in ("kind", "parameter", "op", "skill")]
     about += [str(said["scale"])] if said.get("scale") else []  # shares and metres are never pooled
-    # Nor is what was learnt of another object or region.
+    # Nor are lessons about another object or region.
     about += [f"{name}={said[name]}" for name in ("object", "region") if said.get(name)]
     if said.get("kind") == "program":
         about += [dump([said.get(name) for name in ("language", "roles", "steps")])]

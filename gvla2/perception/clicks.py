@@ -1,7 +1,7 @@
-"""Iterative localization: a vision model clicks at what is meant, a segmentation model draws it, until both agree.
+"""Iterative localization: a vision model clicks at the target, a segmentation model draws it, until both agree.
 
-Propose, click, segment: the picture is shown with outlines of what stands there and the mask so far; the model answers
-one click a round. The affordance segmentation module of GeneralVLA, with its stopping rules stated.
+Propose, click, segment: the picture is shown with outlines of the proposals and the mask so far; the model answers one
+click per round. The affordance segmentation module of GeneralVLA, with its stopping rules stated.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from gvla2.perception.prompting import EncodedPicture, Prompt
 BUDGET = 5
 """Rounds at most."""
 SETTLED = 0.98
-"""Intersection over union of the masks of two rounds from which nothing changes any more."""
+"""Intersection over union of two rounds' masks above which they have settled."""
 FAR = 24.0
-"""Pixels from the nearest thing or mask from which a click means nothing that is there."""
+"""Pixels from the nearest thing or mask beyond which a click is refused."""
 GOOD = 0.3
-"""What the segmentation model must take a mask's IoU to be, at least."""
+"""The least IoU that the segmentation model must estimate for a mask."""
 LARGEST = 0.6
-"""Share of the picture beyond which a mask is the background."""
+"""Share of the picture above which a mask is the background."""
 TINT, OUTLINE = (255, 60, 200), (255, 255, 0)
 SCHEMA = {
     "type": "object",
@@ -65,7 +65,7 @@ class Click:
 
 @dataclass(frozen=True)
 class Located:
-    """What was found: the last good ``mask`` (H, W), None where no round brought one; ``score`` of that mask.
+    """What was found: the last good ``mask`` (H, W), None if no round gave one; ``score`` of that mask.
 
     ``stopped`` is one of ``settled``, ``done``, ``budget``, ``no_answer``.
     """
@@ -88,9 +88,9 @@ def locate(
     longest: int = 1024,
     budget: int = BUDGET,
 ) -> Located:
-    """Ask for clicks at what ``words`` mean in a picture (H, W, 3); ``proposals`` (H, W) are what stands there.
+    """Ask for clicks at what ``words`` refer to in a picture (H, W, 3); ``proposals`` (H, W) are the masks of things.
 
-    A model that cannot be asked, or answers nothing of use, ends it: what was good so far is kept.
+    A model that is unavailable or useless ends it: the last good mask is kept.
     """
     mask: BoolArray | None = None
     score, refused = 0.0, ""
@@ -160,7 +160,7 @@ def _parse(text: str) -> tuple[float, float, bool] | None:
 def _insane(
     click: Click, size: tuple[int, int], proposals: Sequence[BoolArray], mask: BoolArray | None
 ) -> str:
-    """Why a click cannot be meant; "" where it can."""
+    """Why a click is implausible; "" if it is not."""
     if not (0 <= click.u < size[1] and 0 <= click.v < size[0]):
         return "it lies outside the picture."
     there = np.zeros(size, dtype=bool)
@@ -175,9 +175,9 @@ def _insane(
 def _segmented(
     encoded: EncodedPicture, clicks: Sequence[Click], proposals: Sequence[BoolArray]
 ) -> tuple[BoolArray | None, float]:
-    """The mask that all clicks taken so far mean; None where it is empty, unsure or the background.
+    """The mask for all accepted clicks; None if it is empty, unsure or the background.
 
-    The box of what was proposed under the clicks helps: one point on a printed box means the print as well.
+    The box of the proposal under the clicks helps: one point on a printed box could mean just the print.
     """
     points = np.array([[c.u, c.v] for c in clicks])
     positive = np.array([c.on for c in clicks])
@@ -202,7 +202,7 @@ def overlay(
     image: NDArray[np.uint8], proposals: Sequence[BoolArray], mask: BoolArray | None, clicks: Sequence[Click],
     longest: int,
 ) -> bytes:  # fmt: skip
-    """The picture as PNG with outlines of what stands there, the mask so far tinted, and the clicks as dots."""
+    """The picture as PNG with outlines of the proposals, the mask so far tinted, and the clicks as dots."""
     shown = image.astype(np.float64)
     if mask is not None:
         shown[mask] = 0.6 * shown[mask] + 0.4 * np.array(TINT)

@@ -1,4 +1,4 @@
-"""What is connected in 3D above the table, over all views together."""
+"""Connected components in 3D above the table, over all views together."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ IntArray = NDArray[np.int64]
 CELL = 0.004
 """Side of the cells that points are gathered in, metres."""
 REACH = 0.011
-"""Cells of one cluster lie no further apart, metres."""
+"""Largest distance between cells of one cluster, metres."""
 LEAST = 14
 """Pixels of all views together that make a cluster; fewer are flying pixels."""
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """``maps``: one image (H, W) a view of indices 0 to ``count`` - 1, -1 where none is seen."""
+    """``maps``: one image (H, W) per view of indices 0 to ``count`` - 1, -1 where none is seen."""
 
     maps: tuple[IntArray, ...]
     count: int
@@ -72,7 +72,7 @@ def components(points: FloatArray, reach: float = REACH) -> IntArray:
 
 
 def without_specks(mask: BoolArray, least: int = 3) -> BoolArray:
-    """The mask (H, W) less the pixels that have fewer than ``least`` of eight neighbours in it."""
+    """The mask (H, W) without pixels that have fewer than ``least`` of eight neighbours in it."""
     kernel = np.ones((3, 3), dtype=np.int8)
     kernel[1, 1] = 0
     return np.asarray(mask & (convolve(mask.astype(np.int8), kernel, mode="constant") >= least))

@@ -1,4 +1,4 @@
-"""Laying a scan onto the seen surface of a thing: many starts judged coarsely, the best refined, all views asked."""
+"""Registering a scan to the seen surface of a thing: many coarse starts, the best refined, scored in all views."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gvla2.perception.scans import KnownScan
 from gvla2.planning.colours import appearance
 
 YAWS = 20
-"""Turns about the vertical that each way to lie is tried in."""
+"""Turns about the vertical tried for each resting pose."""
 COARSE, BACK, FINE = 60, 60, 260
 """Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
 TRUNCATED = 0.02
-"""Metres beyond which a point's distance says no more."""
+"""Metres at which a point's distance is truncated."""
 TALLER = 0.02
-"""Metres by which a way to lie may differ in height from what is seen."""
+"""Metres by which a resting pose may differ in height from the seen surface."""
 ROUNDS = 14
 NEAR = 0.008
 """Metres between the placed scan and the measured depth within which a pixel shows the scan."""
@@ -68,8 +68,8 @@ class Fit:
 
 
 def coarse_starts(scan: KnownScan, seen: Seen, keep: int = 4) -> list[tuple[float, FloatArray]]:
-    """The best poses (4, 4) of a scan on the table with their mean distances, metres; empty where no way to lie is as
-    high as what is seen.
+    """The best poses (4, 4) of a scan on the table with their mean distances, metres; empty if no resting pose has the
+    seen height.
     """
     top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
     spread = seen.points[:: max(1, len(seen.points) // COARSE)]
@@ -90,7 +90,7 @@ def coarse_starts(scan: KnownScan, seen: Seen, keep: int = 4) -> list[tuple[floa
         return []
     there = np.stack([transform_points(invert_rigid(pose), spread) for pose in poses])
     forth = np.minimum(scan.tree.query(there, distance_upper_bound=TRUNCATED)[0], TRUNCATED).mean(axis=1)
-    # Only half of the starts are asked the other way round: does the scan's upper side lie where something is seen?
+    # Only half of the starts are checked in reverse: does the scan's upper side lie where something is seen?
     order = np.argsort(forth, kind="stable")[: max(8, len(poses) // 2)]
     gaps = forth.copy() + TRUNCATED
     sample = np.arange(0, len(scan.points), max(1, len(scan.points) // (2 * BACK)))

@@ -1,4 +1,4 @@
-"""The usable pixels of all views as points above the table, each camera set right by the table that it sees itself."""
+"""The usable pixels of all views as points above the table, each camera corrected by the table that it sees."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from gvla2.planning.scene import Box
 BoolArray = NDArray[np.bool_]
 
 BELOW = 0.15
-"""Metres under the workspace where the table is still looked for."""
+"""Metres below the workspace within which the table is searched for."""
 DARK = 4
 """A picture without a brighter pixel (of 255) shows nothing."""
 HYPOTHESES, SAMPLE, SEED = 128, 3000, 0
 LEAST_POINTS, LEAST_SHARE = 200, 0.1
-"""Points in the workspace, and the share of them on one level plane, without which there is no table."""
+"""Least points in the workspace, and least share of them on one level plane, for a table."""
 MOST_TILT = np.deg2rad(15.0)
 MOST_CORRECTION = 0.015
-"""Metres at the table by which a camera may be out; one that is further off sees another surface."""
+"""Largest error of a camera at the table, metres; beyond it, it sees another surface."""
 
 
 @dataclass(frozen=True)
 class ViewFrame:
     """One view, ready to use.
 
-    ``points`` (H, W, 3) world, metres, NaN where nothing is known; ``height`` (H, W) metres above the table.
-    ``corrected`` is by how many metres the camera's table lay off the common one.
+    ``points`` (H, W, 3) world, metres, NaN where unknown; ``height`` (H, W) metres above the table. ``corrected`` is
+    the offset of the camera's table from the common one, metres.
     """
 
     view: View
@@ -70,10 +70,10 @@ class TablePlane:
 
 
 def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[ViewFrame], TablePlane, list[str]]:
-    """The usable views with their points, the table, and a sentence for each view that is of no use.
+    """The usable views with their points, the table, and a sentence for each unusable view.
 
     A camera whose own table lies off the common one is turned and lifted until they agree: extrinsics err by
-    millimetres. Raises :class:`PerceptionError` where no view has depth, or no level plane carries the workspace.
+    millimetres. Raises :class:`PerceptionError` if no view has depth, or there is no level plane under the workspace.
     """
     low, high = np.asarray(workspace.low, dtype=np.float64), np.asarray(workspace.high, dtype=np.float64)
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
@@ -87,7 +87,7 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[ViewFrame], T
             frames.append(ViewFrame(view, points, points[..., 2]))
     if not frames:
         raise PerceptionError(
-            f"No view can be used: {' '.join(notes)} One camera at least must deliver depth."
+            f"No view can be used: {' '.join(notes)} At least one camera must deliver depth."
         )
     table = find_table([f.points[f.known] for f in frames], workspace)
     return [_set_right(f, table, workspace) for f in frames], table, notes
@@ -116,7 +116,7 @@ def _points(view: View) -> FloatArray:
 
 
 def why_not(view: View, points: FloatArray) -> str:
-    """Why a view is of no use, "" where it is; ``points`` (H, W, ...) are NaN where nothing is known."""
+    """Why a view is unusable, "" if it is usable; ``points`` (H, W, ...) are NaN where unknown."""
     if view.depth is None:
         return "it has no depth"
     if not np.isfinite(points).any():
@@ -125,7 +125,7 @@ def why_not(view: View, points: FloatArray) -> str:
 
 
 def _near(points: FloatArray, workspace: Box) -> FloatArray:
-    """Those of points (N, 3) that lie over and a little under the workspace."""
+    """The points (N, 3) that lie above and slightly below the workspace."""
     low = workspace.low - [0.0, 0.0, BELOW]
     inside = (points >= low) & (points <= workspace.high)
     return np.asarray(points[inside[:, 0] & inside[:, 1] & inside[:, 2]])
@@ -157,7 +157,7 @@ def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
     own = residual < 0.008
     if own.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points)):
         raise PerceptionError(
-            f"No level plane carries the workspace: the best holds {int(own.sum())} of {len(points)} points."
+            f"No level plane lies under the workspace: the best holds {int(own.sum())} of {len(points)} points."
         )
     return TablePlane(normal, offset, 1.4826 * float(np.median(residual[own])))
 
@@ -176,7 +176,7 @@ def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float)
 
 
 def _set_right(frame: ViewFrame, table: TablePlane, workspace: Box) -> ViewFrame:
-    """The frame with its own table laid onto the common one: two turns and one shift, what a plane can tell."""
+    """The frame with its own table aligned to the common one: two turns and one shift, all that a plane determines."""
     points, off = frame.points, 0.0
     near = _near(points[frame.known], workspace)
     near = near[np.abs(near @ table.normal - table.offset) < MOST_CORRECTION]

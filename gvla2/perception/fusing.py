@@ -1,4 +1,4 @@
-"""Masks of several pictures made one set of things: two masks show one thing where they share their points in 3D."""
+"""Masks of several pictures fused into things: two masks show one thing if they share their points in 3D."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from gvla2.perception.things import thing_of
 from gvla2.planning.scene import SceneObject
 
 SHARED = 0.55
-"""Share of each mask's points that lie on the other, of those that its picture shows, from which both show one thing.
-A part's points all lie on the whole, but few of the whole's on the part: they stay two.
+"""Share of each mask's points on the other, of those that its picture shows, above which both show one thing. A part's
+points all lie on the whole, but few of the whole's on the part: they stay two.
 """
 IN_SIGHT = 0.015
 """Metres between a point and what a picture measured there, within which the picture shows the point."""
 TOUCHING = 0.008
-"""Metres between points that lie on one another: cameras err by millimetres, pixels are some wide."""
+"""Metres between coinciding points: cameras err by millimetres, and pixels are some wide."""
 SAMPLE = 400
 SAME = 0.8
-"""Intersection over union in one picture from which two masks are one."""
+"""Intersection over union in one picture above which two masks are one."""
 WITHIN = 0.9
-"""Share of a thing's points within another from which it is a part of that."""
+"""Share of a thing's points within another above which it is a part of it."""
 STRAY = 0.04
-"""Share of a thing's points below which a piece apart from the rest is a leak of the mask, not the thing."""
+"""Share of a thing's points below which a detached piece is a leak of the mask, not the thing."""
 ABOVE = 0.0015
-"""Metres above the table from which a point in a mask is the thing's, at least; the rest is the mask's soft rim."""
+"""Least metres above the table for a point in a mask to belong to the thing; the rest is the mask's soft rim."""
 
 
 @dataclass(frozen=True)
 class MaskCandidate:
-    """A mask (H, W) in the picture of frame ``view``: ``score`` in [0, 1]; ``label`` "" where the model gives none.
+    """A mask (H, W) in the picture of frame ``view``: ``score`` in [0, 1]; ``label`` "" if the model gives none.
 
-    Candidates of one ``seed`` >= 0 were asked for by one cluster in 3D: they show one thing.
+    Candidates of one ``seed`` >= 0 were prompted by one cluster in 3D: they show one thing.
     """
 
     view: int
@@ -51,7 +51,7 @@ class MaskCandidate:
 
 @dataclass(frozen=True)
 class Fused:
-    """One thing: ``members`` are its candidates, one a view at most; ``parent`` the index of what it is a part of."""
+    """One thing: ``members`` are its candidates, at most one per view; ``parent`` the index of its whole."""
 
     members: tuple[MaskCandidate, ...]
     parent: int = -1
@@ -63,7 +63,7 @@ class Fused:
 
     @property
     def label(self) -> str:
-        """What most of the scores say, "" where no member has a label."""
+        """The label with the largest total score, "" if no member has one."""
         votes: dict[str, float] = {}
         for member in self.members:
             if member.label:
@@ -93,7 +93,7 @@ def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> li
         own = np.nonzero(groups == group)[0]
         best: dict[int, int] = {}
         for i in sorted(own, key=lambda i: kept[i].score):
-            best[kept[i].view] = int(i)  # of two in one picture that others tie together, the surer one
+            best[kept[i].view] = int(i)  # of two in one picture that others join, the surer one
         things.append(Fused(tuple(kept[i] for i in best.values())))
         spread.append(np.concatenate([clouds[i] for i in best.values()]))
     order = sorted(range(len(things)), key=lambda k: -len(spread[k]))
@@ -106,7 +106,7 @@ def objects_of(
 ) -> tuple[list[SceneObject], list[str]]:
     """Scene objects of fused masks, with ids ``thing0``, ...; and a sentence for each that is too small to place.
 
-    A pixel that two masks claim goes to the part, and of two wholes to the surer one.
+    A pixel that two masks claim goes to the part, and between two wholes, to the surer one.
     """
     objects, notes = [], []
     owners = [np.full(f.height.shape, -1) for f in frames]
@@ -157,7 +157,7 @@ def _points(frame: ViewFrame, mask: BoolArray) -> FloatArray:
     known = mask & frame.known
     with np.errstate(invalid="ignore"):
         above = known & (frame.height > ABOVE)
-    cloud = frame.points[above if above.any() else known]  # what leaks onto the table says nothing of a thing
+    cloud = frame.points[above if above.any() else known]  # leaks onto the table are not part of a thing
     return cloud[:: max(1, len(cloud) // SAMPLE)]
 
 
@@ -170,7 +170,7 @@ def _one_thing(
 
 
 def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
-    """Share of the points (N, 3) that a picture shows in a mask (H, W), of those that it shows at all."""
+    """Share of the points (N, 3) visible in a picture that lie in a mask (H, W)."""
     uv, _ = frame.view.camera.project(cloud)
     inside = frame.view.camera.inside(uv)
     columns, rows = np.floor(uv[inside]).astype(int).T
@@ -181,7 +181,7 @@ def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
 
 
 def _whole_of(k: int, spread: Sequence[FloatArray]) -> int:
-    """The smallest larger thing that the k-th lies within; -1 for none."""
+    """The smallest larger thing that contains the k-th; -1 for none."""
     for j in range(k - 1, -1, -1):
         if len(spread[j]) < 1.5 * len(spread[k]):
             continue

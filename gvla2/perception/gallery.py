@@ -16,9 +16,9 @@ from gvla2.perception.scans import KnownScan, check_names, diameter, read_scans
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 LEAST = 40
-"""Seen points without which a thing is not recognised."""
+"""Least seen points for a thing to be recognised."""
 REFINED = 10
-"""Scans that are refined, of those whose size and colours may fit."""
+"""Number of scans refined among those whose size and colours fit."""
 BINS = 6
 LEAST_SHARED = 0.12
 """Overlap of the colour histograms below which a scan is not tried."""
@@ -26,7 +26,7 @@ LEAST_SHARED = 0.12
 
 @dataclass(frozen=True)
 class Odds:
-    """From a fit's measures to the log-odds that the scan is the thing: one weight a measure and a constant."""
+    """From a fit's measures to the log-odds that the scan is the thing: one weight per measure and a constant."""
 
     constant: float
     gap: float
@@ -35,7 +35,7 @@ class Odds:
     colour: float
 
     def of(self, fit: Fit) -> float:
-        """Positive where it is more likely than not."""
+        """Positive if it is more likely than not."""
         return (
             self.constant
             - self.gap * 1e3 * fit.gap
@@ -54,7 +54,7 @@ that err; a wrong fit weighs three times a right one.
 class Gallery:
     """A :class:`~gvla2.perception.labels.Labeller` that knows a folder of scans.
 
-    Raises :class:`ConfigurationError` for a folder without meshes and for two of one name.
+    Raises :class:`ConfigurationError` for a folder without meshes and for duplicate names.
     """
 
     source = "gallery"
@@ -65,7 +65,7 @@ class Gallery:
 
     @classmethod
     def of(cls, scans: Sequence[KnownScan]) -> Gallery:
-        """A gallery of scans that are read already."""
+        """A gallery of scans already read."""
         check_names(scans)
         made = cls.__new__(cls)
         made._folder, made._scans = "", tuple(scans)
@@ -73,7 +73,7 @@ class Gallery:
         return made
 
     def names(self, things: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
-        """One answer a thing, in order."""
+        """One answer per thing, in order."""
         views = [view for view in observation.views if view.depth is not None]
         cameras, depths = [view.camera for view in views], []
         for view in views:
@@ -92,12 +92,12 @@ class Gallery:
         return answers
 
     def name(self, seen: Seen) -> Naming:
-        """What a seen surface is."""
+        """The name of a seen surface."""
         fits = self.fits(seen)
         if not fits:
-            return Naming("", 1.0, why="None of the gallery is of its size and colours.")
+            return Naming("", 1.0, why="No scan in the gallery has its size and colours.")
         best, odds = fits[0], [ODDS.of(fit) for fit in fits]
-        # Against all others and against none of them: a name must be likelier than the rest together.
+        # Against all others and "unknown": a name must be likelier than the rest together.
         rest = np.exp(np.clip(odds[1:], -30.0, 30.0)).sum()
         first = float(np.exp(np.clip(odds[0], -30.0, 30.0)))
         sure = first / (1.0 + first + float(rest))
@@ -107,7 +107,7 @@ class Gallery:
         return Naming(best.scan.name, float(sure), known_shape(best))
 
     def fits(self, seen: Seen) -> list[Fit]:
-        """The scans that may be it, each at its best pose, likeliest first."""
+        """The candidate scans, each at its best pose, likeliest first."""
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None
         size = diameter(seen.points)
@@ -128,7 +128,7 @@ class Gallery:
 
 
 def known_shape(fit: Fit) -> KnownShape:
-    """The scan where it lies, in the terms of its file."""
+    """The scan at its pose, in its file's frame and units."""
     pose = fit.world_from_scan @ rigid(None, -fit.scan.middle)
     return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5))
 

@@ -1,7 +1,7 @@
-"""Who names things: one contract, and how several answers become one label.
+"""Labellers: one contract, and how several answers become one label.
 
 Colour and shape always give a label ("red box"). A labeller may know better: a gallery of known objects, or a
-vision-language model that reads crops. The first that is sure enough is believed; none is made to guess.
+vision-language model that reads crops. The first that is sure enough is used; none has to guess.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 SURE_ENOUGH = 0.5
-"""From this sureness on a name is used."""
+"""Least sureness for a name to be used."""
 
 
 @dataclass(frozen=True)
 class Naming:
-    """What a source makes of one thing.
+    """A source's answer for one thing.
 
-    ``label`` is "" for unknown; ``sureness`` in [0, 1] is the source's own estimate that the label is right, and for
-    an unknown thing that it is none of those that the source knows. ``known`` is the scan and its pose, where the
-    source has one; ``why`` is a sentence for the scene's notes.
+    ``label`` is "" for unknown; ``sureness`` in [0, 1] is the source's own estimate that the label is right, and for an
+    unknown thing that the source does not know it. ``known`` is the scan and its pose, if the source has one; ``why``
+    is a sentence for the scene's notes.
     """
 
     label: str
@@ -37,18 +37,18 @@ class Labeller(Protocol):
 
     @property
     def source(self) -> str:
-        """What the scene says of where a name comes from: "gallery", "reader"."""
+        """The name's origin as recorded in the scene: "gallery", "reader"."""
         ...
 
     def names(self, things: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
-        """One answer a thing, in order. What cannot be named is unknown, never an error of the run."""
+        """One answer per thing, in order. A thing that cannot be named is unknown, never an error."""
         ...
 
 
 def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labeller]) -> Scene:
     """The scene with the names of the first labeller that is sure of each whole thing.
 
-    Painted regions and parts keep their labels: a lid is the lid of what was named. A thing that none knows keeps its
+    Painted regions and parts keep their labels: a lid is the lid of the named thing. A thing unknown to all keeps its
     colour and shape; the notes say so.
     """
     left = [o for o in scene.objects if o.shape != "region" and not o.parent]

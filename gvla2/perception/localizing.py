@@ -1,4 +1,4 @@
-"""What was clicked at, in the scene: the object that the mask shows, or one that geometry alone did not tell apart."""
+"""The clicked target in the scene: the object that the mask shows, or one that geometry alone did not separate."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gvla2.perception.prompting import EncodedPicture
 from gvla2.planning.scene import Scene, SceneObject
 
 SAME = 0.6
-"""Share of an object's points and of the mask's, from which the mask shows the object."""
+"""Share of an object's points and of the mask's above which the mask shows the object."""
 
 
 def localized(
@@ -29,7 +29,7 @@ def localized(
     model: LanguageModel,
     options: VisionOptions,
 ) -> Scene:
-    """The scene with a note on what the instruction means, by clicks in the picture that shows most of it."""
+    """The scene with a note on the instruction's target, from clicks in the picture that shows the most."""
     if not scene.objects or not instruction.strip():
         return scene
     shown = [[_shown(frame, thing) for thing in scene.objects] for frame in frames]
@@ -63,13 +63,13 @@ def _merged(scene: Scene, frames: Sequence[ViewFrame], table: TablePlane, found:
         if share * back > worth:
             best, worth, of_mask = thing, share * back, min(share, back)
     if best is not None and of_mask >= SAME:
-        return replace(scene, notes=(*scene.notes, f"{best.id} is what was asked for: {_story(found)}."))
+        return replace(scene, notes=(*scene.notes, f"{best.id} is the target: {_story(found)}."))
     made, _ = objects_of([Fused((MaskCandidate(view, found.mask, found.score),))], frames, table, 3)
     if not made:
-        return replace(scene, notes=(*scene.notes, f"What was localized has no depth: {_story(found)}."))
+        return replace(scene, notes=(*scene.notes, f"The localized target has no depth: {_story(found)}."))
     new = f"o{len(scene.objects) + 1}"
     parent = best.id if best is not None and worth > 0.1 else ""
-    note = f"{new} is what was asked for, a part that geometry did not tell apart: {_story(found)}."
+    note = f"{new} is the target, a part that geometry did not separate: {_story(found)}."
     thing = replace(made[0], id=new, parent=parent)
     return replace(scene, objects=(*scene.objects, thing), notes=(*scene.notes, note))
 

@@ -1,4 +1,4 @@
-"""What every perceiver that names things can be told: ``perceiver.gallery=FOLDER perceiver.vision.base_url=...``."""
+"""Options of every perceiver that names things: ``perceiver.gallery=FOLDER perceiver.vision.base_url=...``."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class VisionOptions(EndpointOptions):
-    """A model that sees, at an OpenAI-compatible address of its own: planners may ask another. "" is none.
+    """A vision-language model at its own OpenAI-compatible address: planners may ask another. "" is none.
 
-    ``scale`` is what its coordinates count to: 1, 1000 for Qwen3-VL or Gemini.
+    ``scale`` is the range of its coordinates: 1, 1000 for Qwen3-VL or Gemini.
     """
 
     base_url: str = ""
@@ -27,10 +27,10 @@ class VisionOptions(EndpointOptions):
 
 @dataclass(kw_only=True)
 class NamingOptions:
-    """Where names come from, besides colour and shape.
+    """Sources of names besides colour and shape.
 
     ``gallery``: a folder of scans (.obj, .glb, .ply) of known objects, "" for none. ``read_crops``: whether the model
-    at ``vision`` reads crops of what the gallery does not know.
+    at ``vision`` reads crops of things that the gallery does not know.
     """
 
     gallery: str = ""
@@ -39,18 +39,18 @@ class NamingOptions:
 
 
 def vision_model(options: VisionOptions, wanted_by: str) -> LanguageModel:
-    """The model that sees; raises :class:`ConfigurationError` where none is given."""
+    """The vision-language model; raises :class:`ConfigurationError` if none is given."""
     from gvla2.language.endpoint import Endpoint
 
     if not options.base_url:
         raise ConfigurationError(
-            f"{wanted_by} needs a model that sees: perceiver.vision.base_url=http://127.0.0.1:8000/v1."
+            f"{wanted_by} needs a vision-language model: perceiver.vision.base_url=http://127.0.0.1:8000/v1."
         )
     return Endpoint(options)
 
 
 def labellers(options: NamingOptions) -> tuple[Labeller, ...]:
-    """The sources of names that were asked for, the surest kind first."""
+    """The configured labellers, the most reliable first."""
     found: list[Labeller] = []
     if options.gallery:
         from gvla2.perception.gallery import Gallery

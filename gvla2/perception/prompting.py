@@ -1,4 +1,4 @@
-"""What a promptable segmentation model is: one encode a picture, then as many prompts as one likes."""
+"""The interface of promptable segmentation models: one encoding per picture, then any number of prompts."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gvla2.geometry.transform import FloatArray
 
 @dataclass(frozen=True)
 class Prompt:
-    """What is meant in a picture, in its pixels, the first pixel's centre at (0.5, 0.5).
+    """A target in a picture, in pixels, the first pixel's centre at (0.5, 0.5).
 
     ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the thing or beside it; ``box`` is (left, top,
-    right, bottom) or None. One point or a box at least.
+    right, bottom) or None. At least one point or a box.
     """
 
     points: FloatArray
@@ -31,10 +31,10 @@ class Prompt:
 
 @dataclass(frozen=True)
 class Segments:
-    """Answers to K prompts, C masks each: from the part that a point is on to the whole.
+    """Answers to K prompts, C masks each, from the part under a point to the whole.
 
-    ``logits`` (K, C, H, W) float32 at the picture's size, a pixel is in where it is above 0; ``scores`` (K, C) is what
-    the model takes each mask's IoU to be, in [0, 1].
+    ``logits`` (K, C, H, W) float32 at the picture's size, a pixel is inside where it is above 0; ``scores`` (K, C) is
+    the model's estimate of each mask's IoU, in [0, 1].
     """
 
     logits: NDArray[np.float32]
@@ -46,10 +46,10 @@ class Segments:
 
 
 class EncodedPicture(Protocol):
-    """A picture that was looked at once."""
+    """An encoded picture."""
 
     def segment(self, prompts: list[Prompt]) -> Segments:
-        """The masks that the prompts mean; K = 0 is allowed."""
+        """The masks for the prompts; K = 0 is allowed."""
         ...
 
 
@@ -57,5 +57,5 @@ class Segmenter(Protocol):
     """A model that segments what it is pointed at: SAM, SAM 2, MobileSAM."""
 
     def encode(self, image: NDArray[np.uint8]) -> EncodedPicture:
-        """Look at one picture (H, W, 3) RGB."""
+        """Encode one picture (H, W, 3) RGB."""
         ...

@@ -18,9 +18,9 @@ from gvla2.perception.labels import Naming
 from gvla2.planning.scene import Scene, SceneObject
 
 CROPS = 2
-"""Pictures of one thing that are shown: those with most of it."""
+"""Pictures shown of one thing: those with most of it."""
 MARGIN = 0.35
-"""Of a thing's size about it, so that its surroundings tell its scale."""
+"""Margin as a share of a thing's size, so that the surroundings give its scale."""
 LONGEST_NAME = 40
 SCHEMA = {
     "type": "object",
@@ -44,7 +44,7 @@ class CropReader:
         self._model, self._longest = model, longest
 
     def names(self, things: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
-        """One answer a thing; unknown where the model cannot be asked or says so."""
+        """One answer per thing; unknown if the model cannot be asked or says so."""
         return [self._read(thing, observation) for thing in things]
 
     def _read(self, thing: SceneObject, observation: Observation) -> Naming:
@@ -69,7 +69,7 @@ class CropReader:
 
 
 def crop_of(view: View, thing: SceneObject) -> tuple[int, np.ndarray]:
-    """How many pixels of a picture show a thing's points, and the part of the picture about them."""
+    """How many pixels of a picture show a thing's points, and the part of the picture around them."""
     uv, _ = view.camera.project(thing.points)
     inside = uv[view.camera.inside(uv)]
     if len(inside) < 3:
@@ -92,7 +92,7 @@ def _png(crop: np.ndarray, longest: int) -> bytes:
 
 
 def _parse(text: str) -> tuple[str, float]:
-    """A name of plain letters, "" for unknown: what a model writes must not speak to the next one."""
+    """A name of plain letters, "" for unknown: one model's output must not prompt the next."""
     found = json_in(text)
     if not isinstance(found, dict) or not isinstance(found.get("name"), str):
         raise ValueError('Answer one JSON object with "name" and "sure".')

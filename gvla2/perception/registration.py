@@ -1,9 +1,9 @@
-"""Cameras that err: their poses and ranges corrected so that they agree on the table and on what stands on it.
+"""Corrects inaccurate cameras' poses and depth scales so that they agree on the table and the objects on it.
 
 Each camera's error is a small turn and shift about its own centre and a scale of its depth, with a prior; the table
 top of all cameras is one plane, and points of what two cameras see lie on one surface. Gauss-Newton on all at once:
     min  sum_c |e_c / prior|^2 + sum_plane r^2 / s^2 + sum_pairs huber(n . (p_i - p_j)) / s^2 .
-The prior weighs near cameras more where the data leave a choice, since a turn moves what is far.
+Where the data leave a choice, near cameras count more, since a turn moves distant points.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from gvla2.perception.frames import find_table
 from gvla2.planning.scene import Box
 
 PRIOR = np.array([0.003] * 3 + [0.0015] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
-AGREE = 0.001  # metres between the tables of cameras that are believed as they are
+AGREE = 0.001  # metres between the tables of cameras that need no correction
 BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; above it things are
 BESIDE = 0.05  # metres about the workspace
-OFF_TABLE = 0.012  # metres above the table from which a point is of a thing
+OFF_TABLE = 0.012  # metres above the table from which a point belongs to a thing
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
 MOST_TABLE, MOST_THINGS, MOST_CLOUD = 300, 700, 12_000  # points of one camera
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
@@ -34,7 +34,7 @@ REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be
 @dataclass(frozen=True)
 class _Sight:
     """What one camera saw, table's frame: of the ``table`` some points (N, 3), of ``things`` (M, 3) and their
-    ``normals`` (M, 3), away from the camera, many; every ``step``-th is looked for in the other cameras' clouds.
+    ``normals`` (M, 3), away from the camera, many; every ``step``-th is searched for in the other cameras' clouds.
     """
 
     origin: FloatArray
@@ -56,9 +56,9 @@ class _Sight:
 
 
 def agreed(views: Views, workspace: Box) -> Views:
-    """The views with their cameras' poses and their depth corrected; the very same ones where their tables agree.
+    """The views with their cameras' poses and their depth corrected; unchanged if their tables agree.
 
-    Raises :class:`~gvla2.errors.PerceptionError` where no level plane carries the workspace.
+    Raises :class:`~gvla2.errors.PerceptionError` if there is no level plane under the workspace.
     """
     clouds = [_points(view) for view in views]
     if sum(bool(np.isfinite(cloud).any()) for cloud in clouds) < 2:
@@ -88,7 +88,7 @@ def agreed(views: Views, workspace: Box) -> Views:
 
 
 def _points(view: View) -> FloatArray:
-    """(H, W, 3) world points of what is not the robot, NaN where there are none."""
+    """(H, W, 3) world points outside the robot, NaN where there are none."""
     if view.depth is None:
         return np.full((*view.image.shape[:2], 3), np.nan)
     depth = np.where(np.isfinite(view.depth) & (view.depth > 0), view.depth, np.nan).astype(np.float64)
@@ -147,7 +147,7 @@ def _normals(points: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
 
 
 def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArray:
-    """(C, 7) the Gauss-Newton step of all corrections; ``total`` (C, 7) is what was corrected so far.
+    """(C, 7) the Gauss-Newton step of all corrections; ``total`` (C, 7) is the correction so far.
 
     Three more unknowns are the common plane: its height and its slopes.
     """
@@ -170,7 +170,7 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         w = np.minimum(1.0, 0.005 / np.maximum(np.abs(r - np.median(r)), 1e-9)) / TABLE_SPREAD**2
         A += (J * w[:, None]).T @ J
         b -= (J * w[:, None]).T @ r
-    A[-3:, -3:] += np.diag([1e2, 1e2, 1e2])  # the common plane is where it was, unless all say otherwise
+    A[-3:, -3:] += np.diag([1e2, 1e2, 1e2])  # the common plane stays unless all cameras disagree
     trees = [cKDTree(s.things) if len(s.things) >= 20 else None for s in sights]
     for i, one in enumerate(sights):
         for j, other in enumerate(sights):

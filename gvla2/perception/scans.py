@@ -1,4 +1,4 @@
-"""A folder of known objects: each scan as points with normals and colours, and the ways in which it can lie."""
+"""A folder of known objects: each scan as points with normals and colours, and its resting poses."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SUFFIXES = (".obj", ".glb", ".ply")
 POINTS = 3000
 """Samples of a scan's surface."""
 LARGEST = 3.0
-"""A scan whose longest side counts more units than this is in millimetres: nothing on a table is 3 m long."""
+"""A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
-"""Ways to lie that are tried at most, and the share of all falls that they account for."""
+"""Most resting poses tried, and the share of the total probability that they cover."""
 VERSION = 2
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
-"""Stems that name no object: the folder does."""
+"""Stems that do not name an object: its folder does."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class KnownScan:
     """One known object.
 
     ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
-    ``rests`` (K, 3, 3) turn it into ways to lie on a table, likeliest first; ``middle`` (3,) is the box's middle in
-    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest
-    distance within it, metres.
+    ``rests`` (K, 3, 3) turn it into resting poses on a table, likeliest first; ``middle`` (3,) is the box's middle in
+    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest distance within
+    it, metres.
     """
 
     name: str
@@ -66,7 +66,7 @@ def diameter(points: FloatArray) -> float:
 def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
     """Each scan's file by the object's name: a file's stem, or its folder's name where there is one file a folder.
 
-    Raises :class:`ConfigurationError` for a folder that is not there or holds no mesh, and for two of one name.
+    Raises :class:`ConfigurationError` for a folder that is missing or holds no mesh, and for duplicate names.
     """
     root = Path(folder).expanduser()
     if not root.is_dir():
@@ -83,7 +83,7 @@ def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
         name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
         if not name:
             raise ConfigurationError(
-                f"perceiver.gallery: {file} names no object; call the file what it shows."
+                f"perceiver.gallery: {file} does not name an object; name the file after it."
             )
         if name in found:
             raise ConfigurationError(
@@ -94,7 +94,7 @@ def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
 
 
 def _folder_name(file: Path, root: Path) -> str:
-    """The nearest folder's name that says something (YCB keeps NAME/google_16k/textured.obj)."""
+    """The nearest meaningful folder name (YCB keeps NAME/google_16k/textured.obj)."""
     for folder in file.relative_to(root).parents:
         if folder.name and not re.fullmatch(r"google_\d+k|meshes?|tsdf|poisson", folder.name):
             return folder.name
@@ -102,7 +102,7 @@ def _folder_name(file: Path, root: Path) -> str:
 
 
 def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
-    """All scans of a folder; what was prepared once is kept in the user's cache by the files' contents.
+    """All scans of a folder; prepared scans are cached by the files' contents.
 
     Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
     """
@@ -141,10 +141,11 @@ def _prepared(path: Path) -> dict[str, FloatArray]:
 
 
 def resting_turns(points: FloatArray) -> FloatArray:
-    """(K, 3, 3) turns into stable ways to lie, likeliest first, no two nearly the same; upright is always among them.
+    """(K, 3, 3) rotations into stable resting poses, likeliest first, no two nearly the same; upright is always among
+    them.
 
-    As they fall: quasi-static probabilities of the faces of the convex hull, with the middle of the box as the centre
-    of mass. Scans are not closed, so their volume tells no better one.
+    Their quasi-static probabilities of the faces of the convex hull, with the middle of the box as the centre of mass.
+    Scans are not closed, so their volume gives no better one.
     """
     hull = trimesh.convex.convex_hull(points)
     turns, chances = trimesh.poses.compute_stable_poses(hull, center_mass=hull.center_mass, n_samples=1)
@@ -163,7 +164,7 @@ def resting_turns(points: FloatArray) -> FloatArray:
 
 
 def _cache_file(path: Path) -> Path:
-    """Where what was prepared of these contents lies; textures beside a mesh count as its contents."""
+    """The cache file for these contents; textures beside a mesh count as its contents."""
     digest = hashlib.sha256(f"{VERSION} {POINTS} {path.suffix}".encode())
     beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() in (".mtl", ".png", ".jpg", ".jpeg"))
     for file in (path, *(beside if path.suffix.lower() == ".obj" else ())):
@@ -176,7 +177,7 @@ def _cache_file(path: Path) -> Path:
 
 
 def _keep(kept: Path, arrays: dict[str, FloatArray]) -> None:
-    """Written aside and renamed; a cache that cannot be written is done without."""
+    """Written atomically; a cache that cannot be written is not used."""
     aside = kept.with_name(f"{kept.stem}.{os.getpid()}.npz")
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Points on a scan's surface with the colours that are painted there."""
+"""Points on a scan's surface with the colours of its texture."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def sampled_surface(
     try:
         scene = trimesh.load_scene(source, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    except Exception as error:  # trimesh raises whatever its parsers meet
+    except Exception as error:  # trimesh's parsers raise anything
         raise GeometryError(f"Cannot read a scan from {source}: {type(error).__name__}: {error}") from error
     areas = np.array([part.area for part in parts])
     if not parts or not np.isfinite(areas).all() or not areas.sum() > 0:

@@ -1,4 +1,4 @@
-"""The seen points of a thing as an object of the scene: an upright box about them, a coarse shape, a colour word."""
+"""The seen points of a thing as an object of the scene: an upright box around them, a coarse shape, a colour word."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from gvla2.planning.scene import Box, SceneObject, Shape
 
 MOST_POINTS = 4000
 RESTS = 0.02
-"""What is seen no higher above the table than this, metres, stands on it: its foot is hidden or too near the table."""
+"""A thing seen at most this high above the table, metres, stands on it: its foot is hidden or too near the table."""
 ONE_HUE = 18.0
-"""Points of one hue differ by less, in look: what is printed on a thing is not its colour."""
+"""Largest look difference of points of one hue: print on a thing is not its colour."""
 CUBE = 1.2
 """A box whose longest side is less than so many of its shortest is called a cube."""
 SURE = 12.0
-"""By how much the second nearest colour word must be further away to be ruled out."""
+"""Margin by which the second nearest colour word must be further away to be ruled out."""
 
 
 def thing_of(
@@ -28,7 +28,7 @@ def thing_of(
 ) -> SceneObject:
     """One object from its seen points (N, 3), metres, and their colours (N, 3) in [0, 1]; N is at least 3."""
     yaw, low, high = footprint(points[:, :2])
-    # Single flying points must not make a thing higher.
+    # Single flying pixels must not make a thing higher.
     bottom, top = np.percentile(points[:, 2], [1.0, 99.5])
     bottom = table_height if bottom < table_height + RESTS else float(bottom)
     top = max(float(top), bottom + 1e-3)
@@ -64,7 +64,7 @@ def footprint(xy: FloatArray) -> tuple[float, FloatArray, FloatArray]:
 
 
 def coarse_shape(points: FloatArray, extents: FloatArray, middle: FloatArray) -> Shape:
-    """What the box's sides and the footprint's outline tell."""
+    """The shape from the box's sides and the footprint's outline."""
     width, length = sorted(extents[:2])
     height = extents[2]
     gaps = np.linalg.norm(points[:, :2] - middle, axis=1)
@@ -98,14 +98,14 @@ def colour_word(rgb: FloatArray) -> tuple[str, float]:
 
 
 def numbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """The things with ids o1, o2, ... by x, then y, to the millimetre, whatever order they were found in."""
+    """The things with ids o1, o2, ... by x, then y, to the millimetre, in whatever order they were found."""
     ids = new_ids(things)
     ordered = enumerate(_ordered(things), 1)
     return tuple(replace(o, id=f"o{k}", parent=ids.get(o.parent, "")) for k, o in ordered)
 
 
 def new_ids(things: Sequence[SceneObject]) -> dict[str, str]:
-    """The ids that :func:`numbered` gives, by the ids that the things have."""
+    """The ids that :func:`numbered` gives, by the things' present ids."""
     return {thing.id: f"o{k}" for k, thing in enumerate(_ordered(things), 1)}
 
 
@@ -114,6 +114,6 @@ def _ordered(things: Sequence[SceneObject]) -> list[SceneObject]:
 
 
 def over_workspace(things: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
-    """Those whose middle lies over the workspace."""
+    """The things whose middle lies over the workspace."""
     low, high = workspace.low[:2], workspace.high[:2]
     return [o for o in things if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()]

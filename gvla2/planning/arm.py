@@ -1,4 +1,4 @@
-"""What planning needs to know of an arm: reach, limits, clearance. A robot backend provides it."""
+"""What planning needs to know about an arm: reach, limits, clearance. A robot backend provides it."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Hand:
 
 @dataclass(frozen=True)
 class IKSolution:
-    """Joints (dof,) in radians for a pose, with what makes them good or bad.
+    """Joints (dof,) in radians for a pose, with measures of their quality.
 
-    ``limit_margin`` is the smallest distance to a joint limit, radians; ``manipulability`` is
-    sqrt(det(J J^T)) as a share of the arm's best (0 at a singularity), so that small arms and large ones compare;
-    ``position_error`` metres; ``rotation_error`` radians.
+    ``limit_margin`` is the smallest distance to a joint limit, radians; ``manipulability`` is sqrt(det(J J^T)) as a
+    share of the arm's best (0 at a singularity), so that small and large arms are comparable; ``position_error``
+    metres; ``rotation_error`` radians.
     """
 
     joints: FloatArray
@@ -56,7 +56,7 @@ class Clearance:
 
 @dataclass(frozen=True)
 class Attachment:
-    """An object in the hand: it moves with the tool at ``tcp_from_object`` (4, 4)."""
+    """A held object: it moves with the tool at ``tcp_from_object`` (4, 4)."""
 
     object: SceneObject
     tcp_from_object: FloatArray
@@ -98,13 +98,13 @@ class Arm(Protocol):
     ) -> Clearance:
         """Clearance at joints (dof,) with the hand opened by ``gripper`` in [0, 1], against the perceived scene.
 
-        ``allowed_contacts`` (object ids, "table") are left out for the hand and what it carries; what is
-        ``attached`` moves with the hand and is no obstacle to it.
+        ``allowed_contacts`` (object ids, "table") are ignored for the hand and what it carries; an ``attached`` object
+        moves with the hand and is not an obstacle to it.
         """
         ...
 
     def line(
         self, start: FloatArray, world_from_tcp: FloatArray, step: float = 0.01
     ) -> Sequence[FloatArray] | None:
-        """Joints (dof,) every ``step`` metres of a straight tool move from joints ``start``; None if it can't be."""
+        """Joints (dof,) every ``step`` metres of a straight tool move from joints ``start``; None if impossible."""
         ...

@@ -1,7 +1,7 @@
 """Expressions over arrays, as a language model writes them: parsed and interpreted node by node, never run.
 
-Numbers, arithmetic, comparisons, logic and a few functions have the meaning that they have in Python and numpy. What
-names, attributes and further functions mean, a :class:`Vocabulary` says. Anything else is refused with a reason.
+Numbers, arithmetic, comparisons, logic and a few functions mean the same as in Python and numpy. A :class:`Vocabulary`
+defines names, attributes and further functions. Anything else is refused with a reason.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Value = NDArray[Any] | np.float64
 DEEPEST = 100
-"""How deep expressions may be nested, those of the variables in them included."""
+"""How deep expressions may be nested, including those of their variables."""
 LARGEST = 1e9
 
 _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
@@ -38,11 +38,11 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 
 class Vocabulary(Protocol):
-    """What an expression may speak of beyond arithmetic; its methods raise :class:`ValueError` with a reason."""
+    """An expression's names beyond arithmetic; its methods raise :class:`ValueError` with a reason."""
 
     @property
     def words(self) -> str:
-        """All of it in words, for messages: "x, y, z and the objects' names"."""
+        """A description for messages: "x, y, z and the objects' names"."""
         ...
 
     @property
@@ -51,22 +51,22 @@ class Vocabulary(Protocol):
         ...
 
     def array(self, name: str) -> Value | None:
-        """What a name stands for, None where it stands for nothing."""
+        """The value of a name, None if it is unknown."""
         ...
 
     def attribute(self, owner: ast.expr, name: str) -> Value:
-        """What ``owner.name`` is."""
+        """The value of ``owner.name``."""
         ...
 
     def function(
         self, name: str
     ) -> Callable[[Sequence[ast.expr], Callable[[ast.expr], Value]], Value] | None:
-        """A function of the arguments' nodes and of what gives their values; None where there is none."""
+        """A function of the arguments' nodes and of their evaluator; None if there is none."""
         ...
 
 
 class Interpreter:
-    """Works out expressions over one set of arrays; a variable is worked out once, however often it is used."""
+    """Evaluates expressions over one set of arrays; each variable is evaluated once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self._vocabulary = vocabulary

@@ -1,4 +1,4 @@
-"""Asking a planner that may be anybody's: in time, and what comes back is a plan that can be read."""
+"""Asking an untrusted planner: within a time limit, and checking that its answer is a well-formed plan."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from gvla2.planning.programs import Program
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 
 ABSURD = 10 * MAX_WAYPOINTS
-"""More waypoints than this are not checked one by one; up to it the checks say what is too many."""
+"""Longer trajectories are not checked waypoint by waypoint; up to here the checks say what is too many."""
 
 _TEXTS = ("stage", "motion", "carries", "frame")
 _NUMBERS = ("gripper", "speed", "tolerance", "dwell")
 
 
 def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0) -> Plan:
-    """The planner's plan, of sound types, with finite numbers and a number of waypoints that can be checked.
+    """The planner's plan, with valid types, finite numbers and a checkable number of waypoints.
 
     Raises :class:`PlannerTimeoutError` when ``name`` does not answer within ``seconds`` (0 waits for ever), and
-    :class:`PlanningError` for an answer that is no plan. Whether the plan is a good one, the checks say.
+    :class:`PlanningError` for an answer that is not a plan. Whether the plan is good is for the checks to say.
     """
     try:
         plan = within(seconds, lambda: planner.plan(request))
@@ -38,7 +38,7 @@ def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0)
 
 
 def _problem(plan: object) -> str:
-    """What is wrong with an answer, to be read after "returned"; "" when nothing is."""
+    """What is wrong with an answer, worded to follow "returned"; "" if nothing."""
     if not isinstance(plan, Plan):
         return f"{type(plan).__name__}, not a Plan"
     if not isinstance(plan.skill, str) or not _texts(plan.notes) or not isinstance(plan.fallback, str):
@@ -62,9 +62,9 @@ def _problem(plan: object) -> str:
 
 
 def _program_problem(plan: Plan) -> str:
-    """What is wrong with the plan's place in a program, and with how it came about."""
+    """What is wrong with the plan's program and transcript."""
     if not _all_of(SkillCall, plan.calls) or not _all_of(SkillCall, plan.remaining):
-        return "calls or remaining that are no tuple of SkillCall"
+        return "calls or remaining that are not a tuple of SkillCall"
     options: object = plan.options
     program: object = plan.program
     if not isinstance(options, SkillOptions):
@@ -72,7 +72,7 @@ def _program_problem(plan: Plan) -> str:
     if program is not None and not isinstance(program, Program):
         return f"a program of type {type(program).__name__}, not Program"
     if not _all_of(Mapping, plan.transcript):
-        return "a transcript that is no tuple of mappings"
+        return "a transcript that is not a tuple of mappings"
     return ""
 
 
@@ -90,9 +90,9 @@ def _side(value: object) -> bool:
 def _trajectory_problem(trajectory: Trajectory) -> str:
     waypoints = trajectory.waypoints
     if not isinstance(waypoints, tuple) or not all(isinstance(w, Waypoint) for w in waypoints):
-        return "a trajectory that is no tuple of waypoints"
+        return "a trajectory that is not a tuple of waypoints"
     if not waypoints:
-        return "a trajectory without waypoints; say why by an abstention"
+        return "a trajectory without waypoints; give the reason in an abstention"
     if len(waypoints) > ABSURD:
         return f"a trajectory of {len(waypoints)} waypoints; at most {MAX_WAYPOINTS} can be carried out"
     for index, waypoint in enumerate(waypoints):
@@ -104,34 +104,34 @@ def _trajectory_problem(trajectory: Trajectory) -> str:
 def _waypoint_problem(w: Waypoint) -> str:
     odd = [name for name in _TEXTS if not isinstance(getattr(w, name), str)]
     if odd:
-        return f"a {odd[0]} that is no text: {getattr(w, odd[0])!r:.60}"
+        return f"a {odd[0]} that is not text: {getattr(w, odd[0])!r:.60}"
     odd = [name for name in _NUMBERS if not _finite(getattr(w, name))]
     if odd:
-        return f"a {odd[0]} that is no finite number: {getattr(w, odd[0])!r:.60}"
+        return f"a {odd[0]} that is not a finite number: {getattr(w, odd[0])!r:.60}"
     if not _three(w.xyz):
-        return f"an xyz that is no tuple of three finite numbers: {w.xyz!r:.80}"
+        return f"an xyz that is not a tuple of three finite numbers: {w.xyz!r:.80}"
     if not isinstance(w.allowed_contacts, frozenset) or not _texts(w.allowed_contacts):
-        return f"allowed_contacts that are no frozenset of ids: {w.allowed_contacts!r:.80}"
+        return f"allowed_contacts that are not a frozenset of ids: {w.allowed_contacts!r:.80}"
     turned: object = w.orientation
     if not isinstance(turned, Orientation) or not isinstance(turned.policy, str):
-        return f"an orientation that is none: {turned!r:.80}"
+        return f"an invalid orientation: {turned!r:.80}"
     if not _three(turned.vector) or not _three(turned.closing) or not _finite(turned.angle):
         return f"an orientation without finite numbers: {turned!r:.160}"
     guard: object = w.guard
     if guard is not None and not (isinstance(guard, Guard) and _finite(guard.force) and _finite(guard.stall)):
-        return f"a guard that is none: {guard!r:.80}"
+        return f"an invalid guard: {guard!r:.80}"
     return ""
 
 
 def _finite(value: object) -> bool:
-    """Numpy's scalars count as the numbers that they are; True does not count as one."""
+    """Whether it is a finite number: NumPy's scalars count, True does not."""
     if isinstance(value, bool) or not hasattr(value, "__float__") or getattr(value, "shape", ()) != ():
         return False
     return math.isfinite(float(value))
 
 
 def _three(value: object) -> bool:
-    """Arrays do not count: waypoints are compared, and arrays have no answer to that."""
+    """Whether it is a triple of numbers, not an array: waypoints are compared, which arrays do not support."""
     return isinstance(value, tuple | list) and len(value) == 3 and all(_finite(v) for v in value)
 
 

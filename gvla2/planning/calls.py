@@ -1,4 +1,4 @@
-"""Skill calls: what a program asks a hand to do, by the ids of perceived objects; free of words."""
+"""Skill calls: the steps of a program, by ids of perceived objects, language-independent."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Literal, get_args
 
 Relation = Literal["", "on", "in", "to", "beside", "left_of", "right_of", "behind", "front_of"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
-"""How the theme is to lie to the goal; "" where the skill has only one way."""
+"""How the theme should lie relative to the goal; "" if the skill has only one way."""
 
 
 @dataclass(frozen=True)
 class SkillCall:
-    """One step of a program: ``skill`` on the object ``theme``, and where that leads.
+    """One step of a program: ``skill`` on the object ``theme``, and its target.
 
-    ``theme`` and ``goal`` are ids of scene objects; ``xy`` is where the theme's centre is to go, world metres, for
-    a free place. ``relation`` is that of the goal. ``amount`` is how far in metres (lifted, pushed, pulled) and
+    ``theme`` and ``goal`` are ids of scene objects; ``xy`` is the target of the theme's centre, world metres, for a
+    free place. ``relation`` is that of the goal. ``amount`` is how far in metres (lifted, pushed, pulled) and
     ``direction`` a unit vector (x, y), x away from the robot and y to its left. ``theta`` sets parameters of the skill
-    by name, in their own units. Raises :class:`ValueError` for a relation or a number that cannot be.
+    by name, in their own units. Raises :class:`ValueError` for an invalid relation or number.
     """
 
     skill: str
@@ -42,7 +42,7 @@ class SkillCall:
             raise ValueError(f"A number of {self.skill}({self.theme}) is not finite.")
 
     def __str__(self) -> str:
-        """As a program has it: ``place(object_1, object_3, in)``."""
+        """As written in a program: ``place(object_1, object_3, in)``."""
         said = [self.theme, self.goal, self.relation]
         said += [f"({', '.join(f'{v:.3f}' for v in self.xy)}) m"] if self.xy is not None else []
         said += [f"{self.amount:g} m"] if self.amount is not None else []
@@ -54,12 +54,12 @@ class SkillCall:
 
 @dataclass(frozen=True)
 class SkillOptions:
-    """How skills are carried out: metres, m/s.
+    """How skills are executed: metres, m/s.
 
-    ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is
-    pushed when the call gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where it touches.
-    ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the numbers of each plan about
-    what they would be, by this relative spread and never by more than half; ``explore_seed`` gives other variations.
+    ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is pushed
+    when the call gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where it touches.
+    ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the numbers of each plan around
+    their values, by this relative spread and at most by half; ``explore_seed`` selects the variation.
     """
 
     lift_height: float = 0.25

@@ -1,4 +1,4 @@
-"""The numbers that the checks before motion hold a trajectory to."""
+"""The limits that the checks before motion apply to a trajectory."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ class CheckLimits:
 
     * ``table_margin``: gap between the fingertips' end and the table, where touching it is not allowed.
     * ``max_linear``, ``max_free``: longest straight and longest planned move. A straight line through half the
-      workspace soon meets a joint limit; more than the workspace's diagonal is a slip of the pen.
+      workspace soon meets a joint limit; more than the workspace's diagonal is an error.
     * ``max_speed`` of the tool.
     * ``limit_margin`` to each joint's limit; ``joint_jump``: largest joint step between two samples (1 cm) of a
       straight move, beyond it the arm would flip; ``min_manipulability``: share of the arm's best, 0 at a singularity.
     * ``free_clearance`` where a planned move starts and ends, so that the motion planner has room to leave and arrive;
       ``linear_clearance`` along straight moves.
-    * ``sweep_step``: how far apart along a straight move clearance is looked at.
+    * ``sweep_step``: spacing of clearance samples along a straight move.
     """
 
     table_margin: float = 0.003

@@ -1,7 +1,7 @@
 """The six checks before motion: typed, and all of them reported.
 
-1 schema, 2 workspace, 3 gripper, 4 kinematics, 5 clearance, 6 memory. None of them moves anything, and none stops
-at the first fault: a planner that is asked again should hear everything at once.
+1 schema, 2 workspace, 3 gripper, 4 kinematics, 5 clearance, 6 memory. None of them moves anything, and none stops at
+the first fault: a planner that is asked again should get all findings at once.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def check_trajectory(
     skill: str = "",
     lengths: Mapping[str, float] | None = None,
 ) -> CheckReport:
-    """What speaks against ``trajectory``, started at ``start_pose`` (4, 4) and ``start_joints`` (dof,), radians.
+    """The findings on ``trajectory``, started at ``start_pose`` (4, 4) and ``start_joints`` (dof,), radians.
 
-    Each check gives one passed finding, or one failed finding a problem. ``effects`` of kind ``bound`` must hold
-    for the plan's ``parameters``; those that are limited to a skill count when it is ``skill``, those in shares of a
-    side of the handled object where ``lengths`` (metres, by side) give it. A malformed
-    trajectory (not-a-number, no direction) fails ``kinematics`` and ``clearance`` as ``unchecked``.
+    Each check gives one passed finding, or one failed finding per problem. ``effects`` of kind ``bound`` must hold for
+    the plan's ``parameters``; those limited to a skill apply if it is ``skill``, those in shares of a side of the
+    handled object if ``lengths`` (metres, by side) give it. A malformed trajectory (not-a-number, no direction) fails
+    ``kinematics`` and ``clearance`` as ``unchecked``.
     """
     schema = check_schema(trajectory, scene)
     findings = [*schema, *check_workspace(trajectory, scene, arm, start_pose, limits)]

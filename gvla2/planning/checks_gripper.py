@@ -15,23 +15,23 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
 GRASP_REACH = 0.015
-"""What the hand closes on may be this far from the space between its fingers, metres: perceived boxes are not exact."""
+"""Largest distance of the grasped object from the space between the fingers, metres: perceived boxes are not exact."""
 SHUT = 0.5
-"""Openings below it count as closed: a hand that only narrows is getting ready."""
+"""Openings below it count as closed: a hand that only narrows is preparing."""
 TOOL_REACH, NEARER = 0.03, 0.005
-"""A closed hand is a tool where it comes this near to what it may touch, and by so much nearer than where it closed."""
+"""A closed hand is a tool if it comes this near to an allowed contact, and this much nearer than where it closed."""
 SHOVED = 0.02
-"""A hand that goes so far sideways through an object, metres, takes it along: nobody knows where it is then."""
+"""A hand that moves this far sideways through an object, metres, drags it along: its place is then unknown."""
 STEP = 0.01
-"""How far apart along a move the way of a closed hand is looked at, metres."""
+"""Spacing of samples along a move of a closed hand, metres."""
 
 
 @dataclass
 class _Hand:
     """The hand while the trajectory is read: ``closed`` is where it last closed, ``before`` its opening until then.
 
-    ``things`` are the objects where they are by now, ``shoved`` those of which that is not known; ``grip`` is the pose
-    in the hand of the one that is carried.
+    ``things`` are the objects at their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried
+    one's pose in the hand.
     """
 
     things: dict[str, SceneObject]
@@ -51,11 +51,11 @@ class _Hand:
 
 
 def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: FloatArray) -> list[Finding]:
-    """Open, close on an object, carry it closed, release it, carry no more; no hand closes on nothing and leaves.
+    """Open, close on an object, carry it closed, release it, stop carrying; no hand closes on nothing and leaves.
 
-    ``Waypoint.gripper`` is reached after arriving, ``carries`` holds on the way: a waypoint that carries and opens
-    is a release. A closed hand may be a tool: it presses, pushes or hooks what it is allowed to touch. Where a
-    waypoint is malformed (the schema check says so), what lies between the fingers is not looked at.
+    ``Waypoint.gripper`` is reached after arriving, ``carries`` applies on the way: a waypoint that carries and opens is
+    a release. A closed hand may be a tool: it presses, pushes or hooks what it is allowed to touch. If a waypoint is
+    malformed (see the schema check), the space between the fingers is not checked.
     """
     state = _Hand({o.id: o for o in scene.objects})
     finite = all(np.isfinite(w.xyz).all() for w in trajectory)
@@ -85,7 +85,7 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
 
 
 def _carrying(state: _Hand, i: int, w: Waypoint, hand: Hand, poses: Sequence[FloatArray] | None) -> None:
-    """What the way to a waypoint says of the object in the hand."""
+    """The held object according to the move to a waypoint."""
     name = where(i, w)
     if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
         state.fail(i, "opening_range", f"{name}: opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
@@ -123,7 +123,7 @@ def _carrying(state: _Hand, i: int, w: Waypoint, hand: Hand, poses: Sequence[Flo
 def _emptied(
     state: _Hand, i: int, waypoints: Sequence[Waypoint], hand: Hand, poses: Sequence[FloatArray] | None
 ) -> None:
-    """The hand opens at waypoint ``i``, or the trajectory ends there: was anything in it since it closed?"""
+    """The hand opens at waypoint ``i``, or the trajectory ends there: did it hold anything since it closed?"""
     closed = state.closed
     if poses is not None and state.carried in state.things and state.grip is not None:
         held = state.things[state.carried]
@@ -148,9 +148,9 @@ def _emptied(
 
 
 def _is_tool(closed: Waypoint, after: Sequence[Waypoint], state: _Hand) -> bool:
-    """Whether the closed hand goes to meet something: a guard waits for it, or it comes nearer what it may touch.
+    """Whether the closed hand moves to touch something: a guard waits for it, or it approaches an allowed contact.
 
-    What it may touch and has shoved before is wherever that ended.
+    An allowed contact that it shoved before may be anywhere.
     """
     before = closed
     for w in after:
@@ -166,7 +166,7 @@ def _is_tool(closed: Waypoint, after: Sequence[Waypoint], state: _Hand) -> bool:
 
 
 def _shoved(before: Waypoint, w: Waypoint, things: dict[str, SceneObject]) -> set[str]:
-    """What a straight move with nothing in the hand takes along."""
+    """The objects that a straight move with an empty hand drags along."""
     if w.motion != "linear" or w.carries:
         return set()
     way = _way(before, w)
@@ -182,7 +182,7 @@ def _way(before: Waypoint, w: Waypoint) -> FloatArray:
 
 
 def _gap(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> float:
-    """How far a thing's box is from the space between the fingers, ``opening`` in [0, 1], metres; 0 within it."""
+    """Distance of a thing's box from the space between the fingers, ``opening`` in [0, 1], metres; 0 within it."""
     half = 0.5 * float(np.clip(opening, 0.0, 1.0)) * hand.max_width
     tip = hand.tip_beyond_tcp
     x = np.linspace(-0.5, 0.5, 3) * hand.finger_breadth

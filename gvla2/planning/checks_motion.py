@@ -17,16 +17,16 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 
 LINE_STEP = 0.01
 STILL = 1e-4
-"""A move below this (metres and radians) is no move: the hand only opens or closes."""
+"""A move below this (metres and radians) does not count: the hand only opens or closes."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """The way to one waypoint, solved from where the leg before ended.
+    """The move to one waypoint, solved from the end of the previous leg.
 
-    ``solution`` is None when the pose is out of reach; ``samples`` are the joints along a straight move, or the
-    last joints alone of a planned one, empty when there is no way. ``opening`` is the hand's on the way, and
-    ``attached`` what it carries.
+    ``solution`` is None when the pose is out of reach; ``samples`` are the joints along a straight move, or only the
+    last joints of a planned one, empty if there is no path. ``opening`` is the hand's during the move, and ``attached``
+    what it carries.
     """
 
     index: int
@@ -42,10 +42,10 @@ class Leg:
 def resolve_motion(
     trajectory: Trajectory, scene: Scene, arm: Arm, start_pose: FloatArray, start_joints: FloatArray
 ) -> list[Leg]:
-    """All legs, each from the joints where the one before ended; after a leg with no way, from where that began.
+    """All legs, each from the joints where the previous one ended; after an impossible leg, from where that began.
 
-    A redundant arm reaches the end of a planned move in many ways. As the motion planner does, the solution is
-    preferred from which the straight moves after it are possible.
+    A redundant arm reaches the end of a planned move in many ways. Like the motion planner, this prefers solutions from
+    which the following straight moves are possible.
     """
     legs: list[Leg] = []
     joints, pose, opening = np.asarray(start_joints, dtype=np.float64), start_pose, 1.0
@@ -112,12 +112,12 @@ def _can_follow(arm: Arm, joints: FloatArray, poses: Sequence[FloatArray]) -> bo
 
 
 def _still(a: FloatArray, b: FloatArray) -> bool:
-    turn = np.linalg.norm(a[:3, :3] - b[:3, :3]) / np.sqrt(2.0)  # radians, where it is small
+    turn = np.linalg.norm(a[:3, :3] - b[:3, :3]) / np.sqrt(2.0)  # radians, if small
     return bool(np.linalg.norm(a[:3, 3] - b[:3, 3]) < STILL and turn < STILL)
 
 
 def check_kinematics(legs: Sequence[Leg], limits: CheckLimits) -> list[Finding]:
-    """Every pose solvable, straight moves possible, away from joint limits, flips and singularities."""
+    """Every pose is solvable, straight moves are possible, away from joint limits, flips and singularities."""
     found: list[Finding] = []
 
     def fail(
@@ -162,8 +162,8 @@ def check_kinematics(legs: Sequence[Leg], limits: CheckLimits) -> list[Finding]:
 def check_clearance(legs: Sequence[Leg], scene: Scene, arm: Arm, limits: CheckLimits) -> list[Finding]:
     """Hand and held object clear of everything but ``allowed_contacts``; no grasp wider than the opening.
 
-    Straight moves are looked at along the way, planned ones where they start and end: between, the motion planner
-    keeps clear.
+    Straight moves are checked along the way, planned ones at their start and end: in between, the motion planner keeps
+    clear.
     """
     found: list[Finding] = []
     for leg in legs:
@@ -171,7 +171,7 @@ def check_clearance(legs: Sequence[Leg], scene: Scene, arm: Arm, limits: CheckLi
             found += _leg_clearance(leg, scene, arm, limits)
         if (grasp := _grasp_width(leg, legs, scene, arm)) is not None:
             found.append(grasp)
-    return found or [passed("clearance", "Nothing is touched but what may be, and the grasp fits the hand.")]
+    return found or [passed("clearance", "Only allowed contacts are touched, and the grasp fits the hand.")]
 
 
 def _leg_clearance(leg: Leg, scene: Scene, arm: Arm, limits: CheckLimits) -> list[Finding]:
@@ -218,7 +218,7 @@ def _too_close(index: int, kind: str, name: str, clear: Clearance, needed: float
 
 
 def _grasp_width(leg: Leg, legs: Sequence[Leg], scene: Scene, arm: Arm) -> Finding | None:
-    """A finding when the hand closes here on what it then carries, and that is wider than it was open."""
+    """A finding when the hand closes here on an object wider than its opening."""
     following = legs[leg.index + 1].waypoint.carries if leg.index + 1 < len(legs) else ""
     if not following or following == leg.waypoint.carries or leg.waypoint.gripper >= leg.opening:
         return None
@@ -235,7 +235,7 @@ def _grasp_width(leg: Leg, legs: Sequence[Leg], scene: Scene, arm: Arm) -> Findi
 
 def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> bool:
     """Whether the hand, at the tool pose (4, 4) and ``opening`` metres wide, has a part of the object between its
-    fingers and nothing of it where the fingers are: a nozzle, a handle, a wall. Told by the object's seen points.
+    fingers and none where the fingers are: a nozzle, a handle, a wall. Judged by the object's seen points.
     """
     points = transform_points(invert_rigid(world_from_tcp), thing.points)
     points = points[np.abs(points[:, 0]) < 0.5 * hand.finger_breadth]
@@ -248,7 +248,7 @@ def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, ha
 def width_along(thing: SceneObject, direction: FloatArray) -> float:
     """Extent of an object along a unit ``direction`` (3,), metres; round things by their diameter.
 
-    A cylinder's box may be turned any way about its axis, so its corners would overstate it by up to 41 %.
+    A cylinder's box may have any rotation about its axis, so its corners would overstate it by up to 41 %.
     """
     axes = thing.world_from_object[:3, :3]
     along = np.abs(direction @ axes)

@@ -1,4 +1,4 @@
-"""Checks that read the waypoints alone, without kinematics: schema, workspace, memory."""
+"""Checks that read only the waypoints, without kinematics: schema, workspace, memory."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def check_schema(trajectory: Trajectory, scene: Scene) -> list[Finding]:
 
 
 def _orientation_problem(waypoint: Waypoint) -> str:
-    """Why the orientation is no rotation, or ""."""
+    """Why the orientation is not a rotation, or ""."""
     o = waypoint.orientation
     if o.policy not in ("hold", "grasp", "axis", "twist", "slerp"):
         return f"orientation policy '{o.policy}' is unknown; use hold, grasp, axis, twist or slerp."
@@ -154,9 +154,9 @@ def check_memory(
     lengths: Mapping[str, float] | None = None,
     stages: Sequence[str] = (),
 ) -> list[Finding]:
-    """What remembered failures ask for: bounds hold for the plan's parameters, its stages come in order.
+    """The demands of remembered failures: bounds hold for the plan's parameters, its stages come in order.
 
-    A bound in shares of a side binds where ``lengths`` (metres, by side) give that side of the handled object.
+    A bound in shares of a side applies if ``lengths`` (metres, by side) give that side of the handled object.
     """
     found: list[Finding] = []
     own = [e for e in effects if e.skill in ("", skill)]

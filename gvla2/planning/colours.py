@@ -1,4 +1,4 @@
-"""Twenty colour words, and how far apart two colours look whatever light falls on them."""
+"""Twenty colour words, and how different two colours look under any light."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 """Colour words and their sRGB values in [0, 1]; the corners and edges of the colour cube."""
 
 SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
-"""Other words that people use for the same colours."""
+"""Synonyms of the colour words."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),
@@ -52,15 +52,15 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "blue green": ("teal",), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",), "golden": ("yellow",),
     "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",),
 }  # fmt: skip
-"""What people say to the colour words of :data:`COLOURS` that they may mean where nothing is called so itself: basic
-terms to their shades, never a shade to its basic term. Red is red alone: maroon is told from it at a glance."""
+"""Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
+their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""
 
 TOLD_APART = 30.0
-"""Distance (see :func:`colour_distance`) from which two surfaces are told apart in any light: no two shades of one
-hue, no two greys that touch."""
+"""Distance (see :func:`colour_distance`) above which two surfaces differ in any light: not two shades of one hue, nor
+two neighbouring greys."""
 
 LIGHTNESS_WEIGHT = 0.5
-"""Lightness counts half: it is what shading changes. Zero would make red and maroon the same."""
+"""Lightness counts half, since shading changes it. Zero would make red and maroon the same."""
 
 TINGE, DARK = 0.7, 0.25
 """Chosen so that the twenty words name themselves in slightly white light, and pale and dark shades as people do.
@@ -81,11 +81,11 @@ def lab(rgb: ArrayLike) -> FloatArray:
 
 
 def appearance(rgb: ArrayLike) -> FloatArray:
-    """Coordinates (..., 3) in which Euclidean distance tells how different two surfaces (sRGB (..., 3)) look.
+    """Coordinates (..., 3) in which Euclidean distance measures how different two surfaces (sRGB (..., 3)) look.
 
-    Dimming a surface scales a*, b* and L* + 16 of CIELAB by the same factor, so 100 a*/(L* + 16) and
-    100 b*/(L* + 16) stay: they tell hue and saturation whatever the shading. Lightness comes third, weighted
-    down. About 10 is a difference that a person sees at a glance, 25 one that shading does not hide.
+    Dimming a surface scales a*, b* and L* + 16 of CIELAB by the same factor, so 100 a*/(L* + 16) and 100 b*/(L* + 16)
+    stay: they give hue and saturation under any shading. Lightness comes third, weighted down. A difference of about 10
+    is obvious to a person, one of 25 is not hidden by shading.
     """
     L, a, b = np.moveaxis(lab(rgb), -1, 0)
     return np.stack([100.0 * a / (L + 16.0), 100.0 * b / (L + 16.0), LIGHTNESS_WEIGHT * L], axis=-1)
@@ -97,11 +97,11 @@ def colour_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:
 
 
 def naming_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:
-    """Distances (...,) by which people would call colours (..., 3) in [0, 1] alike.
+    """Distances (...,) of colours (..., 3) in [0, 1] for naming.
 
     On the colour circle, in per cent of its radius: hue as in HSV, and saturation, raised to :data:`TINGE`, since a
-    little colour names a thing; brightness counts a third. CIELAB will not do here: a touch of white light on pure
-    blue brings it to violet there, and red to maroon.
+    slight tinge decides the name; brightness counts a third. CIELAB does not work here: a little white light moves pure
+    blue to violet there, and red to maroon.
     """
     from skimage.color import rgb2hsv
 
@@ -109,7 +109,7 @@ def naming_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:
     for rgb in (one, other):
         values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
         most, least = values.max(axis=-1), values.min(axis=-1)
-        # What is nearly black has no colour to speak of; what is merely dark has no less than what is bright, or a
+        # Nearly black has no colour to speak of; merely dark has no less than bright, or a
         # bright red in slightly white light would be nearer to maroon.
         tinged = ((most - least) / np.maximum(most, 1e-9) * np.minimum(1.0, most / DARK)) ** TINGE
         turn = 2.0 * np.pi * rgb2hsv(values.reshape(1, -1, 3)).reshape(values.shape)[..., 0]
@@ -128,7 +128,7 @@ def nearest_colours(rgb: ArrayLike, k: int = 3) -> tuple[tuple[str, float], ...]
 def meant_by(word: str, present: Iterable[str]) -> str:
     """The one colour of ``present`` (words of :data:`COLOURS`) that people mean by ``word``; "" for none or several.
 
-    A thing that is called so comes first: where there is a blue one, "blue" never means the navy one.
+    An exact match comes first: if there is a blue one, "blue" never means the navy one.
     """
     here = set(present)
     if word in here:
@@ -144,7 +144,7 @@ def colours_in(sentence: str) -> tuple[str, ...]:
 
 
 def colour_words(sentence: str) -> tuple[str, ...]:
-    """The colours that a sentence names as people do ("light blue", "pink"), for :func:`meant_by`; each once."""
+    """The colours that a sentence names in everyday words ("light blue", "pink"), for :func:`meant_by`; each once."""
     words = sorted({*FAMILIES, *SYNONYMS}, key=len, reverse=True)
     found = re.findall(rf"\b({'|'.join(w.replace(' ', '[ -]') for w in words)})\b", sentence.casefold())
     plain = (word.replace("-", " ") for word in found)

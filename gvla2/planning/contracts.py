@@ -1,4 +1,4 @@
-"""What perceivers and planners implement, and what passes between them and the loop."""
+"""The interfaces of perceivers and planners, and the data between them and the loop."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Perceiver(Protocol):
 
 @dataclass(frozen=True)
 class Done:
-    """What a failed attempt of the same episode did that stays done: so much of ``parameter`` (its own unit, all that
-    attempts before it did included) to what is at ``place``, metres. A cap that was turned has been turned.
+    """The lasting effect of a failed attempt of the same episode: the amount of ``parameter`` (its own unit, earlier
+    attempts included) done to the object at ``place``, metres. A turned cap stays turned.
     """
 
     skill: str
@@ -41,10 +41,10 @@ class Done:
 
 @dataclass(frozen=True)
 class Advice:
-    """What memory has to say to a planner: a bounded text block, typed effects and programs; all may be empty.
+    """Memory's advice to a planner: a bounded text block, typed effects and programs; all may be empty.
 
-    ``programs`` are what succeeded in episodes alike, best first (see :mod:`gvla2.planning.programs`). ``done`` is of
-    this episode's own attempts.
+    ``programs`` succeeded in similar episodes, best first (see :mod:`gvla2.planning.programs`). ``done`` is of this
+    episode's own attempts.
     """
 
     text: str = ""
@@ -57,10 +57,9 @@ class Advice:
 class PlanRequest:
     """Everything a planner may use. ``start`` (4, 4) is the tool's pose, ``joints`` (dof,) its joints, radians.
 
-    ``observation`` is what the scene was perceived from, for planners that look at images.
-    ``skills`` is the table of skills that any planner may call, plugins' included (empty: the standard ones).
-    ``rejections`` are sentences from the checks about this planner's last answer, on a second try, and ``rejected``
-    is that answer, where it was a plan.
+    ``observation`` is the scene's source, for planners that use images. ``skills`` is the table of skills that any
+    planner may call, plugins' included (empty: the standard ones). ``rejections`` are sentences from the checks about
+    this planner's last answer, on a second try, and ``rejected`` is that answer, if it was a plan.
     """
 
     instruction: str
@@ -80,8 +79,8 @@ class Abstention:
     """A planner's typed refusal: nothing is moved.
 
     ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
-    ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so that a planner that
-    understands more may come to a plan; it need not be that the thing is absent.
+    ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so a more capable planner may
+    find a plan; the thing need not be absent.
     """
 
     kind: str
@@ -90,13 +89,13 @@ class Abstention:
 
     @property
     def gives_way(self) -> bool:
-        """Whether another planner may know better; otherwise it is an answer to the instruction."""
+        """Whether another planner may do better; otherwise the refusal is final."""
         return self.unread or self.kind in ("other", "unknown_skill", "unreachable")
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One way to do it that a planner weighed: what, how good, and why it was dropped ("" when it was not).
+    """One option that a planner considered: what, its score, and why it was dropped ("" if it was not).
 
     ``approaches`` are the names by which an effect of kind ``forbid`` rules it out ("approach:top").
     """
@@ -111,17 +110,16 @@ class Candidate:
 class Plan:
     """A planner's answer: a trajectory, or an abstention with its reason.
 
-    ``skill`` is a word such as "pick"; ``roles`` maps theme, goal, part to scene object ids;
-    ``parameters`` are the numbers theta that shaped the motion, SI units; ``scales`` names, for those of them that go
-    with a side of the handled object, that side and its length (:data:`~gvla2.planning.effects.Scale`), so that what
-    is learnt of them holds for other sizes. ``notes`` are plain sentences.
-    ``fallback`` names the planner that stepped in, "" when none did. ``transcript`` holds prompts and answers
-    of a language model, where one was asked.
+    ``skill`` is a word such as "pick"; ``roles`` maps theme, goal, part to scene object ids; ``parameters`` are the
+    numbers theta that shaped the motion, SI units; ``scales`` gives, for those that scale with a side of the handled
+    object, that side and its length (:data:`~gvla2.planning.effects.Scale`), so that lessons transfer to other sizes.
+    ``notes`` are plain sentences. ``fallback`` names the planner that stepped in, "" when none did. ``transcript``
+    holds prompts and answers of a language model, if one was asked.
 
     A plan may be one part of a longer program: ``calls`` are the skill calls that this trajectory carries out,
-    ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is what the
-    planner meant, in its own language, as memory keeps it of a success. ``sure`` says that the planner read the
-    instruction by rules that decline what they do not read with certainty; a language model is never sure.
+    ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is the plan in
+    the planner's own language, as memory keeps it after a success. ``sure`` says that the planner parsed the
+    instruction by rules that decline anything uncertain; a language model is never sure.
     """
 
     trajectory: Trajectory | None
@@ -145,5 +143,5 @@ class Planner(Protocol):
     """Plans waypoints from an instruction, a scene and advice."""
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan, or an abstention; never an exception for an instruction that cannot be followed."""
+        """A plan, or an abstention; never an exception for an impossible instruction."""
         ...

@@ -14,23 +14,23 @@ from gvla2.errors import Gvla2Error
 T = TypeVar("T")
 
 AGAIN = 0.5
-"""Seconds after which code that swallowed its end is told again."""
+"""Seconds after which code that swallowed the interrupt is interrupted again."""
 
 
 class DeadlineError(Gvla2Error):
-    """The time was up before there was an answer."""
+    """The time limit was reached before an answer."""
 
 
 class _TimeUp(BaseException):
-    """No Exception: code that catches those must not survive its end."""
+    """A BaseException, so that code catching Exception cannot swallow it."""
 
 
 def within(seconds: float, function: Callable[[], T]) -> T:
-    """What ``function`` returns; raises :class:`DeadlineError` when that takes longer. 0 waits for ever.
+    """The result of ``function``; raises :class:`DeadlineError` when it takes longer. 0 waits for ever.
 
-    In the main thread, where the system has alarms, the function is broken off where it is, be it computing in
-    Python or waiting; compiled code is broken off as soon as it returns to Python. Elsewhere it runs in a thread of
-    its own, which is left to itself when the time is up.
+    In the main thread, if the system has alarms, the function is interrupted, whether computing in Python or waiting;
+    compiled code is interrupted once it returns to Python. Elsewhere it runs in its own thread, which is abandoned
+    after the limit.
     """
     if seconds <= 0:
         return function()
@@ -59,7 +59,7 @@ def _by_alarm(seconds: float, function: Callable[[], T]) -> T:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-        if left:  # somebody else's alarm goes on
+        if left:  # another alarm continues
             remaining = max(1e-3, left - (time.monotonic() - began))
             signal.setitimer(signal.ITIMER_REAL, remaining, interval)
 

@@ -1,7 +1,7 @@
-"""Typed effects: how a remembered lesson changes a planner's parameters theta, and what checks hold it to.
+"""Typed effects: how a remembered lesson changes a planner's parameters theta, and the limits that checks enforce.
 
-Values of parameters that go with the object (how deep to grasp it) are remembered as shares of one of its sides, so
-that a lesson from a cube of 5 cm holds for one of 7 cm; those of the hand and the room stay in SI units.
+Values that scale with the object (how deep to grasp it) are remembered as shares of one of its sides, so that a lesson
+from a cube of 5 cm applies to one of 7 cm; those of the hand and the room stay in SI units.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ REQUIRED: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "order": ("parameter",),
     }
 )
-"""What an effect of each kind must say for itself when it is read from JSON."""
+"""The required JSON fields of each kind of effect."""
 
 SIDES = ("length", "width", "height")
-"""Sides of the handled object that values may be shares of: the longer and the shorter one of its level sides, and
-how tall it stands."""
+"""Sides of the handled object that values may be shares of: its longer and shorter horizontal side, and its height."""
 
 Scale = tuple[str, float]
-"""One of :data:`SIDES` and how long it is, metres, > 0."""
+"""One of :data:`SIDES` and its length, metres, > 0."""
 
 BEFORE = " before "
-"""Between the two stages that an ``order`` names."""
+"""Separates the two stages of an ``order``."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,11 @@ class Effect:
     * ``bound``: ``parameter`` ``op`` ``value`` must hold (``op`` is ">=" or "<="): a constraint from a failure.
     * ``prior``: ``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint.
     * ``forbid``: the named approach ``parameter`` (for example "approach:top") must not be used.
-    * ``order``: ``parameter`` is "A before B": where a plan has both stages, the first A comes before the first B.
+    * ``order``: ``parameter`` is "A before B": if a plan has both stages, the first A comes before the first B.
 
-    ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner) or, where
+    ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner) or, if
     ``scale`` names a side (:data:`SIDES`), shares of that side of the handled object. ``source`` is the id of the
-    memory record it comes from. ``object`` is what the thing looked like that it was learnt on
+    memory record it comes from. ``object`` is the look of the thing it was learnt on
     (:func:`~gvla2.planning.looks.look_of`), "" for any thing.
     """
 
@@ -63,7 +62,7 @@ class Effect:
     object: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object; without ``scale`` and ``object`` where there are none, as before there were any."""
+        """As a JSON object; without empty ``scale`` and ``object``, compatible with older records."""
         data = asdict(self)
         for name in ("scale", "object"):
             if not data[name]:
@@ -74,8 +73,8 @@ class Effect:
     def from_json(cls, data: Mapping[str, Any], source: str = "") -> Effect:
         """From a JSON object; raises :class:`PlanningError` when it is not an effect, or lacks what its kind needs.
 
-        A ``bound`` needs ``op`` and ``value``, a ``prior`` ``value`` and ``count``; the defaults above would make up
-        a lesson that nobody learnt. Numbers must be finite.
+        A ``bound`` needs ``op`` and ``value``, a ``prior`` ``value`` and ``count``; the defaults above would invent a
+        lesson. Numbers must be finite.
         """
         try:
             effect = cls(**{**data, "source": source or data.get("source", "")})
@@ -90,7 +89,7 @@ class Effect:
             )
         numbers = (effect.value, effect.sd, effect.count)
         if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r} has a number that is none.")
+            raise PlanningError(f"Not a parameter effect: {dict(data)!r} has a value that is not a number.")
         if effect.scale not in ("", *SIDES):
             raise PlanningError(
                 f"Not a parameter effect: {dict(data)!r} has the scale {effect.scale!r}; there are {', '.join(SIDES)}."
@@ -101,21 +100,21 @@ class Effect:
 
     @property
     def stages(self) -> tuple[str, str]:
-        """The two stages of an ``order``, the earlier first; empty where it does not say them."""
+        """The two stages of an ``order``, the earlier first; empty if it names none."""
         earlier, _, later = self.parameter.partition(BEFORE)
         return earlier.strip(), later.strip()
 
     def shared(self, scales: Mapping[str, Scale]) -> Effect:
-        """The same in shares of the side that the plan's ``scales`` name for its parameter, if they name one."""
+        """The effect in shares of the side that the plan's ``scales`` give for its parameter, if any."""
         side, length = scales.get(self.parameter, ("", 0.0))
         if self.scale or self.kind not in ("bound", "prior") or side not in SIDES or length <= 0.0:
             return self
         return replace(self, value=self.value / length, sd=self.sd / length, scale=side)
 
     def absolute(self, lengths: Mapping[str, float]) -> Effect | None:
-        """The same in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
+        """The effect in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
 
-        None where it is a share of a side that they do not give.
+        None if it is a share of a side that they do not give.
         """
         if not self.scale:
             return self
@@ -126,7 +125,7 @@ class Effect:
 
 
 def sides_of(thing: SceneObject) -> dict[str, float]:
-    """How long each of :data:`SIDES` of a perceived thing is, metres."""
+    """The length of each of :data:`SIDES` of a perceived thing, metres."""
     width, length = sorted(float(v) for v in thing.extents[:2])
     return {"length": length, "width": width, "height": thing.top - thing.bottom}
 
@@ -141,8 +140,8 @@ def apply_effects(
 ) -> tuple[dict[str, float], list[str]]:
     """Parameters after priors (a pull of count / (count + prior_strength) to the mean), then bounds (clamps).
 
-    ``lengths`` are the handled object's sides, metres: what was learnt in shares of a side that is not given is
-    passed over. Returns the new parameters and one plain sentence a change, for the run's page.
+    ``lengths`` are the handled object's sides, metres: effects in shares of a side that is not given are skipped.
+    Returns the new parameters and one plain sentence per change, for the run's page.
     """
     changed, notes = dict(parameters), []
     relevant: list[Effect] = []
@@ -151,7 +150,7 @@ def apply_effects(
             continue
         if (own := effect.absolute(lengths or {})) is None:
             notes.append(
-                f"{effect.parameter}: {effect.source} was passed over, the object's {effect.scale} is unknown"
+                f"{effect.parameter}: {effect.source} was ignored, the object's {effect.scale} is unknown"
             )
         else:
             relevant.append(own)
@@ -175,9 +174,9 @@ def apply_effects(
 
 
 def disordered(effect: Effect, stages: Sequence[str]) -> bool:
-    """Whether a plan's ``stages``, in their order, go against an ``order``: both are there, the later one first.
+    """Whether a plan's ``stages``, in order, violate an ``order``: both are present, the later one first.
 
-    A plan that does without one of them is not held to it: other planners name their stages otherwise.
+    It does not apply to a plan without one of them: other planners name their stages differently.
     """
     earlier, later = effect.stages
     if effect.kind != "order" or earlier not in stages or later not in stages:

@@ -1,4 +1,4 @@
-"""What the checks before motion found: typed, and all of it reported."""
+"""The findings of the checks before motion: typed and complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Finding:
     """One thing a check measured at one waypoint (``index`` -1: the whole trajectory).
 
     ``kind`` is a stable word ("too_few_waypoints", "outside_workspace", "unreachable", "collision", ...); "" with
-    ``passed`` for a check that found nothing wrong. ``value`` against ``limit`` in SI units, where there is a number.
+    ``passed`` for a check that found nothing wrong. ``value`` against ``limit`` in SI units, if numeric.
     """
 
     check: CheckName
@@ -28,7 +28,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """All findings of all six checks, and what a repair changed before them (plain sentences)."""
+    """All findings of all six checks, and the changes of a repair before them (plain sentences)."""
 
     findings: tuple[Finding, ...] = ()
     repairs: tuple[str, ...] = ()
@@ -40,7 +40,7 @@ class CheckReport:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The messages of what failed, in order."""
+        """The messages of failed findings, in order."""
         return tuple(f.message for f in self.findings if not f.passed)
 
     def to_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Whether a lamp shines, told from how it looked before and looks now."""
+"""Whether a lamp shines, by comparing its look before and now."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from gvla2.planning.scene import Scene, SceneObject
 
 BRIGHTER = 0.25
-"""By so much more of white than before, in [0, 1], something shines; shadows and angles change less."""
+"""Increase of white, in [0, 1], above which something shines; shadows and angles change less."""
 SAME_SPOT = 0.04
-"""What stands this near to where a part of the lamp stood is that part, metres."""
+"""Largest distance of a lamp's part from its former place, metres."""
 
 
 def shines(button: SceneObject, before: Scene, after: Scene) -> bool | None:
-    """Whether the lamp that a button belongs to shines since; None where there is no lamp or it was not seen again."""
+    """Whether the lamp of a button shines now; None if there is no lamp or it was not seen again."""
     kin = {button.parent, *(part.id for part in before.parts_of(button.parent))} if button.parent else set()
     lamp = [o for o in before.objects if o.id in kin and o.id != button.id]
     if not any("lamp" in o.label.split() or "light" in o.label.split() for o in lamp):

@@ -1,4 +1,4 @@
-"""How far a lid is open, told from its perceived plate and the box under it."""
+"""How far a lid is open, from its perceived plate and the box under it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from gvla2.planning.scene import SceneObject
 
 FLAT = 0.15
-"""A lid that is tilted by less lies flat, radians."""
+"""Tilt below which a lid lies flat, radians."""
 
 
 def opening_angle(lid: SceneObject, body: SceneObject | None) -> float:
     """Radians that a lid is open: 0 where it lies flat, a right angle where it stands, more where it leans away.
 
-    Its lower edge is taken for the hinge; ``body`` tells on which side of that the box is. Without one a lid that is
-    tilted is taken to lean over what it closes, so that the angle is at most a right one.
+    Its lower edge is assumed to be the hinge; ``body`` shows on which side of it the box is. Without one, a tilted lid
+    is assumed to lean over what it closes, so the angle is at most a right one.
     """
     axes, extents = lid.world_from_object[:3, :3], lid.extents
     thin = int(np.argmin(extents))
@@ -33,9 +33,9 @@ def opening_angle(lid: SceneObject, body: SceneObject | None) -> float:
 def hinged(
     thing: SceneObject, things: tuple[SceneObject, ...]
 ) -> tuple[SceneObject | None, SceneObject | None]:
-    """The lid and the box that a thing is one of: (lid, box), None for what there is not.
+    """The lid and the box of which a thing is one: (lid, box), None for a missing one.
 
-    A lid is a flat part of something broader than it is thick.
+    A lid is a flat part of something broader than the lid is thick.
     """
     parts = [o for o in things if o.parent == thing.id and _flat(o)]
     if parts:

@@ -1,7 +1,7 @@
-"""Whose lessons they are: things that look alike are taken to behave alike, until they show otherwise.
+"""Lessons by look: things that look alike are assumed to behave alike, until proven otherwise.
 
-How far a cap must be turned, or how deep a button goes, cannot be seen. What can be seen is that this lid is the gray
-one of the red jars; what was learnt on those holds for it before what was learnt on others.
+How far a cap must be turned, or how deep a button goes, cannot be seen. But this is visibly the gray lid of a red jar;
+lessons from those take precedence over lessons from others.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
 
 ON = " on "
-"""Between the colour of a part and that of its whole, as a look has them."""
+"""Separates the colours of a part and its whole in a look."""
 
 
 def look_of(thing: SceneObject | None, scene: Scene) -> str:
-    """What a thing looks like, in colour words: "red", or "gray on red" for a part of something red.
+    """A thing's look in colour words: "red", or "gray on red" for a part of something red.
 
-    "" for no thing, or where its colour is not known. Colours, not labels: the noun depends on the view.
+    "" for no thing, or if its colour is unknown. Colours, not labels: the noun depends on the view.
     """
     if thing is None or not thing.colour:
         return ""
@@ -31,10 +31,10 @@ def look_of(thing: SceneObject | None, scene: Scene) -> str:
 
 
 def own_first(effects: Iterable[Effect], look: str) -> tuple[Effect, ...]:
-    """The effects that count for a thing of this look.
+    """The effects that apply to a thing of this look.
 
-    What was learnt on things that look like it replaces what was learnt on others, parameter by parameter and skill by
-    skill; where there is nothing of its own, the others' is the best guess. Effects of no particular thing stay.
+    Lessons from things that look like it replace lessons from others, per parameter and skill; without any, the others'
+    are the best guess. Effects without a look stay.
     """
     given = tuple(effects)
     own = [(one.parameter, one.skill) for one in given if look and one.object == look]

@@ -1,4 +1,4 @@
-"""A camera's picture as a vision model is shown it: bounded in size, on request with a grid that helps to count."""
+"""A camera's picture for a vision model: bounded in size, optionally with a grid that helps to read coordinates."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import View
 
 SMALLEST, LARGEST = 64, 4096
-"""Bounds of the longer side, pixels: below, nothing can be told apart; above, servers refuse."""
+"""Bounds of the longer side, pixels: below, details are lost; above, servers refuse."""
 LINES = 10
-"""The grid's cells across and down; each line is labelled with its share of what coordinates count to."""
+"""The grid's cells across and down; each line is labelled with its coordinate."""
 
 
 def check_longest(longest: int) -> None:
-    """Raise :class:`ConfigurationError` for a size of pictures that no model can use."""
+    """Raise :class:`ConfigurationError` for an unusable size of pictures."""
     if not SMALLEST <= longest <= LARGEST:
         raise ConfigurationError(
             f"longest is {longest} pixels; the picture's longer side has {SMALLEST} to {LARGEST}."
@@ -27,7 +27,7 @@ def check_longest(longest: int) -> None:
 def shown(view: View, longest: int, *, grid: bool = False, scale: float = 1.0) -> bytes:
     """The view's image as PNG with its longer side at most ``longest`` pixels; shares of the picture stay the same.
 
-    With ``grid``, thin lines every tenth carry the coordinates there, which count to ``scale``.
+    With ``grid``, thin lines every tenth are labelled with their coordinates, up to ``scale``.
     """
     image = Image.fromarray(np.asarray(view.image))
     image.thumbnail((longest, longest), Image.Resampling.LANCZOS)

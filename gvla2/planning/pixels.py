@@ -1,4 +1,4 @@
-"""From pixels to the scene: the 3D point that a pixel shows, the object there, and the way of a drawn path."""
+"""From pixels to the scene: the 3D point that a pixel shows, the object there, and the 3D course of a drawn path."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
 
 TOUCHING = 0.008
-"""A point this near to an object's box counts as on it, metres: what depth cameras and perceived boxes err by."""
+"""A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
 AGREE = 0.01
 """Neighbouring depths that differ by less lie on one surface, metres."""
 NEIGHBOURS = 9
-"""Valid pixels that a depth is taken from: a patch of 3 by 3 where nothing is missing."""
+"""Number of valid pixels used for a depth: a patch of 3 by 3 if none is missing."""
 EDGE_ON = 0.3
-"""Sine of the least angle between a line of sight and the upright plane that it is to be cut with."""
+"""Sine of the least angle between a line of sight and the vertical plane that it intersects."""
 OVERSHOOT = 0.25
-"""How far beyond both its ends a way may swing, as a share of its length."""
+"""How far a path may extend beyond both its ends, as a share of its length."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Sighting:
 
 
 def view_of(observation: Observation, camera: str = "") -> View:
-    """The view of that name, the first one for ""; raises :class:`PlanningError` where there is none."""
+    """The view of that name, the first one for ""; raises :class:`PlanningError` if there is none."""
     names = [view.name for view in observation.views]
     if camera and camera not in names:
         raise PlanningError(f"There is no camera '{camera}'; the observation has {', '.join(names)}.")
@@ -61,10 +61,11 @@ def pixel_at(view: View, u: float, v: float) -> Pixel:
 
 
 def sight(pixel: Pixel, observation: Observation, scene: Scene, reach: int = 12) -> Sighting:
-    """What is seen at ``pixel``; where depth is missing, at the nearest pixels that have it, ``reach`` pixels at most.
+    """What is seen at ``pixel``; if depth is missing, at the nearest pixels that have it, at most ``reach`` pixels
+    away.
 
-    Raises :class:`PlanningError` for a pixel outside the picture, a camera that is not there or has no depth, and
-    where no depth was measured nearby. What the robot's own arm covers counts as not measured.
+    Raises :class:`PlanningError` for a pixel outside the picture, a camera that is missing or has no depth, and if no
+    depth was measured nearby. Pixels of the robot's own arm count as not measured.
     """
     view = view_of(observation, pixel.camera)
     depth = depth_at(view, pixel, reach)
@@ -75,8 +76,8 @@ def sight(pixel: Pixel, observation: Observation, scene: Scene, reach: int = 12)
 def depth_at(view: View, pixel: Pixel, reach: int = 12) -> float:
     """Metres along the camera's z at ``pixel``: the middle of the nearest measured depths, on one surface.
 
-    A pixel that stands alone (a flying pixel at an edge) is outvoted by its neighbours; one that some of them bear
-    out is believed, so that a thin handle is not taken for what lies behind it.
+    An isolated pixel (a flying pixel at an edge) is outvoted by its neighbours; one confirmed by some of them is used,
+    so that a thin handle is not mistaken for what lies behind it.
     """
     u, v = pixel.u, pixel.v
     size = f"{view.camera.width} by {view.camera.height} pixels"
@@ -122,7 +123,7 @@ def object_at(point: FloatArray, scene: Scene, within: float = TOUCHING) -> str:
     near = [o for o in scene.objects if _gap(point, o) <= within]
     if not near:
         return ""
-    # Boxes of hollow things and of what is in them overlap: the one whose surface was seen nearest is meant.
+    # Boxes of hollow things and their contents overlap: take the one whose surface was seen nearest.
     seen = [_to_surface(point, o) for o in near]
     best = min(seen)
     same = [o for o, gap in zip(near, seen, strict=True) if gap <= best + 0.5 * TOUCHING]
@@ -160,13 +161,13 @@ def path_in_air(
     scene: Scene,
     start: FloatArray,
 ) -> FloatArray:
-    """(N, 3) world points of a path drawn in one picture, metres; NaN where the way leaves the workspace.
+    """(N, 3) world points of a path drawn in one picture, metres; NaN where it leaves the workspace.
 
-    ``anchors`` gives the points (3,) of those pixels that lie on things, by index: there depth tells where they are.
-    A pixel between two of them shows what lies behind the path, not the path. Two rules give it a place on its line
-    of sight: the path runs in the upright plane through its two anchors, so that what is drawn higher is higher; and
-    where that plane is seen edge on, at the height between the anchors' heights that it has reached. ``start`` (3,)
-    is where the tool is before the first pixel; after the last anchor the plane faces the camera.
+    ``anchors`` gives the points (3,) of those pixels that lie on things, by index: their depth is known. A pixel
+    between two of them shows what lies behind the path, not the path. Two rules give it a place on its line of sight:
+    the path runs in the vertical plane through its two anchors, so that higher in the picture is higher in space; and
+    if that plane is seen edge on, at a height interpolated between the anchors'. ``start`` (3,) is where the tool is
+    before the first pixel; after the last anchor the plane faces the camera.
     """
     found = np.full((len(pixels), 3), np.nan)
     uv = np.array([[p.u, p.v] for p in pixels]).reshape(-1, 2)
@@ -205,7 +206,7 @@ def _in_air(
 
 
 def _cut(eye: FloatArray, ray: FloatArray, normal: FloatArray, on: FloatArray) -> FloatArray | None:
-    """Where a line of sight meets a plane before the camera; None where it runs nearly along it."""
+    """Where a line of sight meets a plane in front of the camera; None if it is nearly parallel."""
     slope = float(normal @ ray)
     if abs(slope) < EDGE_ON * float(np.linalg.norm(ray)):
         return None

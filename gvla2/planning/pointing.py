@@ -1,9 +1,9 @@
 """Points and paths as vision models write them: ``[(0.41, 0.52), <action>Close Gripper</action>, ...]``.
 
 The formats are those that RoboPoint and HAMSTER publish: a list of (x, y), x to the right and y down, each from 0 to 1
-of the picture; a box (x0, y0, x1, y1) stands for its middle; actions of the gripper stand after the point where they
-happen, and a path is enclosed in ``<ans>`` and ``</ans>``. Models that count to 1000 or in pixels have another
-``scale``. Text is read, never run.
+of the picture; a box (x0, y0, x1, y1) stands for its middle; gripper actions follow the point where they happen, and a
+path is enclosed in ``<ans>`` and ``</ans>``. Models with coordinates up to 1000 or in pixels have another ``scale``.
+Text is read, never run.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from gvla2.errors import ConfigurationError
 
 MOST = 200
-"""More points than this are no answer but a model that has lost the thread."""
+"""Most points of an answer; more mean that the model is repeating itself."""
 LONGEST = 20_000
-"""Characters of an answer that are looked at."""
+"""Most characters of an answer."""
 
-# Possessive throughout: whatever a model writes is read in one go, without going back.
+# Possessive throughout: any model output is read in linear time, without backtracking.
 _NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?(?:e[-+]?\d++)?|\.\d++|nan|inf(?:inity)?)"
 _TUPLE = rf"[(\[]\s*+{_NUMBER}(?:\s*+,\s*+{_NUMBER})*+[\s,]*+[)\]]"
 _ACTION = r"<action>\s*+(?:open|close)\s++gripper\s*+</action>"
@@ -32,7 +32,7 @@ _BETWEEN = " \t\r\n,"
 class Stroke:
     """One point of a drawn path: ``u``, ``v`` in shares of the picture, and the hand's ``gripper`` from there on.
 
-    ``event`` tells that the hand opens (1) or closes (0) here, having been otherwise before.
+    ``event`` says whether the hand changes to open (1) or closed (0) here.
     """
 
     u: float
@@ -42,14 +42,14 @@ class Stroke:
 
 
 def read_points(text: str, scale: float = 1.0) -> tuple[tuple[float, float], ...]:
-    """Points (u, v) in shares of the picture; raises :class:`ValueError` that says what an answer lacks."""
+    """Points (u, v) in shares of the picture; raises :class:`ValueError` on what an answer lacks."""
     return tuple((s.u, s.v) for s in read_path(text, scale))
 
 
 def read_path(text: str, scale: float = 1.0) -> tuple[Stroke, ...]:
-    """A path with its gripper's events, open at first; raises :class:`ValueError` that says what an answer lacks.
+    """A path with its gripper's events, open at first; raises :class:`ValueError` on what an answer lacks.
 
-    ``scale`` is what coordinates count to. An event before the first point is the hand's state from the start on.
+    ``scale`` is the range of coordinates. An event before the first point is the hand's state from the start on.
     """
     strokes: list[Stroke] = []
     gripper = 1.0
@@ -70,10 +70,10 @@ def read_path(text: str, scale: float = 1.0) -> tuple[Stroke, ...]:
 
 
 def check_scale(scale: float) -> None:
-    """Raise :class:`ConfigurationError` for what coordinates cannot count to."""
+    """Raise :class:`ConfigurationError` for an invalid range of coordinates."""
     if not 0.0 < scale < math.inf:
         raise ConfigurationError(
-            f"scale is {scale}; it is what the model's coordinates count to: 1, 100, 1000, or the picture's side."
+            f"scale is {scale}; it is the range of the model's coordinates: 1, 100, 1000, or the picture's side."
         )
 
 

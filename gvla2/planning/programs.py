@@ -1,8 +1,8 @@
-"""Programs: what a planner meant, in its own language, kept of a success and told again with other names.
+"""Programs: a planner's plan in its own language, kept after a success and adapted to other scenes.
 
-Names of objects become roles (``theme``, ``goal``, ``third``), so that a program holds for other objects of the same
-kind; lengths that go with the object become shares of its size. :func:`told` turns a program back into the names and
-millimetres of the scene that asks.
+Names of objects become roles (``theme``, ``goal``, ``third``), so that a program applies to other objects of the same
+kind; lengths that scale with the object become shares of its size. :func:`told` turns a program back into the names and
+millimetres of the present scene.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MARK = re.compile(r"<(?=\s*/?\s*memory\b)", re.IGNORECASE)
 
 
 def remembered(text: str) -> str:
-    """What memory says in words, for a prompt, between marks that nothing in it can end; "" where it says nothing."""
+    """Memory's text for a prompt, between marks that it cannot break out of; "" if it is empty."""
     return f"<memory>\n{_MARK.sub('(', text.strip())}\n</memory>" if text.strip() else ""
 
 
@@ -31,15 +31,15 @@ LONGEST = 40
 _NAME = re.compile(r"\{(\w{1,20})\}")
 _SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
 _LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
-"""A line of a program of calls; a remembered one may be anybody's."""
+"""A line of a program of calls; a remembered one is untrusted."""
 _NOBODY: Mapping[str, Collection[str]] = {}
 FARTHEST = 2000.0
-"""No length of a waypoint is larger, millimetres."""
+"""Largest length of a waypoint, millimetres."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """``steps`` in a ``language``, with role names in braces where objects are meant.
+    """``steps`` in a ``language``, with role names in braces for objects.
 
     * ``calls``: a step is a line, ``place({theme}, {goal}, in)``.
     * ``waypoints``: a step is ``["{theme}", dx, dy, up, g]``, from the middle of the object's top to the tool in
@@ -47,7 +47,8 @@ class Program:
       first object's middle towards the second's. A length may be a share: ``"-0.5h"`` of the first object's height,
       ``"0.4w"`` of its longer level side. ``g`` is the hand's opening in [0, 1].
 
-    ``roles`` tells what kinds of things the roles were ("red cup cylinder"), ``instruction`` what it was written for.
+    ``roles`` gives the kinds of things in the roles ("red cup cylinder"), ``instruction`` is the one it was written
+    for.
     """
 
     language: Language
@@ -70,7 +71,7 @@ class Program:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], source: str = "") -> Program:
-        """What :meth:`to_json` wrote; raises :class:`PlanningError` for anything else."""
+        """The inverse of :meth:`to_json`; raises :class:`PlanningError` for anything else."""
         steps, roles = data.get("steps"), data.get("roles", {})
         sound = isinstance(steps, list | tuple) and isinstance(roles, Mapping) and 0 < len(steps) <= LONGEST
         if data.get("kind") != "program" or data.get("language") not in ("calls", "waypoints") or not sound:
@@ -78,7 +79,7 @@ class Program:
         calls = data["language"] == "calls"
         known = frozenset(map(str, roles))
         if not all(_is_line(s, known) if calls else _is_waypoint(s, known) for s in steps or ()):
-            raise PlanningError(f"A program whose steps are none: {steps!r:.200}.")
+            raise PlanningError(f"A program with invalid steps: {steps!r:.200}.")
         return cls(
             data["language"],
             tuple(s if calls else tuple(s) for s in steps or ()),
@@ -97,7 +98,7 @@ def role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def kind_of(thing: SceneObject) -> str:
-    """What a thing is, in words that another scene can be searched by: its label and shape."""
+    """A thing's kind, in words to search another scene: its label and shape."""
     return f"{thing.label} {thing.shape}"
 
 
@@ -124,11 +125,11 @@ def waypoints_program(steps: Sequence[Sequence[Any]], scene: Scene, **about: Any
 def bind(
     program: Program, scene: Scene, instruction: str, meant: Mapping[str, Collection[str]] = _NOBODY
 ) -> dict[str, str]:
-    """Role to the id of the object of this scene that fits it best; roles that nothing fits are left out.
+    """Role to the id of the object of this scene that fits it best; roles without a fit are left out.
 
-    Kinds are compared by the words of label and shape, colours aside; among equals the one that the instruction's
-    words fit best is taken, then the one that the scene lists first. No object plays two roles. ``meant``: the ids
-    that the instruction speaks of in a role, which nothing else then plays.
+    Kinds are compared by the words of label and shape, ignoring colours; among equals the best match with the
+    instruction's words is taken, then the first in the scene. No object has two roles. ``meant``: the ids that the
+    instruction gives for a role, which no other object then gets.
     """
     said = set(re.findall(r"\w+", instruction.casefold()))
     bound: dict[str, str] = {}
@@ -156,7 +157,7 @@ def told(
     instruction: str,
     meant: Mapping[str, Collection[str]] = _NOBODY,
 ) -> tuple[Any, ...] | None:
-    """The steps with the names (by id) and millimetres of this scene; None where a role finds nothing to play it."""
+    """The steps with the names (by id) and millimetres of this scene; None if a role has no fitting object."""
     bound = bind(program, scene, instruction, meant)
     if set(program.roles) - set(bound):
         return None

@@ -1,4 +1,4 @@
-"""Waypoints told relative to objects: from a trajectory that was carried out, so that its success can be told again."""
+"""Waypoints relative to objects: from an executed trajectory, so that its success can be repeated."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 STILL = 0.002
 """Waypoints nearer than this are one, metres."""
 ASIDE = 0.03
-"""From this far beside an object's middle on, a place is told by the way to another object, metres."""
+"""Distance from an object's middle beyond which a place is given by the direction to another object, metres."""
 ALONG = 0.95
-"""Cosine between such an offset and the way to the other object."""
+"""Least cosine between such an offset and the direction to the other object."""
 OVER = 0.06
-"""What is carried so near above the goal's middle, level metres, is told relative to the goal."""
+"""An object carried this near to the goal's middle, horizontal metres, is given relative to the goal."""
 
 
 def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str]) -> list[list[Any]]:
-    """``[id, dx, dy, up, g]`` or ``[id, other, along, up, g]`` a waypoint, millimetres; see ``Program``.
+    """``[id, dx, dy, up, g]`` or ``[id, other, along, up, g]`` per waypoint, millimetres; see ``Program``.
 
-    Waypoints at one place are one, and what comes after the hand let go is left out: it is not what succeeded. Empty
-    where the plan names no theme of the scene.
+    Waypoints at one place are merged, and those after the release are left out: they did not contribute to the success.
+    Empty if the plan names no theme of the scene.
     """
     known = {o.id: o for o in scene.objects}
     theme, goal = known.get(roles.get("theme", "")), known.get(roles.get("goal", ""))
@@ -40,14 +40,14 @@ def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str
         other = theme if first is goal else goal
         steps.append(_step(at, opened, first, other))
         if len(steps) > 1 and opened and not steps[-2][-1]:
-            break  # let go
+            break  # release
     return steps
 
 
 def _distinct(trajectory: Trajectory) -> list[tuple[Waypoint, bool]]:
-    """The waypoints that differ, each with whether the hand is open there.
+    """The distinct waypoints, each with whether the hand is open there.
 
-    Before a narrow hold the hand opens by little: open is what is wider than the middle of its openings. A hand that
+    Before a narrow grasp the hand opens only a little: open means wider than the middle of its openings. A hand that
     never changes pushes or presses, and counts as closed.
     """
     openings = [waypoint.gripper for waypoint in trajectory]

@@ -14,7 +14,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
 
 VIA_MARGIN = 0.05
-"""How far above the highest thing on the way a via-point passes, metres."""
+"""Height of a via-point above the highest thing on the way, metres."""
 TUBE = 0.08
 """Things this near to a straight move, seen from above, count as on its way, metres (half a hand's breadth)."""
 
@@ -26,7 +26,7 @@ def repair(
     arm: Arm,
     limits: CheckLimits = DEFAULT_LIMITS,
 ) -> tuple[Trajectory, tuple[str, ...]]:
-    """The trajectory with what can be mended mended, and one sentence a change; the same one and () if nothing can.
+    """The trajectory after all possible repairs, and one sentence per change; unchanged and () if there are none.
 
     Positions are clamped into the workspace and above the table, openings into [0, 1], speeds lowered, long moves
     halved, and straight level moves that hit something led over it. It changes no orientation, drops no
@@ -39,7 +39,7 @@ def repair(
         points[finding.index] = _adjusted(before, finding, scene, arm, limits)
         if points[finding.index] != before:
             said.append(_difference(finding.index, before, points[finding.index]))
-    # From the last to the first, so that insertions leave the indices of what is still to be mended alone.
+    # From last to first, so that insertions do not shift the indices of pending repairs.
     for finding in sorted(failed, key=lambda f: -f.index):
         via = _via_points(points, finding, scene, arm)
         if via and len(points) + len(via) <= MAX_WAYPOINTS:

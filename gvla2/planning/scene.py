@@ -32,7 +32,7 @@ class Box:
 
 @dataclass(frozen=True)
 class KnownShape:
-    """The scan that a thing was recognised as, and how it lies.
+    """The scan that a thing was recognised as, and its pose.
 
     ``path`` is the scan's file (.obj, .glb, .ply); ``scale`` takes its units to metres, and ``world_from_scan``
     (4, 4), rigid, takes the scaled vertices to the world. ``residual`` is the median distance of the seen points
@@ -46,8 +46,8 @@ class KnownShape:
     residual: float = 0.0
 
     def mesh(self) -> TriangleMesh:
-        """The whole scan in the world frame, also where no camera saw it; raises :class:`GeometryError`."""
-        from gvla2.geometry.mesh_files import read_mesh  # scenes are read without trimesh, too
+        """The whole scan in the world frame, including unseen parts; raises :class:`GeometryError`."""
+        from gvla2.geometry.mesh_files import read_mesh  # scenes can also be read without trimesh
 
         scan = read_mesh(self.path)
         return scan.with_vertices(transform_points(self.world_from_scan, self.scale * scan.vertices))
@@ -57,15 +57,14 @@ class KnownShape:
 class SceneObject:
     """One labelled thing, as seen.
 
-    ``world_from_object`` (4, 4) is the frame of its oriented box, origin at the box's centre, z up for things
-    that stand on the table; ``extents`` (3,) full side lengths along that frame's axes, metres.
-    ``points`` (N, 3) seen surface points in the world, metres; ``rgb`` (3,) mean colour in [0, 1].
-    ``label`` is what a person would call it ("red cube"), ``colour`` a colour word or "" where unsure.
-    ``parent`` is the id of the object that this is a part of (a button of a lamp), or "".
-    ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at its top (a cup, an open
-    box) or of a ring's hole, metres; 0 where it is closed.
-    ``named_by`` tells where ``label`` comes from: "" for colour and shape, else the source's name; ``sureness`` in
-    [0, 1] is how sure that source is of the name. ``known`` is the scan that it was recognised as, with its pose.
+    ``world_from_object`` (4, 4) is the frame of its oriented box, origin at the box's centre, z up for things that
+    stand on the table; ``extents`` (3,) full side lengths along that frame's axes, metres. ``points`` (N, 3) seen
+    surface points in the world, metres; ``rgb`` (3,) mean colour in [0, 1]. ``label`` is its everyday name ("red
+    cube"), ``colour`` a colour word or "" if unsure. ``parent`` is the id of the object that this is a part of (a
+    button of a lamp), or "". ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at
+    its top (a cup, an open box) or of a ring's hole, metres; 0 if it is closed. ``named_by`` is the source of
+    ``label``: "" for colour and shape, else the source's name; ``sureness`` in [0, 1] is the source's confidence in the
+    name. ``known`` is the scan that it was recognised as, with its pose.
     """
 
     id: str
@@ -104,7 +103,7 @@ class SceneObject:
         return transform_points(self.world_from_object, 0.5 * signs * self.extents)
 
     def keypoints(self) -> dict[str, FloatArray]:
-        """Named 3D points (3,) that carry extent and pose to a planner: the P_i of the paper."""
+        """Named 3D points (3,) that give a planner extent and pose: the P_i of the paper."""
         centre, axes, half = self.centre, self.world_from_object[:3, :3], 0.5 * self.extents
         long_axis = int(np.argmax(self.extents[:2]))
         reach = axes[:, long_axis] * half[long_axis]
@@ -119,10 +118,10 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Scene:
-    """X_t: what was perceived at one moment.
+    """X_t: the scene perceived at one moment.
 
-    ``table_height`` is world z in metres; ``table`` bounds what was seen of its top. ``workspace`` is where the
-    hand may go. ``perceiver`` names who made it ("oracle" results are marked by it).
+    ``table_height`` is world z in metres; ``table`` bounds the seen part of its top. ``workspace`` is where the hand
+    may go. ``perceiver`` names its source ("oracle" results are marked by it).
     """
 
     objects: tuple[SceneObject, ...]
@@ -152,6 +151,6 @@ class Scene:
         return tuple(o for o in self.objects if o.id in within and o.id != object_id)
 
     def obstacles(self, ignore: frozenset[str] = frozenset()) -> tuple[SceneObject, ...]:
-        """Objects that can be bumped into: all but painted regions, the ids in ``ignore`` and the parts of those."""
+        """Objects to avoid: all but painted regions, the ids in ``ignore`` and the parts of those."""
         ignored = ignore | {part.id for one in ignore if one for part in self.parts_of(one)}
         return tuple(o for o in self.objects if o.shape != "region" and o.id not in ignored)

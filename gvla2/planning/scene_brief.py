@@ -1,7 +1,7 @@
-"""The scene in a planner's words: short lines, unique names, and what each name stands for.
+"""The scene as text for a planner: short lines, unique names, and the object of each name.
 
-What perception wrote is data: a label becomes a name of letters, digits and underscores, so that nothing in it can
-speak to a language model or end its line.
+Perceived labels are data: a label becomes a name of letters, digits and underscores, so that it can neither instruct a
+language model nor end its line.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from gvla2.planning.scene import Scene, SceneObject
 LEGEND = (
     "name length x width x height at x,y (mm; x away from the robot, y to its left; height above the table)"
 )
-"""What a line of :func:`scene_brief` with sizes and positions holds."""
+"""The format of a line of :func:`scene_brief` with sizes and positions."""
 LONGEST_NAME = 40
 RAISED = 15.0
-"""From this height of its lower side on, millimetres, a thing is said to be up there."""
+"""Height of a thing's lower side, millimetres, above which it is mentioned."""
 TAKEN = frozenset([*keyword.kwlist, *RELATIONS, "left", "right", "forward", "back", "things", "decline"])
-"""Words of programs, which no thing is called."""
+"""Reserved words of programs, not used as names."""
 UNSURE = 0.5
 """Things seen with less confidence are marked."""
 
 
 @dataclass(frozen=True)
 class SceneBrief:
-    """``text`` has one line an object; ``ids`` maps names to scene ids and ``names`` ids to names."""
+    """``text`` has one line per object; ``ids`` maps names to scene ids and ``names`` ids to names."""
 
     text: str
     ids: Mapping[str, str]
     names: Mapping[str, str]
 
     def named(self, words: str, scene: Scene) -> str:
-        """The words with names for the labels and ids of things, and in one line: what perception wrote must not reach
-        a model by way of a reason.
+        """The words on one line with names in place of labels and ids: perceived text must not reach a model through a
+        reason.
         """
         told = {o.id: self.names[o.id] for o in scene.objects}
         told |= {o.label: self.names[o.id] for o in scene.objects if o.label}
@@ -55,11 +55,11 @@ class SceneBrief:
 
 
 def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, points: int = 0) -> SceneBrief:
-    """One line an object of the scene, in its order: name, size and place in millimetres above the table.
+    """One line per object of the scene, in order: name, size and place in millimetres above the table.
 
-    Names tell what a part is a part of (``lid_of_lime_jar``) and are numbered from the robot's left to its right
-    where they would be the same. ``points`` > 0 adds so many surface points of each object, spread over it (the P_i
-    of the paper's X_t). Two cubes take about 55 tokens.
+    A part's name includes its whole's (``lid_of_lime_jar``), and equal names are numbered from the robot's left to its
+    right. ``points`` > 0 adds that many surface points of each object, spread over it (the P_i of the paper's X_t). Two
+    cubes take about 55 tokens.
     """
     names = unique_names(scene)
     lines = [_line(o, names[o.id], scene, sizes, positions, points) for o in scene.objects]
@@ -67,7 +67,7 @@ def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, poi
 
 
 def unique_names(scene: Scene) -> dict[str, str]:
-    """A name for each object's id: its label, with that of the whole for a part, numbered where it is not unique."""
+    """A name for each object's id: its label, with that of the whole for a part, numbered if it is not unique."""
     labels = {o.id: _plain(o.label) or o.shape for o in scene.objects}
     plain = {o.id: _full_name(o, labels) for o in scene.objects}
     names: dict[str, str] = {}
@@ -83,9 +83,7 @@ def unique_names(scene: Scene) -> dict[str, str]:
 
 
 def spread_points(points: FloatArray, most: int) -> FloatArray:
-    """At ``most`` so many of the (N, 3) ``points``, each as far as can be from those before; the first is the one
-    farthest out.
-    """
+    """At most ``most`` of the (N, 3) ``points``, each farthest from those before; the first is the outermost."""
     if len(points) <= most:
         return points
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
@@ -100,11 +98,11 @@ def _full_name(thing: SceneObject, labels: Mapping[str, str]) -> str:
     whole = labels.get(thing.parent, "")
     if not whole:
         return labels[thing.id]
-    # "gray lid" of "lime jar": the whole tells it apart, its own colour need not.
+    # "gray lid" of "lime jar": the whole identifies it, its own colour is not needed.
     own = labels[thing.id].removeprefix(f"{_plain(thing.colour)}_") or labels[thing.id]
     head = whole.rpartition("_")[2]
     if head and own.startswith(f"{head}_"):
-        own = own.removeprefix(f"{head}_")  # "lamp shade" of "lamp base" keeps what it is
+        own = own.removeprefix(f"{head}_")  # "lamp shade" of "lamp base" keeps its noun
     return f"{own}_of_{whole}"[:LONGEST_NAME].rstrip("_")
 
 
@@ -155,6 +153,6 @@ def _mm(metres: float) -> int:
 
 
 def _plain(text: str) -> str:
-    """Lower case letters, digits and underscores, bounded; a name that a program can call a thing by."""
+    """Lower case letters, digits and underscores, bounded: a valid name in programs."""
     name = re.sub(r"[^a-z0-9]+", "_", text.casefold())[:LONGEST_NAME].strip("_")
     return f"thing_{name}" if name and (name in TAKEN or name[0].isdigit()) else name

@@ -1,4 +1,4 @@
-"""Selecting: which of several things lies leftmost, is biggest, or is where a relation to another says."""
+"""Selecting: the leftmost or biggest of several things, or the one in a relation to another."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ SELECTORS: tuple[Selector, ...] = get_args(Selector)
 """``left`` and ``right``, ``near`` and ``far`` as the robot sees them; ``big`` by volume, ``tall`` by height."""
 
 SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
-"""Sizes (as a share) and places (metres) that perception cannot tell apart do not decide."""
+"""Differences of size (share) and place (metres) below perception's accuracy do not decide."""
 
 
 def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
-    """The most extreme of ``things`` by one of :data:`SELECTORS`, or all that perception cannot tell from it."""
+    """The most extreme of ``things`` by one of :data:`SELECTORS`, or all that perception cannot distinguish from it."""
     if by not in SELECTORS:
-        raise ValueError(f"Nothing is told apart by '{by}'; there are {', '.join(SELECTORS)}.")
+        raise ValueError(f"Unknown selector '{by}'; there are {', '.join(SELECTORS)}.")
     if not things:
         return []
     space = scene.workspace
@@ -44,7 +44,7 @@ def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneO
 
 
 def located(things: Sequence[SceneObject], relation: str, at: SceneObject) -> list[SceneObject]:
-    """Those of ``things`` that lie where the relation to ``at`` says, which is none of them; the nearest of several.
+    """Those of ``things`` in the relation to ``at``, which is not among them; the nearest of several.
 
     ``on``, ``in``, ``to`` and ``from`` mean over its footprint, or a part of it; x is behind, y to the left.
     """

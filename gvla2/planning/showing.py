@@ -1,4 +1,4 @@
-"""What planners that show a model a picture have in common: whose picture, how large, and what coordinates count to."""
+"""Shared options of planners that show a model a picture: the camera, the size, and the range of coordinates."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class PictureOptions:
-    """Options of such planners, light enough to be a configuration's schema; the run's ``language`` must see.
+    """Options of such planners, light enough to be a configuration's schema; the run's ``language`` must accept images.
 
-    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is what the model's coordinates count to:
-    1 as published for HAMSTER and RoboPoint, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most
-    ``longest`` pixels; ``grid`` draws labelled lines on it, for models that were not taught to point. An answer that
-    cannot be used is asked for anew, with the reason, ``tries`` times in all.
+    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is the range of the model's coordinates: 1
+    as published for HAMSTER and RoboPoint, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most
+    ``longest`` pixels; ``grid`` draws labelled lines on it, for models not trained to point. After an unusable answer
+    the model is asked again, with the reason, ``tries`` times in all.
     """
 
     camera: str = ""
@@ -31,7 +31,7 @@ class PictureOptions:
     tries: int = 3
 
     def check(self) -> None:
-        """Raises :class:`ConfigurationError` for what no model can be shown."""
+        """Raises :class:`ConfigurationError` for invalid options."""
         from gvla2.planning.pictures import check_longest
         from gvla2.planning.pointing import check_scale
 
@@ -41,13 +41,13 @@ class PictureOptions:
             raise ConfigurationError(f"tries is {self.tries}; it must be at least 1.")
 
     def view(self, request: PlanRequest) -> View:
-        """What the camera saw; raises :class:`~gvla2.errors.PlanningError` where there is no such camera."""
+        """The camera's view; raises :class:`~gvla2.errors.PlanningError` if there is no such camera."""
         from gvla2.planning.pixels import view_of
 
         return view_of(request.observation, self.camera)
 
     def question(self, view: View, words: Sequence[str]) -> list[Message]:
-        """The picture, and below it the words, a paragraph each."""
+        """The picture, followed by the texts as paragraphs."""
         from gvla2.language import picture
         from gvla2.planning.pictures import shown
 

@@ -67,12 +67,12 @@ def grasp_rotation(approach: FloatArray, closing: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Guard:
-    """What ends a motion early and well: it met what it was sent to meet, a stop, a plate, a bottom.
+    """Ends a motion early with success: it reached the expected contact, a stop, a plate, a bottom.
 
-    ``force`` newtons on the hand and what it holds, their weight included, as a wrist sensor feels them (the size of
-    their sum: what both fingers squeeze cancels out); ``stall`` metres that the tool is held back behind its
-    command. 0 switches either off; one of them must be above 0. A guard never widens what a motion may do:
-    a robot that can't feel carries the motion out to its end.
+    ``force`` newtons on the hand and its load, their weight included, as a wrist sensor measures them (the magnitude of
+    the sum: the fingers' squeeze cancels out); ``stall`` metres that the tool lags behind its command. 0 disables
+    either; one of them must be above 0. A guard never allows a motion more: a robot without sensing completes the
+    motion.
     """
 
     force: float = 0.0
@@ -80,7 +80,7 @@ class Guard:
 
     @property
     def sound(self) -> bool:
-        """Whether it can end anything: finite, nothing below zero, one number above."""
+        """Whether it is valid: finite, none below zero, at least one above."""
         numbers = (self.force, self.stall)
         return bool(np.isfinite(numbers).all()) and min(numbers) >= 0.0 and max(numbers) > 0.0
 
@@ -89,13 +89,12 @@ class Guard:
 class Waypoint:
     """One stop of the tool centre point.
 
-    ``xyz`` in metres, world ``frame``; ``gripper`` opening in [0, 1], reached after arriving; ``speed`` of the
-    tool in m/s; ``stage`` names the phase ("approach", "grasp", "lift"); ``motion`` is ``free`` (planned around
-    obstacles) or ``linear`` (a straight line of the tool); ``allowed_contacts`` are ids of scene objects, or
-    "table", that the hand may touch on the way; ``tolerance`` of position in metres.
-    ``carries`` is the id of the object in the hand on the way here, or "". With a ``guard`` the motion also ends,
-    as it should, where the guard stops it; the next waypoint is gone to from there. Once there the arm stays for
-    ``dwell`` seconds.
+    ``xyz`` in metres, world ``frame``; ``gripper`` opening in [0, 1], reached after arriving; ``speed`` of the tool in
+    m/s; ``stage`` names the phase ("approach", "grasp", "lift"); ``motion`` is ``free`` (planned around obstacles) or
+    ``linear`` (a straight line of the tool); ``allowed_contacts`` are ids of scene objects, or "table", that the hand
+    may touch on the way; ``tolerance`` of position in metres. ``carries`` is the id of the object in the hand on the
+    way here, or "". With a ``guard`` the motion also ends, successfully, where the guard stops it; the next move starts
+    from there. On arrival the arm waits ``dwell`` seconds.
     """
 
     xyz: tuple[float, float, float]
@@ -114,7 +113,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """An ordered path of waypoints, from the hand's present pose on."""
+    """An ordered path of waypoints, starting from the hand's present pose."""
 
     waypoints: tuple[Waypoint, ...]
 
@@ -129,7 +128,7 @@ class Trajectory:
         return list(self.each_pose(start))
 
     def each_pose(self, start: FloatArray) -> Iterator[FloatArray]:
-        """:meth:`poses`, one at a time: who stops early resolves no more than that."""
+        """:meth:`poses`, lazily, one at a time."""
         rotation = start[:3, :3]
         for waypoint in self.waypoints:
             rotation = waypoint.orientation.resolve(rotation)
@@ -166,10 +165,9 @@ class Trajectory:
 
     @classmethod
     def from_json(cls, waypoints: Sequence[Mapping[str, Any]]) -> Trajectory:
-        """What :meth:`to_json` wrote. Fields that have a default may be absent.
+        """The inverse of :meth:`to_json`. Fields with a default may be absent.
 
-        Raises :class:`ValueError` that names the first waypoint which is none; what its numbers mean is for the
-        checks to say.
+        Raises :class:`ValueError` naming the first invalid waypoint; the checks judge its numbers.
         """
         return cls(tuple(_waypoint(i, data) for i, data in enumerate(waypoints)))
 

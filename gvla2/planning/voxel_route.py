@@ -1,4 +1,4 @@
-"""Ways through a voxel grid of costs: the cheapest one, straightened where that costs nothing."""
+"""Paths through a voxel grid of costs: the cheapest one, straightened where that is free."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Box, SceneObject
 
 MOST_VOXELS = 400_000
-"""About half a second for one way."""
+"""About half a second for one path."""
 FINER = 4
-"""A peak is looked for again on a grid so much finer, twice."""
+"""Refinement factor of the search for a peak, applied twice."""
 WORTH = 1.02
-"""A straight line may cost this much more than the way that it replaces: a grid's ways are jagged."""
+"""A straight line may cost this much more than the path that it replaces: grid paths are jagged."""
 
 
 @dataclass(frozen=True)
 class VoxelGrid:
-    """``shape`` cubes of side ``size``, metres, from the corner ``low`` (3,) of a box in the world on."""
+    """``shape`` cubes of side ``size``, metres, starting at the corner ``low`` (3,) of a box in the world."""
 
     low: FloatArray
     size: float
@@ -31,7 +31,7 @@ class VoxelGrid:
 
     @classmethod
     def over(cls, box: Box, size: float) -> VoxelGrid:
-        """The grid that covers a box; raises :class:`ConfigurationError` for more voxels than can be searched."""
+        """The grid that covers a box; raises :class:`ConfigurationError` for too many voxels to search."""
         if not 0.001 <= size <= 0.2:
             raise ConfigurationError(f"Voxels of {size} m make no grid; choose 0.001 to 0.2.")
         shape = np.maximum(np.ceil((box.high - box.low) / size - 1e-9).astype(int), 1)
@@ -49,7 +49,7 @@ class VoxelGrid:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
     def indices(self, points: FloatArray) -> np.ndarray:
-        """(..., 3) indices of the voxels that points (..., 3) lie in; of the nearest ones for points outside."""
+        """(..., 3) indices of the voxels that contain points (..., 3), the nearest ones for points outside."""
         found = np.floor((points - self.low) / self.size).astype(int)
         return np.asarray(np.clip(found, 0, np.array(self.shape) - 1))
 
@@ -66,8 +66,8 @@ class VoxelGrid:
     def peak(self, values_at: Callable[[FloatArray], FloatArray], avoided: FloatArray) -> FloatArray:
         """(3,) where ``values_at`` (points (..., 3) to values (...)) is highest, on this grid and then on finer ones.
 
-        Of several such places it is the least ``avoided`` (X, Y, Z), and of these the one in their middle. Raises
-        :class:`ValueError` where all values are the same.
+        Ties go to the least ``avoided`` (X, Y, Z), then to the one in the middle. Raises :class:`ValueError` if all
+        values are the same.
         """
         centres = self.centres()
         values = values_at(centres)
@@ -82,8 +82,8 @@ class VoxelGrid:
         return best
 
     def route(self, costs: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """(N, 3) points of the cheapest way from ``start`` to ``goal`` (3,), both in it; ``costs`` (X, Y, Z) > 0."""
-        # Half a second that only such planners pay.
+        """(N, 3) points of the cheapest path from ``start`` to ``goal`` (3,), inclusive; ``costs`` (X, Y, Z) > 0."""
+        # imported here: it takes half a second
         from skimage.graph import route_through_array
 
         a, b = (tuple(int(v) for v in self.indices(p)) for p in (start, goal))
@@ -93,7 +93,7 @@ class VoxelGrid:
         return self._straightened(costs, way)
 
     def _straightened(self, costs: FloatArray, way: FloatArray) -> FloatArray:
-        """The way with every stretch replaced by a straight line that costs no more."""
+        """The path with stretches replaced by straight lines that cost no more."""
         steps = [self._cost(costs, a, b) for a, b in pairwise(way)]
         spent, kept, at = np.concatenate([[0.0], np.cumsum(steps)]), [0], 0
         while at < len(way) - 1:
@@ -117,5 +117,5 @@ def _highest(values: FloatArray) -> np.ndarray:
 
 
 def _middle(points: FloatArray) -> FloatArray:
-    """(3,) of points (N, 3) the one nearest to their mean."""
+    """(3,) the one of points (N, 3) nearest to their mean."""
     return np.asarray(points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])

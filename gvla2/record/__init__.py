@@ -1,1 +1,1 @@
-"""What a run leaves behind: result, trajectory, pictures, animation and one page to look at."""
+"""The output of a run: result, trajectory, pictures, animation and a page."""

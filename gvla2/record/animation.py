@@ -1,4 +1,4 @@
-"""The moving picture of an execution: frames kept within bounds, then one GIF."""
+"""The animation of an execution: a bounded number of frames, then one GIF."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MAX_BYTES = 2_000_000
 class FrameReel:
     """Collects frames while a robot moves and never holds more than ``limit`` of them, plus the newest.
 
-    When it is full, every second frame goes and from then on half as many are taken, so what is kept is always
-    evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced at once.
+    When it is full, every second frame is dropped and from then on half as many are taken, so the kept ones are always
+    evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced immediately.
     """
 
     def __init__(self, limit: int = FRAME_LIMIT, side: int = SIDE) -> None:
         if limit < 2:
-            raise ValueError(f"A reel needs room for two frames at least, not {limit}.")
+            raise ValueError(f"A reel needs room for at least two frames, not {limit}.")
         self.limit, self.side = limit, side
         self._kept: list[Frame] = []
         self._newest: Frame | None = None
@@ -60,7 +60,7 @@ class FrameReel:
 def gif(frames: Sequence[Frame], fps: float = 12.0, max_bytes: int = MAX_BYTES, rest: float = 1.2) -> bytes:
     """A looping GIF of RGB frames (H, W, 3) uint8, all of one size; the last frame rests ``rest`` seconds.
 
-    One palette serves all frames. When the file would exceed ``max_bytes`` colours go first, then frames, then
+    One palette serves all frames. When the file would exceed ``max_bytes`` colours are reduced first, then frames, then
     size. Raises :class:`ValueError` without frames.
     """
     if not frames:

@@ -32,7 +32,7 @@ Stage = Literal[
 
 @dataclass(frozen=True)
 class Failure:
-    """Why an episode went no further: ``stage``, a stable word ``kind`` and a sentence."""
+    """Why an episode ended early: ``stage``, a stable word ``kind`` and a sentence."""
 
     stage: Stage
     kind: str
@@ -41,15 +41,15 @@ class Failure:
 
 @dataclass(frozen=True)
 class EpisodeRecord:
-    """Everything one episode saw, thought and did; None for stages that it did not reach.
+    """Everything about one episode; None for stages that it did not reach.
 
-    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
-    for, in words. ``timings`` are wall seconds a stage. ``language`` is what language models cost up to
-    here, by purpose. ``notes`` are fallbacks and warnings, each a sentence that
-    the run's page shows. ``judgement`` is the simulator's referee's; it is filled last, so nothing can learn from it.
-    ``attempts`` are the records of the attempts before this one, first to last, each with its own timings and none of
-    its own; an episode that never planned anew has none. A program that takes several plans is carried out part by
-    part: ``parts`` are the records of the parts before this one within the same attempt, again each by itself.
+    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the referee's criterion,
+    in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by purpose.
+    ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``judgement`` is the simulator's
+    referee's; it is filled last, so nothing can learn from it. ``attempts`` are the records of the attempts before this
+    one, first to last, each with its own timings and no attempts; an episode that never replanned has none. A program
+    that takes several plans is carried out part by part: ``parts`` are the records of the earlier parts of the same
+    attempt, again without parts of their own.
     """
 
     episode_id: str
@@ -84,11 +84,11 @@ class EpisodeRecord:
 
     @property
     def whole(self) -> tuple[EpisodeRecord, ...]:
-        """The parts of this attempt, first to last, this record being the last; one where nothing was parted."""
+        """The parts of this attempt, first to last, this record being the last; just one if it was not split."""
         return (*self.parts, replace(self, attempts=(), parts=()))
 
     def afresh(self, **kept: Any) -> EpisodeRecord:
-        """The record before anything of a next attempt or part; instruction, memory's answer and notes stay.
+        """The empty record of the next attempt or part; instruction, memory's answer and notes stay.
 
         ``kept`` are its attempts and parts so far.
         """
@@ -114,7 +114,7 @@ class EpisodeRecord:
         return bool(self.parts) or (self.plan is not None and bool(self.plan.remaining))
 
     def result(self, command: str) -> dict[str, Any]:
-        """``result.json``: the outcome and who produced it. ``success`` is the eased profile, None if unknown."""
+        """``result.json``: the outcome and its components. ``success`` is the eased profile, None if unknown."""
         return {
             "command": command,
             "episode": self.episode_id,
@@ -139,7 +139,7 @@ class EpisodeRecord:
         }
 
     def attempted(self) -> dict[str, Any]:
-        """One of the attempts, or of their parts, in ``result.json``: what was tried and what came of it."""
+        """One of the attempts, or of their parts, in ``result.json``: what was tried and its result."""
         return {
             "skill": self.plan.skill if self.plan else None,
             "calls": [str(call) for call in self.plan.calls] if self.plan else [],

@@ -1,4 +1,4 @@
-"""What planners and language models said to each other, as the page and memory keep it: text, and no keys."""
+"""Conversations of planners with language models, as stored by the page and memory: text without keys."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from gvla2.record.contents import EpisodeRecord
 from gvla2.record.files import plain
 
 _SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
-"""What access keys of the common services look like, and whatever a header would present as one."""
+"""Patterns of common services' access keys, and of keys in headers."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """One thing said: who said it (``system``, ``user``, ``assistant``, ...), and the text."""
+    """One message: its role (``system``, ``user``, ``assistant``, ...), and the text."""
 
     who: str
     text: str
 
 
 def turns(transcript: Iterable[Mapping[str, Any]]) -> list[Turn]:
-    """The turns of a plan's transcript, whatever a planner put into them, without keys."""
+    """The turns of a plan's transcript, in any planner's format, without keys."""
     return [_turn(turn) for turn in transcript]
 
 
 def turns_of(record: EpisodeRecord) -> list[Turn]:
-    """All that was said for the plans of an episode's last attempt, part by part."""
+    """All turns for the plans of an episode's last attempt, part by part."""
     return [turn for part in record.whole if part.plan is not None for turn in turns(part.plan.transcript)]
 
 
 def without_secrets(text: str) -> str:
-    """``text`` with what looks like an access key blotted out."""
+    """``text`` with anything like an access key redacted."""
     return _SECRET.sub("[key]", text)
 
 
@@ -59,7 +59,7 @@ def _turn(turn: Mapping[str, Any]) -> Turn:
 
 
 def _words(content: object) -> str:
-    """Text as it is; of contents in several pieces (text, images) the texts and what the others are."""
+    """Text unchanged; for contents in several pieces (text, images) the texts and the others' types."""
     if isinstance(content, list | tuple):
         return "\n".join(_words(piece) for piece in content)
     if isinstance(content, Mapping):

@@ -30,8 +30,8 @@ PALETTE: tuple[Colour, ...] = (
 )
 """Marker colours, by the order of objects; readable on light and dark pictures inside a dark halo."""
 
-_SMOOTH = 2  # lines are drawn this much larger, then reduced: Pillow itself draws jagged lines
-_FAR = 1e5  # pixels: what projects further out than this would overflow the rasteriser
+_SMOOTH = 2  # lines are drawn this much larger, then reduced: Pillow draws jagged lines
+_FAR = 1e5  # pixels: points projected further out than this would overflow the rasteriser
 
 
 def marker_colour(index: int) -> Colour:
@@ -57,11 +57,11 @@ def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 class Canvas:
-    """A camera picture (H, W, 3) uint8, enlarged to about ``width`` pixels: all of it by a whole factor, or ``part``.
+    """A camera picture (H, W, 3) uint8, enlarged to about ``width`` pixels: all of it by an integer factor, or
+    ``part``.
 
-    All coordinates are pixels of the camera's image; they are moved and enlarged here. Shapes go on a layer of
-    their own, labels above all shapes, in the order of the calls. Sizes (line widths, radii) are pixels of the
-    result.
+    All coordinates are pixels of the camera's image; they are moved and enlarged here. Shapes share a layer, labels are
+    above all shapes, in the order of the calls. Sizes (line widths, radii) are pixels of the result.
     """
 
     def __init__(self, image: NDArray[np.uint8], width: int = 512, part: Rect | None = None) -> None:
@@ -112,7 +112,7 @@ class Canvas:
     def dot(
         self, at: Point, radius: float, fill: Colour, ring: Colour = INK, text: str = "", ink: Colour = INK
     ) -> None:
-        """A ringed dot with a short text in it; labels keep clear of it."""
+        """A ringed dot with a short text in it; labels avoid it."""
         for x, y in self._path([at]):
             r = radius * _SMOOTH
             half = r + 0.62 * r * max(0, len(text) - 2)
@@ -154,7 +154,7 @@ class Canvas:
             min(max(near.centre[0], spot.x0), spot.x1),
             min(max(near.centre[1], spot.y0), spot.y1),
         )
-        if spot.overlap(near.grown(8)) == 0:  # it had to move away: say what it belongs to
+        if spot.overlap(near.grown(8)) == 0:  # it had to move away: connect it to its object
             pen.line([nearest, near.centre], fill=(*colour, 220), width=1)
         pen.rounded_rectangle(
             (spot.x0, spot.y0, spot.x1, spot.y1), 5, fill=(*INK, 205), outline=(*colour, 255)
@@ -183,7 +183,7 @@ class Canvas:
 
 
 def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
-    """The drawn pieces of a polyline dashed by ``length``; at most a few hundred."""
+    """The dashes of a polyline with dash ``length``; at most a few hundred."""
     pieces: list[list[Point]] = []
     for (x0, y0), (x1, y1) in pairwise(path):
         distance = float(np.hypot(x1 - x0, y1 - y0))

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written aside, flushed to disk, then moved into place."""
+"""Atomic files: written aside, flushed to disk, then moved into place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gvla2.writing import write_whole
 
 
 def make_folder(folder: Path) -> Path:
-    """The folder, created with its parents where it was missing.
+    """The folder, created with its parents if missing.
 
     Raises :class:`OutputError` when it cannot be made.
     """
@@ -35,8 +35,8 @@ def make_folder(folder: Path) -> Path:
 def write_bytes(path: Path, data: bytes) -> Path:
     """Put ``data`` at ``path``; a reader sees the old file or the new one, never a part.
 
-    The folder is made where it is missing. Raises :class:`OutputError` when the folder cannot be written to;
-    the old file is then untouched. Returns ``path``.
+    A missing folder is created. Raises :class:`OutputError` when the folder cannot be written to; the old file is then
+    untouched. Returns ``path``.
     """
     make_folder(path.parent)
     write_whole(path, data)
@@ -57,7 +57,7 @@ def write_json(path: Path, value: object) -> Path:
 
 
 def plain(value: object) -> Any:
-    """``value`` in the types that JSON has.
+    """``value`` in JSON's types.
 
     Arrays become lists, numpy scalars numbers, dataclasses and mappings objects with string keys, sets sorted
     lists, NaN and infinities null, enumerations their values, bytes hexadecimal, anything else its text.

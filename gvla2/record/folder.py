@@ -1,4 +1,4 @@
-"""What every recorder of a folder does: make it, keep the configuration, and survive pictures that fail."""
+"""The base of folder recorders: create it, store the configuration, and survive failing pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ log = logging.getLogger(__name__)
 
 
 class FolderRecorder:
-    """The folder of a run: ``config.yaml`` at once, and ``notes`` of what could not be made.
+    """The folder of a run: ``config.yaml`` immediately, and ``notes`` on what could not be made.
 
     ``config`` is the composed configuration as text. Raises :class:`~gvla2.errors.OutputError` when the folder cannot
     be written to.
@@ -24,19 +24,19 @@ class FolderRecorder:
         write_text(folder / "config.yaml", config)
 
     def attempt(self, what: str, make: Callable[[], object]) -> None:
-        """Make something that may fail in any way: that becomes a note and a warning, never an error."""
+        """Make something that may fail: a failure becomes a note and a warning, never an error."""
         try:
             make()
         except Exception as error:
             self.complain(what, error)
 
     def complain(self, what: str, error: Exception) -> None:
-        """Note, once, what could not be made and why."""
+        """Note once what could not be made and why."""
         note = f"{what} could not be made: {type(error).__name__}: {error}"
         if note not in self.notes:
             self.notes.append(note)
             log.warning(note, exc_info=error)
 
     def there(self, files: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-        """Those of the files (name, what it is) that the folder has."""
+        """The files (name, description) that exist in the folder."""
         return [(name, what) for name, what in files if (self.folder / name).exists()]

@@ -14,9 +14,9 @@ from gvla2.record.page import render
 
 @dataclass(frozen=True)
 class TaskShown:
-    """One task of the gallery. ``ending`` says how it was brought to its ``after``; ``done`` whether it counts.
+    """One task of the gallery. ``ending`` says how it reached its ``after``; ``done`` whether it counts.
 
-    ``problem`` is what went wrong, "" for nothing.
+    ``problem`` is what went wrong, "" if nothing.
     """
 
     name: str
@@ -32,6 +32,6 @@ class TaskShown:
 
 
 def gallery_page(tasks: Sequence[TaskShown], seed: int) -> str:
-    """The page as HTML, pictures inside."""
+    """The page as HTML with embedded pictures."""
     pictured = {"png": lambda image: png(Image.fromarray(image))}
     return render("gallery.html.jinja", tasks=tasks, seed=seed, **pictured)

@@ -1,4 +1,4 @@
-"""Data sets for training in LeRobot's layout v3.0: Parquet, one mp4 an episode, and what describes them.
+"""Data sets for training in LeRobot's layout v3.0: Parquet, one mp4 per episode, and their metadata.
 
     meta/info.json, stats.json, tasks.parquet, episodes/chunk-000/file-000.parquet
     data/chunk-000/file-000.parquet
@@ -51,7 +51,7 @@ class Demonstration:
 def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
     """Write the data set into an empty or missing ``folder``.
 
-    Raises :class:`Gvla2Error` for no episodes, for a folder that holds something, and for episodes of different arms,
+    Raises :class:`Gvla2Error` for no episodes, for a folder that is not empty, and for episodes of different arms,
     rates or picture sizes, which one data set cannot hold.
     """
     if not episodes:
@@ -149,7 +149,7 @@ def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
 
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
-    """LeRobot reads a frame of pandas whose index is the sentence: its metadata are written by hand."""
+    """LeRobot reads a frame of pandas whose index is the sentence: its metadata is written manually."""
     import pyarrow as pa
 
     index = "__index_level_0__"
@@ -206,7 +206,7 @@ def _info(episodes: Sequence[Demonstration], tasks: Sequence[str], size: tuple[i
 
 
 def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
-    """Least, largest, mean, deviation and count; of pictures by channel, in [0, 1]."""
+    """Least, largest, mean, deviation and count; for pictures per channel, in [0, 1]."""
     states = np.concatenate([episode.states for episode in episodes]).astype(np.float64)
     actions = np.concatenate([episode.actions for episode in episodes]).astype(np.float64)
     pixels = np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0

@@ -1,7 +1,7 @@
 """The motion of an episode in full: a film of every frame, and the arm's measured state at each of them.
 
-The film needs ``imageio-ffmpeg`` (extra ``[export]``); without it the states are kept alone. `gvla2 export lerobot`
-makes data sets for training of both.
+The film needs ``imageio-ffmpeg`` (extra ``[export]``); without it only the states are stored. `gvla2 export lerobot`
+makes training data sets from both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gvla2.robot.backend import Moment
 FILM, STATES = "episode.mp4", "motion.npz"
 DEFAULT_FPS = 5.0
 SMALLEST = 16
-"""Pixels a side that a film has at least: encoders refuse less."""
+"""Least side of a film in pixels: encoders refuse smaller ones."""
 
 
 class Motion:
@@ -28,7 +28,7 @@ class Motion:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._moments: list[Moment] = []
-        self._early: list[NDArray[np.uint8]] = []  # until the second tells how many there are a second
+        self._early: list[NDArray[np.uint8]] = []  # until the second one gives the rate
         self._writer: Generator[None, bytes | None, None] | None = None
         self._size = (0, 0)
         self._frames = 0
@@ -38,9 +38,9 @@ class Motion:
         self._moments.append(moment)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
-        """A frame (H, W, 3) uint8, all of one size; sides are cut to even numbers, as players want them."""
+        """A frame (H, W, 3) uint8, all of one size; sides are cropped to even numbers, as players require."""
         if getattr(image, "ndim", 0) != 3 or min(image.shape[:2]) < SMALLEST:
-            return  # no film's frame; the recorder says what was wrong with it
+            return  # not a film frame; the recorder reports what was wrong with it
         even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
         self._frames += 1
         if self._frames == 1:

@@ -1,4 +1,4 @@
-"""What was perceived and what is planned, drawn into the camera's pictures."""
+"""Perception and plan, drawn into the camera's pictures."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ CLOSED_COLOUR: Colour = (255, 168, 60)
 
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
-_SEEN = 0.03  # share of an object's points that must be in sight for its label
+_SEEN = 0.03  # share of an object's points that must be visible for its label
 
 
 def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
     """The view with the oriented box of each scene object, numbered in the scene's order.
 
-    Edges on an object's far side are thin. An object that something else hides from this camera (by the view's
-    depth) is dashed and has no label.
+    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is dashed and has no
+    label.
     """
     canvas = Canvas(view.image, width)
     order = sorted(enumerate(scene.objects), key=lambda item: -_distance(view.camera, item[1]))
@@ -44,7 +44,7 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
 
 
 def in_sight(view: View, thing: SceneObject) -> float:
-    """Share of the object's points (of its box's corners, where it has none) that this view sees.
+    """Share of the object's points (of its box's corners, if it has none) that this view sees.
 
     A point is seen when it falls into the image and the view's depth there is not more than 2 cm nearer.
     """
@@ -62,7 +62,7 @@ def in_sight(view: View, thing: SceneObject) -> float:
 def plan_views(views: Iterable[View], trajectory: Trajectory, count: int = 2) -> list[View]:
     """The views that show the path best: most waypoints in the picture, a front camera first when equal.
 
-    A camera on the hand moves away from what it saw, so one counts only when there is no other.
+    A camera on the hand moves away from its view, so it is used only if there is no other.
     """
     points = np.array([w.xyz for w in trajectory], dtype=np.float64).reshape(-1, 3)
 
@@ -82,10 +82,9 @@ def plan_overlay(
 ) -> Image.Image:
     """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
 
-    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a
-    dashed leg is a free motion, a whole one a straight line. With ``scene`` the path also casts a faint shadow on
-    the table, straight below it, so that height can be read. The picture shows the part of the view with the path
-    and the objects.
+    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a dashed
+    leg is a free motion, a solid one a straight line. With ``scene`` the path also casts a faint shadow on the table,
+    straight below it, so that height can be read. The picture shows the part of the view with the path and the objects.
     """
     camera, waypoints = view.camera, list(trajectory)
     stops = [np.asarray(w.xyz, dtype=np.float64) for w in waypoints]
@@ -125,7 +124,7 @@ def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[s
 
 
 def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> list[tuple[Point, list[int]]]:
-    """Waypoints in the picture, those together whose dots would cover one another: (pixel, all of them)."""
+    """Waypoints in the picture, grouped if their dots would overlap: (pixel, all of them)."""
     clusters: list[tuple[Point, list[int]]] = []
     spots = _project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3))
     for k, (u, v) in enumerate(spots):
@@ -141,7 +140,7 @@ def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> li
 
 
 def _part(camera: Camera, stops: Sequence[FloatArray], scene: Scene | None) -> Rect:
-    """A square of the image with the waypoints and the objects, and some space about them; at least half the image."""
+    """A square of the image with the waypoints and the objects, and some margin; at least half the image."""
     points = [*stops, *(corner for o in (scene.objects if scene else ()) for corner in o.corners())]
     whole = min(camera.width, camera.height)
     uv, _ = camera.project(np.array(points, dtype=np.float64).reshape(-1, 3))

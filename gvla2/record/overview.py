@@ -15,7 +15,7 @@ from gvla2.record.page import data_uri, render
 
 
 def episode_folder(folder: Path, index: int) -> Path:
-    """Where the episode of this ``index`` (from 0) of a run in ``folder`` goes: ``episode_000``."""
+    """The folder of episode ``index`` (from 0) of a run in ``folder``: ``episode_000``."""
     return folder / f"episode_{index:03d}"
 
 
@@ -34,7 +34,7 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
             {"record": record, "link": f"{place.name}/index.html", "thumbnail": _thumbnail(place), **told}
         )
     judged = [r.judgement for r in episodes if r.judgement is not None]
-    whole = len(episodes) if judged else 0  # without a referee's word an episode counts as not succeeded
+    whole = len(episodes) if judged else 0  # without a referee's verdict an episode counts as a failure
     ruled = [
         (r.verdict.outcome == "verified_success", r.judgement.eased)
         for r in episodes
@@ -53,11 +53,11 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
 
 
 def write_summary(folder: Path, episodes: Sequence[EpisodeRecord], command: str = "run") -> Path:
-    """Write ``result.json`` over the episodes of a run: counts, and one row an episode in their order.
+    """Write ``result.json`` over the episodes of a run: counts, and one row per episode in order.
 
-    ``success_share`` (and ``success_share_strict``) count an episode that nobody judged as not succeeded. ``seconds``
-    are the sum of an episode's stages. Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder
-    cannot be written to.
+    ``success_share`` (and ``success_share_strict``) count an unjudged episode as a failure. ``seconds`` are the sum of
+    an episode's stages. Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder cannot be written
+    to.
     """
     rows = []
     for index, record in enumerate(episodes):
@@ -90,7 +90,7 @@ def _thumbnail(folder: Path, width: int = 192) -> str:
             with Image.open(folder / name) as picture:
                 small = picture.convert("RGB")
                 small.thumbnail((width, width))
-        except OSError:  # no such picture, or not a whole one: the row goes without
+        except OSError:  # missing or incomplete picture: the row has none
             continue
         stream = io.BytesIO()
         small.save(stream, format="JPEG", quality=82)

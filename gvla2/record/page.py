@@ -30,8 +30,8 @@ def render_page(
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
-    Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy forbids
-    the browser to load anything else. ``linked`` are (file name, what it is) of files beside the page.
+    Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy keeps the
+    browser from loading anything else. ``linked`` are (file name, what it is) of files beside the page.
     """
     title, tone = wording.headline(record)
     parameters, plan_notes = sections.parameter_rows(record.plan) if record.plan else ([], [])
@@ -66,7 +66,7 @@ def render(template: str, **values: Any) -> str:
     script = f"{_source('page.js')}{_source('viewer.js')}".strip()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals.update(
-        # The package's own files go in as they are; all that a run brings along is escaped.
+        # The package's own files are trusted; everything from a run is escaped.
         style=Markup(_source("page.css")),
         script=Markup(script),
         script_digest=digest,

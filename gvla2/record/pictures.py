@@ -1,4 +1,4 @@
-"""All pictures of a run, made one by one so that a failing one costs no other."""
+"""All pictures of a run, made one by one so that a failure does not affect the others."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CameraPictures:
 
 @dataclass
 class Pictures:
-    """What the page can show; empty where it was not made.
+    """The page's pictures; empty if not made.
 
     ``episode`` is a GIF, ``film`` the same motion as MP4, ``model`` the scene with the plan as GLB.
 
@@ -45,13 +45,13 @@ class Pictures:
 
 
 def main_view(observation: Observation) -> View:
-    """The view for before and after: a front camera where there is one, else the first."""
+    """The view for before and after: a front camera if there is one, else the first."""
     views = observation.pictured()
     return next((v for v in views if "front" in v.name), views[0])
 
 
 def plain_picture(view: View, width: int = 512) -> Image.Image:
-    """The camera's picture as it is, enlarged smoothly by a whole factor to about ``width`` pixels."""
+    """The camera's plain picture, enlarged smoothly by an integer factor to about ``width`` pixels."""
     picture = Image.fromarray(view.image)
     scale = max(1, round(width / picture.width))
     return picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.LANCZOS)
@@ -72,7 +72,7 @@ def camera_pictures(observation: Observation) -> tuple[CameraPictures, ...]:
 def with_objects(
     pictures: Sequence[CameraPictures], observation: Observation, scene: Scene
 ) -> tuple[CameraPictures, ...]:
-    """The cameras' pictures with those of the perceived objects."""
+    """The cameras' pictures plus those of the perceived objects."""
     return tuple(
         replace(camera, objects=png(perception_overlay(view, scene)))
         for camera, view in zip(pictures, observation.pictured(), strict=True)
@@ -82,7 +82,7 @@ def with_objects(
 def plan_pictures(
     observation: Observation, trajectory: Trajectory, scene: Scene | None, count: int = 2
 ) -> tuple[tuple[str, bytes], ...]:
-    """(camera, PNG) of the planned path in so many cameras that show it best."""
+    """(camera, PNG) of the planned path in the cameras that show it best."""
     start = observation.world_from_tcp[:3, 3]
     return tuple(
         (view.name, png(plan_overlay(view, trajectory, start, scene)))

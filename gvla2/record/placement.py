@@ -1,4 +1,4 @@
-"""Where to put labels so that they cover neither one another nor what they name."""
+"""Placement of labels so that they cover neither each other nor their objects."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def place(
 ) -> Rect:
     """The best of some 40 places of a label of ``size`` (width, height) about ``near``.
 
-    Overlap with ``taken`` and what sticks out of ``bounds`` cost most, then distance; the result always lies
-    inside ``bounds`` where it fits at all.
+    Overlap with ``taken`` and area outside ``bounds`` cost most, then distance; the result always lies inside
+    ``bounds`` if it fits.
     """
     width, height = size
     cx, cy = near.centre

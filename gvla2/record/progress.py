@@ -1,4 +1,4 @@
-"""Progress on the terminal: a line a stage while a run goes on."""
+"""Progress on the terminal: a line per stage during a run."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _STYLES = {"done": "green", "warn": "yellow", "failed": "bold red", "skipped": "
 
 
 class Progress:
-    """Tells a person what a run is doing, as a context manager.
+    """Shows a person what a run is doing, as a context manager.
 
     On a terminal each stage shows a spinner, then a tick, its seconds and what it found; elsewhere (a file, a pipe)
-    plain lines, one a finished stage. ``quiet`` says only how an episode ended, a terminal that is gone nothing. Each
-    line begins with ``label``, for jobs of a sweep that talk at the same time. Texts from outside (instructions,
-    labels) are printed as they are, without terminal control characters or markup.
+    plain lines, one per finished stage. ``quiet`` reports only how an episode ended, a closed terminal gets nothing.
+    Each line begins with ``label``, for parallel jobs of a sweep. Texts from outside (instructions, labels) are printed
+    literally, without terminal control characters or markup.
     """
 
     def __init__(self, quiet: bool = False, console: Console | None = None, label: str = "") -> None:
@@ -59,7 +59,7 @@ class Progress:
             self._status.start()
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """A stage ended, well or not; ``record`` already holds what it found (and its seconds in ``timings``)."""
+        """A stage ended, successfully or not; ``record`` already holds its result (and its seconds in ``timings``)."""
         elapsed = record.timings.get(stage, time.monotonic() - self._began)
         self.line(state(record, stage), stage, elapsed, finding(record, stage))
 
@@ -85,7 +85,7 @@ class Progress:
         self._print(Text(self._printable(f"-> {folder / 'index.html'}", 400)))
 
     def close(self) -> None:
-        """Take the spinner away; safe to call twice."""
+        """Remove the spinner; safe to call twice."""
         self._stop()
 
     def _print(self, line: Text) -> None:
@@ -95,7 +95,7 @@ class Progress:
             self._console.print(
                 Text.assemble((self._label, "dim" if self._live else ""), line), soft_wrap=True
             )
-        except (OSError, SystemExit):  # the reader left; rich would leave with it, and stop the robot
+        except (OSError, SystemExit):  # the pipe was closed; rich would exit, and stop the robot
             self._gone = self._quiet = True
 
     def _printable(self, text: str, limit: int = 160) -> str:

@@ -1,4 +1,4 @@
-"""Writes a run's folder while the run goes on, so that an interrupted one leaves all that it reached."""
+"""Writes a run's folder during the run, so that an interrupted one leaves everything up to that point."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ _LINKED = (
 )
 
 LARGEST_FILM = 6_000_000
-"""Bytes of a film that the page takes in; a longer one is linked beside it and the animation is shown."""
+"""Most bytes of an embedded film; a longer one is linked and the animation is shown."""
 
 
 class RunRecorder(FolderRecorder):
-    """The folder of one episode: ``config.yaml`` at once, then what each stage adds, the page at the end.
+    """The folder of one episode: ``config.yaml`` first, then each stage's output, the page at the end.
 
     ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
     files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
@@ -91,7 +91,7 @@ class RunRecorder(FolderRecorder):
         self._motion.moment(moment)
 
     def stage(self, record: EpisodeRecord, stage: str) -> None:
-        """Write what ``record`` holds since the last call; to be called after each finished (or failed) stage.
+        """Write what ``record`` holds since the last call; call it after each finished (or failed) stage.
 
         Its pictures follow within a moment, see :meth:`settle`.
         """
@@ -100,7 +100,7 @@ class RunRecorder(FolderRecorder):
             self._write_pictures(record)
 
     def finish(self, record: EpisodeRecord) -> Path:
-        """Write all that is still missing, the animation and the page; returns the page's path."""
+        """Write everything still missing, the animation and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
         if len(self._reel):
@@ -111,7 +111,7 @@ class RunRecorder(FolderRecorder):
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self.attempt("The page", lambda: write_text(page, self._page(told)))
-        self._write_numbers(record)  # once more: notes about pictures belong to the result
+        self._write_numbers(record)  # again, with the notes about pictures
         return page
 
     def settle(self) -> None:
@@ -182,7 +182,7 @@ class RunRecorder(FolderRecorder):
         self._save("plan.png", contact_sheet_of(self._pictures.plan))
 
     def _show_parts(self, record: EpisodeRecord) -> None:
-        """The plans of the parts before the last, whose own pictures are of it."""
+        """The plans of the parts before the last, which has its own pictures."""
         self._pictures.parts = tuple(
             (f"part {k}: {part.plan.skill}", picture)
             for k, part in enumerate(record.parts, 1)

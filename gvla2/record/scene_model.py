@@ -1,8 +1,9 @@
-"""A run in three dimensions as one glTF file: what was seen and perceived, the planned path and what the checks say.
+"""A run in three dimensions as one glTF file: the cloud, the perceived objects, the planned path and the findings of
+the checks.
 
-Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.glb.to_y_up`). A node's ``extras`` carry its
-``kind`` ("seen", "ground", "object", "path" or "waypoint") and, where it has a name, ``label``, ``text`` and the point
-``at`` (3,) to write it. Any viewer of glTF opens the file; the run's page has its own.
+Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.glb.to_y_up`). A node's ``extras`` hold its
+``kind`` ("seen", "ground", "object", "path" or "waypoint") and, if it has a name, ``label``, ``text`` and their
+position ``at`` (3,). Any viewer of glTF opens the file; the run's page has its own.
 """
 
 from __future__ import annotations
@@ -24,20 +25,20 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord
 
 OPEN, CLOSED, FAILED = (28, 142, 210), (224, 122, 16), (189, 45, 38)
-"""Colours of the path by the gripper, and of a waypoint that a check speaks against."""
+"""Colours of the path by the gripper, and of a waypoint that a check rejects."""
 
 MOST_POINTS = 14_000
 MOST_FACES = 6_000
-"""What a page takes of the cloud, and of one object's known mesh, before it grows slow and large."""
+"""Most points of the cloud, and faces of one known mesh, before a page gets slow and large."""
 
-_GRAIN = 0.006  # metres; one point of the cloud stands for a cube of this side
+_GRAIN = 0.006  # metres; one point of the cloud per cube of this side
 _TUBE, _DOT = 0.0022, 0.008  # metres, radii of the path and of a waypoint
 _GREY = (128, 136, 146)
-_RIM = 0.1  # metres about the workspace where what was seen is shown, too: the arm reaches in from there
+_RIM = 0.1  # metres around the workspace where the cloud is shown too: the arm reaches in from there
 
 
 def scene_glb(record: EpisodeRecord) -> bytes:
-    """The file as bytes; nothing (b"") before anything was perceived."""
+    """The file as bytes; b"" before anything was perceived."""
     scene, plan = record.scene, record.plan
     if scene is None:
         return b""
@@ -66,7 +67,7 @@ def cloud(
 ) -> tuple[FloatArray, NDArray[np.uint8]]:
     """(N, 3) world points that the cameras measured in and near the workspace, and their colours (N, 3).
 
-    One point a cube of 6 mm, and of those at most ``most``, evenly spread.
+    One point per cube of 6 mm, and of those at most ``most``, evenly spread.
     """
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)]
     for view in observation.views:
@@ -89,7 +90,7 @@ def solid_of(thing: SceneObject) -> Any:
     if thing.known is not None:
         try:
             mesh = thing.known.mesh()
-        except GeometryError:  # the scan's file is gone: its box is still known
+        except GeometryError:  # the scan's file is missing: its box is still known
             mesh = None
         if mesh is not None and 0 < len(mesh.faces) <= MOST_FACES:
             return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -152,7 +153,7 @@ def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: boo
 
 
 def said_of(k: int, waypoint: Waypoint, checks: CheckReport | None) -> tuple[str, bool]:
-    """A waypoint in words with what the checks found there, and whether anything speaks against it."""
+    """A waypoint in words with the checks' findings there, and whether any failed."""
     place = ", ".join(f"{v:.3f}" for v in waypoint.xyz)
     grip = "open" if waypoint.gripper > 0.5 else "closed"
     words = f"{k} {waypoint.stage.replace('_', ' ')}: {place} m, gripper {grip}, {waypoint.motion}"
@@ -163,7 +164,7 @@ def said_of(k: int, waypoint: Waypoint, checks: CheckReport | None) -> tuple[str
 
 
 def _ground(scene: Scene) -> Any:
-    """A grid of 10 cm on the table, as far as the workspace goes."""
+    """A grid of 10 cm on the table, over the workspace."""
     (x0, y0), (x1, y1) = scene.workspace.low[:2], scene.workspace.high[:2]
     xs, ys = (np.arange(np.ceil(10 * a), np.floor(10 * b) + 1) / 10 for a, b in ((x0, x1), (y0, y1)))
     z = scene.table_height

@@ -1,4 +1,4 @@
-"""What the page shows of each stage, worked out: rows, bars and sentences, no markup."""
+"""The page's content for each stage: rows, bars and sentences, no markup."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CHECKS: tuple[tuple[CheckName, str], ...] = (
     ("gripper", "The gripper opens and closes in a possible order"),
     ("kinematics", "Reachable, away from joint limits and singularities"),
     ("clearance", "Nothing is hit on the way, the grasp fits the hand"),
-    ("memory", "What memory forbids or bounds is respected"),
+    ("memory", "Memory's bans and bounds are respected"),
 )
-"""The six checks and what each asks."""
+"""The six checks and what each requires."""
 
 ANCHORS: dict[Stage, str] = {
     "setup": "top",
@@ -44,7 +44,7 @@ ANCHORS: dict[Stage, str] = {
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the strip under a page's header. ``share`` of the whole time, in percent."""
+    """One step of the bar under a page's header. ``share`` of the whole time, in percent."""
 
     name: str
     anchor: str
@@ -55,7 +55,7 @@ class Step:
 
 
 def share(value: float | None, whole: float) -> float:
-    """A number as percent of another, for a bar; 0 where one of them says nothing."""
+    """A number as percent of another, for a bar; 0 if either is undefined."""
     return 100 * value / whole if value and whole and math.isfinite(value) and math.isfinite(whole) else 0.0
 
 
@@ -77,7 +77,7 @@ def steps(record: EpisodeRecord) -> list[Step]:
 
 
 def swatch(rgb: tuple[float, float, float]) -> str:
-    """The colour that was seen, each channel in [0, 1], as CSS has it."""
+    """The seen colour, each channel in [0, 1], in CSS."""
     red, green, blue = (round(255 * float(v)) for v in np.clip(np.nan_to_num(np.asarray(rgb, float)), 0, 1))
     return css_colour((red, green, blue))
 
@@ -88,12 +88,12 @@ def roles_of(object_id: str, plan: Plan | None) -> str:
 
 
 def label_of(thing: SceneObject) -> str:
-    """What the object is called."""
+    """The object's name."""
     return thing.label or thing.id
 
 
 def called(object_id: str, scene: Scene | None) -> str:
-    """The label of the scene object with this id; the id itself ("table") where there is none."""
+    """The label of the scene object with this id; the id itself ("table") if there is none."""
     things = scene.objects if scene is not None else ()
     return next((label_of(o) for o in things if o.id == object_id), object_id)
 
@@ -126,7 +126,7 @@ def effect_words(effect: Mapping[str, object] | None) -> str:
 
 
 def parameter_rows(plan: Plan) -> tuple[list[tuple[str, str, list[str]]], list[str]]:
-    """(name, value, what memory changed) of each parameter, and the notes that belong to none."""
+    """(name, value, memory's change) of each parameter, and the remaining notes."""
     notes = list(plan.notes)
     rows = []
     for name, value in plan.parameters.items():
@@ -137,7 +137,7 @@ def parameter_rows(plan: Plan) -> tuple[list[tuple[str, str, list[str]]], list[s
 
 
 def ranked_candidates(plan: Plan) -> list[tuple[Candidate, float, bool]]:
-    """(candidate, bar in percent, chosen) from best to worst; the best that was not rejected was chosen."""
+    """(candidate, bar in percent, chosen) from best to worst; the best one not rejected was chosen."""
     scores = {id(c): c.score if math.isfinite(c.score) else 0.0 for c in plan.candidates}
     order = sorted(plan.candidates, key=lambda c: (bool(c.rejected), -scores[id(c)]))
     largest = max(scores.values(), default=0.0)
@@ -146,7 +146,7 @@ def ranked_candidates(plan: Plan) -> list[tuple[Candidate, float, bool]]:
 
 
 def orientation_words(orientation: Orientation) -> str:
-    """How the hand is turned, in a few words."""
+    """The hand's orientation in a few words."""
     toward = direction(orientation.vector)
     match orientation.policy:
         case "hold":
@@ -162,14 +162,14 @@ def orientation_words(orientation: Orientation) -> str:
 
 
 def guard_words(guard: Guard) -> str:
-    """What ends a guarded motion early: "25 N", "held back 3 mm"."""
+    """The conditions of a guard: "25 N", "held back 3 mm"."""
     force = f"{number(guard.force, 1)} N" if guard.force else ""
     stall = f"held back {number(1000 * guard.stall, 1)} mm" if guard.stall else ""
     return " or ".join(words for words in (force, stall) if words)
 
 
 def direction(vector: tuple[float, float, float], both: bool = False) -> str:
-    """A direction: "down", "+x", or its numbers; with ``both`` either way along it is meant ("y")."""
+    """A direction: "down", "+x", or its numbers; with ``both`` the sign is ignored ("y")."""
     v = np.asarray(vector, dtype=np.float64)
     length = float(np.linalg.norm(v))
     if not math.isfinite(length) or length < 1e-9:

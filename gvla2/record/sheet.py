@@ -32,7 +32,7 @@ _NEAR_TO_FAR = np.array(
 def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
     """Depth (H, W), metres, as colours: yellow near, violet far, grey where nothing was measured.
 
-    The scale runs from the 1st to the 99th percentile of what was measured and is written into the picture.
+    The scale runs from the 1st to the 99th percentile of the measurements and is written into the picture.
     """
     known = np.isfinite(depth)
     low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)

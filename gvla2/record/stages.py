@@ -1,4 +1,4 @@
-"""What each part of a record is as JSON, and the file it goes to."""
+"""The JSON and the file of each part of a record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def scene_json(scene: Scene) -> dict[str, Any]:
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
-    """The plan without its trajectory, which has a file of its own."""
+    """The plan without its trajectory, which has its own file."""
     return {
         **_fields(plan, "trajectory", "transcript", "program"),
         "transcript": kept(plan.transcript),
@@ -53,7 +53,7 @@ Writer = Callable[[EpisodeRecord], Any]
 
 
 def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
-    """The field of the record of that name as JSON; None while there is nothing in it."""
+    """The field of the record of that name as JSON; None while it is empty."""
 
     def content(record: EpisodeRecord) -> Any:
         made = getattr(record, name)

@@ -1,4 +1,4 @@
-"""Text for terminals and pages: what others wrote must not make a terminal do things, and stays on its line."""
+"""Text for terminals and pages: foreign text must not control a terminal, and stays on its line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def printable(text: str) -> str:
-    """Text without control characters, which a terminal would obey; line ends stay."""
+    """Text without control characters, which a terminal would execute; line ends stay."""
     return "".join(" " if c != "\n" and _controls(unicodedata.category(c)) else c for c in text)
 
 

@@ -1,4 +1,4 @@
-"""What others are told of a run: a tracker its configuration and numbers, a viewer each episode whole."""
+"""Reporting of runs: a tracker gets configuration and numbers, a viewer each complete episode."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from gvla2.record.contents import EpisodeRecord
 
 @dataclass(frozen=True)
 class TrackedRun:
-    """A run as it begins: a ``name`` for people, the ``folder`` of its files, and its composed ``config``, nested."""
+    """A starting run: a ``name`` for people, the ``folder`` of its files, and its composed ``config``, nested."""
 
     name: str
     folder: Path
     config: Mapping[str, Any]
 
     def flat(self) -> dict[str, Any]:
-        """The configuration with dotted names, as trackers compare runs by: "planner.lift_height"."""
+        """The configuration with dotted names, for comparing runs in a tracker: "planner.lift_height"."""
         return _flat(self.config)
 
 
 class Tracker(Protocol):
-    """Tells a service of experiments about a run. Its errors become warnings: a run never stops for them."""
+    """Reports a run to an experiment-tracking service. Its errors become warnings: a run never stops for them."""
 
     def begin(self, run: TrackedRun) -> None:
         """A run starts; called once, before any episode."""
@@ -40,10 +40,10 @@ class Tracker(Protocol):
 
 
 class Viewer(Protocol):
-    """Shows episodes in a program of its own. Its errors become warnings: a run never stops for them."""
+    """Shows episodes in an external program. Its errors become warnings: a run never stops for them."""
 
     def show(self, record: EpisodeRecord, folder: Path) -> None:
-        """An episode has ended as ``record`` says; ``folder`` has its page, film and states, and takes more files."""
+        """Show the finished episode of ``record``; ``folder`` has its page, film and states, and may get more files."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""A record in words: what each stage found, and how the episode went. The page and the terminal share them."""
+"""A record in words: each stage's result, and the episode's outcome. The page and the terminal share them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.text import count, listing, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]
-"""How a stage ended: as it should; with a reservation (abstained, rejected); broken off; not reached."""
+"""How a stage ended: normally; with a reservation (abstained, rejected); aborted; not reached."""
 
 Tone = Literal["good", "bad", "unsure"]
 
@@ -32,7 +32,7 @@ MADE: Mapping[Stage, str] = {
     "learn": "learned",
     "judge": "judgement",
 }
-"""What of the record each stage fills."""
+"""The record's field for each stage."""
 
 OUTCOMES = {
     "verified_success": "success",
@@ -43,7 +43,7 @@ OUTCOMES = {
 """The verifier's outcomes in words."""
 
 TONES: Mapping[str, Tone] = {"verified_success": "good", "verified_fail": "bad", "uncertain": "unsure"}
-"""How they sound."""
+"""Their tones."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -95,7 +95,7 @@ def state(record: EpisodeRecord, stage: Stage) -> State:
 
 
 def finding(record: EpisodeRecord, stage: Stage) -> str:
-    """What ``stage`` found, in a few plain words; "" when it was not reached."""
+    """The result of ``stage`` in a few plain words; "" when it was not reached."""
     failure = record.failure
     if failure is not None and failure.stage == stage:
         return one_line(failure.message or failure.kind)
@@ -131,7 +131,7 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
 
 
 def executed(record: EpisodeRecord) -> str:
-    """How far the motion came: "8 of 8 waypoints"."""
+    """How far the motion got: "8 of 8 waypoints"."""
     report = record.report
     if report is None:
         return ""
@@ -153,7 +153,7 @@ def judged(record: EpisodeRecord) -> str:
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Tone]:
-    """The episode in two or three words, and how that sounds. A referee's word counts before a verifier's."""
+    """The episode in two or three words, and their tone. A referee's verdict takes precedence over a verifier's."""
     stopped = record.failure is not None and record.failure.stage not in ("verify", "judge")
     if stopped and record.parts and record.report is None:
         return f"Stopped before part {len(record.whole)}", "bad"
@@ -180,7 +180,7 @@ def summary_line(record: EpisodeRecord) -> str:
 
 
 def details(record: EpisodeRecord) -> list[str]:
-    """What stands behind the headline, in short pieces."""
+    """Details behind the headline, in short pieces."""
     parts: list[str] = [count(len(record.whole), "part")] if record.parts else []
     if record.judgement is not None:
         parts.append(f"referee: {finding(record, 'judge')}")

@@ -18,7 +18,7 @@ from gvla2.robot.tool_line import trace_line
 
 
 class ArmModel:
-    """Implements :class:`gvla2.planning.arm.Arm`, and what motion planning needs beside it.
+    """Implements :class:`gvla2.planning.arm.Arm`, plus what motion planning needs.
 
     Make one with :meth:`from_urdf`. Not safe to share between threads.
     """
@@ -94,7 +94,7 @@ class ArmModel:
 
     @property
     def dof(self) -> int:
-        """Number of the arm's joints, fingers left out."""
+        """Number of the arm's joints, without fingers."""
         return self.kinematics.dof
 
     @property
@@ -144,6 +144,6 @@ class ArmModel:
     def line(
         self, start: FloatArray, world_from_tcp: FloatArray, step: float = 0.01
     ) -> Sequence[FloatArray] | None:
-        """Joints, ``start`` first, every ``step`` metres of a straight tool move; None if it can't be."""
+        """Joints, ``start`` first, every ``step`` metres of a straight tool move; None if impossible."""
         target = check_rigid(world_from_tcp, "target pose")
         return trace_line(self.kinematics, self.ik, np.asarray(start, dtype=np.float64), target, step)

@@ -19,7 +19,7 @@ from gvla2.robot.task import Task, TaskInstance
 
 @dataclass(frozen=True)
 class SuccessCheck:
-    """A referee's word on an episode, from true state: known in simulation only."""
+    """A referee's verdict on an episode, from true state: only in simulation."""
 
     eased: bool
     strict: bool
@@ -27,8 +27,8 @@ class SuccessCheck:
 
 @dataclass(frozen=True)
 class Moment:
-    """The measured robot at the time of a frame: ``time`` in seconds of an even clock, ``joints`` (dof,) in radians,
-    ``gripper_width`` in metres.
+    """The measured robot at the time of a frame: ``time`` in seconds of a monotonic clock, ``joints`` (dof,) in
+    radians, ``gripper_width`` in metres.
     """
 
     time: float
@@ -38,7 +38,7 @@ class Moment:
 
 @runtime_checkable
 class MotionListener(Protocol):
-    """A listener of an episode that also hears of the robot's measured state, just before each frame."""
+    """A listener of an episode that also gets the robot's measured state, just before each frame."""
 
     def moment(self, moment: Moment) -> None:
         """The state at the time of the next frame."""
@@ -47,9 +47,9 @@ class MotionListener(Protocol):
 
 @dataclass(frozen=True)
 class ExecutionListener:
-    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 some times a second,
-    ``waypoint`` after each waypoint, ``moment`` just before a frame by robots that know its state. Raising from any
-    stops the motion.
+    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times a second, ``waypoint``
+    after each waypoint, ``moment`` just before a frame by robots that know its state. Raising from any stops the
+    motion.
     """
 
     frame: Callable[[NDArray[np.uint8]], None] = lambda image: None
@@ -85,8 +85,7 @@ class RobotBackend(Protocol):
     ) -> ExecutionReport:
         """Move through the waypoints, planning around the perceived scene; stops at the first that fails.
 
-        Keyboard interrupts are passed on after the arm is brought to a stop; what was done up to then is told
-        to the listener.
+        Keyboard interrupts are passed on after the arm has stopped; the listener gets the progress up to then.
         """
         ...
 
@@ -95,5 +94,5 @@ class RobotBackend(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the simulator or the arm; safe to call twice."""
+        """Release the simulator or the arm; safe to call twice."""
         ...

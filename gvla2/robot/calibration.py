@@ -1,8 +1,8 @@
-"""The calibration file of a camera beside a robot, and the file of pose pairs that it is made from.
+"""The calibration file of a camera beside a robot, and the file of pose pairs behind it.
 
 A calibration is one JSON object: ``T_base_camera`` (4, 4) (or ``T_tcp_camera`` for a camera on the hand),
 ``intrinsics`` (fx, fy, cx, cy, width, height), ``serial``, ``date``, ``n``, ``rmse`` (metres), ``residuals`` (metres
-a pair), ``method`` and ``convention``.
+per pair), ``method`` and ``convention``.
 """
 
 from __future__ import annotations
@@ -91,16 +91,18 @@ class Calibration:
 
     @classmethod
     def load(cls, path: Path, serial: str = "") -> Calibration:
-        """Read and check a calibration; ``serial`` is the camera's that it is wanted for, "" for any.
+        """Read and check a calibration; ``serial`` is the camera in use, "" for any.
 
-        Raises :class:`RobotError` that names the file, for one that is damaged, mirrored, too inexact, of another
-        convention, or of another camera.
+        Raises :class:`RobotError`, naming the file, if it is damaged, mirrored, too inexact, of another convention, or
+        for another camera.
         """
         body = _read(path, "calibration")
         mount: Mount = "eye_in_hand" if _KEYS["eye_in_hand"] in body else "eye_to_hand"
         try:
             if body["convention"] != CONVENTION:
-                raise RobotError(f"The calibration {path} is of another convention: {body['convention']!r}.")
+                raise RobotError(
+                    f"The calibration {path} has a different convention: {body['convention']!r}."
+                )
             calibration = cls(
                 transform=np.array(body[_KEYS[mount]], dtype=np.float64),
                 intrinsics=_intrinsics(body["intrinsics"]),
@@ -116,7 +118,7 @@ class Calibration:
             raise RobotError(f"The calibration {path} is incomplete or damaged: {error!r}.") from error
         if serial and calibration.serial != serial:
             raise RobotError(
-                f"The calibration {path} is of camera '{calibration.serial}', the camera in use is '{serial}'. "
+                f"The calibration {path} is for camera '{calibration.serial}', but the camera in use is '{serial}'. "
                 "Calibrate this one, or plug in the other."
             )
         return calibration
@@ -165,7 +167,7 @@ def _read(path: Path, what: str) -> dict[str, Any]:
     except OSError as error:
         raise RobotError(f"The {what} {path} can't be read: {error.strerror}.") from error
     except ValueError as error:
-        raise RobotError(f"The {what} {path} is no JSON: {error}.") from error
+        raise RobotError(f"The {what} {path} is not JSON: {error}.") from error
     if not isinstance(body, dict):
         raise RobotError(f"The {what} {path} must be one JSON object.")
     return body

@@ -12,12 +12,12 @@ from gvla2.geometry.views import View
 
 @dataclass(frozen=True)
 class CameraFrames:
-    """What the cameras saw at one moment.
+    """The cameras' frames of one moment.
 
     ``views`` are RGB-D: depth in metres along the camera's z, aligned to the colour image, NaN where nothing was
-    measured; each view's ``camera.world_from_camera`` is its pose in the robot's *base* frame (the robot moves it
-    on into the world). ``timestamps`` are the moments of exposure, one a view, seconds of ``time.time()``.
-    No views at all is what ``camera=none`` sees. Raises :class:`RobotError` when the two differ in number.
+    measured; each view's ``camera.world_from_camera`` is its pose in the robot's *base* frame (the robot moves it on
+    into the world). ``timestamps`` are the moments of exposure, one per view, seconds of ``time.time()``.
+    ``camera=none`` gives no views. Raises :class:`RobotError` when the two differ in number.
     """
 
     views: tuple[View, ...]
@@ -33,19 +33,19 @@ class CameraFrames:
 class DepthCamera(Protocol):
     """One or several calibrated depth cameras, live or recorded.
 
-    ``observe`` may be called any number of times; ``close`` twice. A camera that was unplugged, stands still, or
-    gives images of another size than it was calibrated for raises :class:`gvla2.errors.RobotError` that names it.
+    ``observe`` may be called any number of times; ``close`` twice. A camera that was unplugged, is frozen, or gives
+    images of a different size than its calibration's raises :class:`gvla2.errors.RobotError`, naming it.
     """
 
     @property
     def live(self) -> bool:
-        """Whether it shows the present; a real arm does not move by pictures of the past, or by made-up ones."""
+        """Whether it shows the present; a real arm does not move by recorded or synthetic pictures."""
         ...
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
-        """Frames taken after the call began. A camera on the hand needs ``base_from_tcp`` (4, 4), where the tool is."""
+        """Frames taken after the call began. A camera on the hand needs the tool's pose ``base_from_tcp`` (4, 4)."""
         ...
 
     def close(self) -> None:
-        """Let go of the device or the files."""
+        """Release the device or the files."""
         ...

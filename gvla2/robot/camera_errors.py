@@ -1,17 +1,17 @@
-"""What is wrong with the pictures of a real depth camera, one function a fault.
+"""Errors of a real depth camera's pictures, one function per fault.
 
-Magnitudes and where they come from (``depth_noise=realistic``):
+Magnitudes and their sources (``depth_noise=realistic``):
 
 * **holes on grazing surfaces**: structured light and stereo lose surfaces seen at more than about 70 degrees (Nguyen,
   Izadi and Lovell 2012, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking");
 * **holes on dark surfaces**: little of the projected light comes back; data sheets state the range for reflectivities
-  of 10 % and more, so surfaces of less are lost in part;
+  of 10 % and more, so darker surfaces are partly lost;
 * **flying pixels**: at a step in depth a pixel sees both sides and measures something between (Sabov and Krueger 2008,
   "Identification and correction of flying pixels in range camera data");
 * **bias that grows with range**: data sheets of consumer cameras allow 2 % of the range; after a factory calibration
   some tenths of a percent are usual, here 0.3 % (standard deviation over cameras), 4 mm at 1.3 m;
 * **quantisation**: depth comes as whole millimetres (the usual unit of 16-bit depth pictures);
-* **colour**: a few grey levels of noise a pixel, and exposure and white balance that differ by camera;
+* **colour**: a few grey levels of noise per pixel, and exposure and white balance that differ by camera;
 * **extrinsics**: a good hand-eye calibration is right to about 2 mm and 0.3 degrees.
 """
 
@@ -28,7 +28,7 @@ JUMP = 0.02
 """A step in depth between neighbouring pixels, metres."""
 
 GRAZING_FROM, GRAZING_ALL = np.deg2rad(68.0), np.deg2rad(85.0)
-"""From the first angle to the surface's normal on measurements are lost, at the second with the full share."""
+"""Measurements are lost from the first angle to the surface's normal on, with the full share at the second."""
 
 DARK_FROM, DARK_ALL = 0.14, 0.05
 """Likewise for the brightness of a pixel, in [0, 1]."""
@@ -47,7 +47,7 @@ def flying(depth: FloatArray, share: float, rng: np.random.Generator) -> FloatAr
 
 
 def grazed(camera: Camera, depth: FloatArray, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels lost since their surface is seen along itself."""
+    """(H, W) bool: pixels lost because of a grazing view of their surface."""
     points = camera.backproject(depth)
     across, down = np.gradient(points, axis=1), np.gradient(points, axis=0)
     normal = np.cross(across, down)
@@ -61,7 +61,7 @@ def grazed(camera: Camera, depth: FloatArray, share: float, rng: np.random.Gener
 
 
 def darkened(image: NDArray[np.uint8], share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels lost since their surface gives back too little light."""
+    """(H, W) bool: pixels lost because their surface reflects too little light."""
     bright = image.mean(axis=-1) / 255.0
     lost = np.clip((DARK_FROM - bright) / (DARK_FROM - DARK_ALL), 0.0, 1.0) * share
     return np.asarray(rng.random(bright.shape) < lost)
@@ -74,7 +74,7 @@ def tinted(
     rig: np.random.Generator,
     rng: np.random.Generator,
 ) -> NDArray[np.uint8]:
-    """The image with independent ``noise`` (deviation, in [0, 1]), and a gain that this camera has always.
+    """The image with independent ``noise`` (deviation, in [0, 1]), and this camera's constant gain.
 
     ``exposure`` is the gains' deviation over cameras; the three channels differ by a third of it.
     """
@@ -84,7 +84,7 @@ def tinted(
 
 
 def misplaced(camera: Camera, offset: float, turn: float, rig: np.random.Generator) -> Camera:
-    """The camera as its calibration has it: off by ``offset`` metres and ``turn`` degrees in random directions."""
+    """The camera with a calibration error: off by ``offset`` metres and ``turn`` degrees in random directions."""
     way, axis = (v / np.linalg.norm(v) for v in rig.standard_normal((2, 3)))
     wrong = rigid(Rotation.from_rotvec(np.deg2rad(turn) * axis).as_matrix(), offset * way)
     return Camera(camera.K, camera.world_from_camera @ wrong, camera.width, camera.height, camera.name)

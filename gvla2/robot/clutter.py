@@ -1,4 +1,4 @@
-"""Clutter: things beside what a task is about, for any task."""
+"""Clutter: distractors for any task."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gvla2.robot.volumes import body_points
 ARRANGEMENTS = ("apart", "touching", "leaning", "stack", "mixed")
 MOST = 12
 GAP = 0.05
-"""Metres between a group of distractors and everything else: room for a hand that opens."""
+"""Metres between a group of distractors and everything else: room for an opening hand."""
 
 TRIES = 4000
 TOGETHER, DROP = 0.0005, 0.001
@@ -35,9 +35,9 @@ MASS = 0.08
 
 
 def cluttered(task: Task, config: object) -> Task:
-    """The task with the distractors that its options ask for; the task itself where they ask for none.
+    """The task with the distractors that its options ask for; the task itself if there are none.
 
-    Raises :class:`ConfigurationError` for a number or an arrangement that there is not, and a folder without meshes.
+    Raises :class:`ConfigurationError` for an invalid number or arrangement, and a folder without meshes.
     """
     if not isinstance(config, TaskConfig) or config.distractors == 0:
         return task
@@ -45,7 +45,7 @@ def cluttered(task: Task, config: object) -> Task:
 
 
 class Cluttered:
-    """Implements :class:`gvla2.robot.task.Task`: another task's episodes, with distractors that the seed decides."""
+    """Implements :class:`gvla2.robot.task.Task`: another task's episodes, with distractors drawn by the seed."""
 
     def __init__(self, task: Task, config: TaskConfig) -> None:
         if not 0 <= config.distractors <= MOST:
@@ -65,11 +65,11 @@ class Cluttered:
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
-        """The task's own episode of the seed; its bodies lie where they lie without clutter.
+        """The task's own episode of the seed; its bodies have the same places as without clutter.
 
-        Raises :class:`ConfigurationError` when there is no room for so many.
+        Raises :class:`ConfigurationError` when there is not enough room.
         """
-        own = rng.spawn(1)[0]  # before the task draws: how much it draws may depend on the sentence
+        own = rng.spawn(1)[0]  # before the task draws: its number of draws may depend on the sentence
         instance = self._task.sample(rng, site, instruction)
         taken = [*_rounds(instance.layout), *instance.keep_clear]
         added: list[Body] = []
@@ -80,7 +80,7 @@ class Cluttered:
             if root is None:
                 raise ConfigurationError(
                     f"There is no room for {self._config.distractors} distractors: after {len(added)} of them nothing "
-                    f"of {200 * radius:.0f} cm fits beside what the task needs. Ask for fewer (task.distractors)."
+                    f"of {200 * radius:.0f} cm fits beside the task's own things. Ask for fewer (task.distractors)."
                 )
             move = root @ rigid(translation=(-middle[0], -middle[1], 0.0))
             added += [replace(body, world_from_body=move @ body.world_from_body) for body in group]
@@ -89,7 +89,7 @@ class Cluttered:
         return replace(instance, layout=layout)
 
     def _groups(self, rng: np.random.Generator) -> list[tuple[int, str]]:
-        """How many things go together, and how, until there are as many as asked for."""
+        """Sizes and arrangements of groups, up to the requested number."""
         left, groups = self._config.distractors, []
         sizes = {"apart": 1, "touching": 2, "leaning": 2, "stack": 3}
         kinds = list(sizes) if self._config.arrangement == "mixed" else [self._config.arrangement]
@@ -109,7 +109,7 @@ class Cluttered:
         site: TaskSite,
         first: int,
     ) -> list[Body]:
-        """Bodies about the world's origin, on the height of the table."""
+        """Bodies around the world's origin, at the height of the table."""
         names = [f"distractor_{first + k}" for k in range(size)]
         colours = _colours(rng, size, instance.layout, site)
         if arrangement == "stack":
@@ -139,7 +139,7 @@ class Cluttered:
 
 
 def _kinds(layout: Layout) -> list[str]:
-    """Shapes that no simple thing of the task has: "the block" is to stay the only one."""
+    """Shapes that no simple thing of the task has, so that "the block" stays unique."""
     own = {
         b.solids[0].kind for b in layout.bodies if len(b.solids) == 1 and not b.fixed and b.solids[0].collides
     }
@@ -147,7 +147,7 @@ def _kinds(layout: Layout) -> list[str]:
 
 
 def _colours(rng: np.random.Generator, count: int, layout: Layout, site: TaskSite) -> list[str]:
-    """Colour words told apart from all that the task shows, where there are any left, and from the table."""
+    """Colour words distinct from the task's colours, if any are left, and from the table."""
     shown = [solid.rgb for body in layout.bodies for solid in body.solids]
     shown += [site.table_rgb] if site.table_rgb is not None else []
     free = [
@@ -227,7 +227,7 @@ def _round_of(bodies: Sequence[Body]) -> tuple[FloatArray, float]:
 
 
 def _rounds(layout: Layout) -> list[tuple[float, float, float]]:
-    """Rounds (x, y, radius) on the table that the task's bodies take, with all that its joints let them move."""
+    """Circles (x, y, radius) on the table that the task's bodies occupy, including their joints' travel."""
     rounds = []
     for body in layout.bodies:
         middle, radius = _round_of([body])
@@ -248,7 +248,7 @@ def _rounds(layout: Layout) -> list[tuple[float, float, float]]:
 def _free_place(
     rng: np.random.Generator, site: TaskSite, radius: float, taken: Sequence[tuple[float, float, float]]
 ) -> FloatArray | None:
-    """A place (4, 4) on the table, turned at random, clear of the rounds ``taken``; None when there is none."""
+    """A place (4, 4) on the table, turned at random, clear of the circles ``taken``; None when there is none."""
     rounds = np.array(taken).reshape(-1, 3)
     for _ in range(TRIES):
         root = sample_root(rng, site)

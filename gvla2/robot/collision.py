@@ -53,7 +53,7 @@ class CollisionChecker:
 
     @cached_property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """What is checked against what; the first ``n_world`` have a part of the scene as the second."""
+        """The checked pairs; the first ``n_world`` have a part of the scene as the second."""
         names = [_part(o) for o in self._geometry.geometryObjects]
         return tuple((names[p.first], names[p.second]) for p in self._geometry.collisionPairs)
 
@@ -106,9 +106,9 @@ class CollisionChecker:
 class CollisionModel:
     """An arm's solids, and checkers of them against scenes; the latest checkers are kept.
 
-    Pairs of links that the SRDF disables are left out; of links that it does not name, or without one, those that are
-    usually close. ``overlapping`` are the pairs whose hulls overlap while nothing is wrong: physics must let them be.
-    ``hand_links`` (URDF links) may touch what a waypoint allows, other links never.
+    Pairs of links that the SRDF disables are left out; for links that it does not name, or without one, pairs that are
+    usually close. ``overlapping`` are the pairs whose hulls overlap harmlessly: physics must ignore them.
+    ``hand_links`` (URDF links) may touch a waypoint's allowed contacts, other links never.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class CollisionModel:
             for (i, (one, a)), (j, (other, b)) in combinations(enumerate(solids), 2)
             if a != b and frozenset((one, other)) not in harmless
         ]
-        self._data = kinematics.model.createData()  # of one configuration: whichever checker asks
+        self._data = kinematics.model.createData()  # of one configuration, for any checker
         self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
         self._scene: tuple[Scene | None, object] = None, None
         self._kept = kept
@@ -206,7 +206,7 @@ def _part(solid: Any) -> str:
 
 
 def _solid(coal: Any, thing: SceneObject) -> Any:
-    """A coal shape in the object's frame: a cylinder or sphere about its box where it is one, else the box."""
+    """A coal shape in the object's frame: a cylinder or sphere around its box if it is one, else the box."""
     x, y, z = np.maximum(thing.extents, 1e-4)
     if thing.shape in ("cylinder", "disc"):
         return coal.Cylinder(0.5 * max(x, y), z)

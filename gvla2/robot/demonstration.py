@@ -1,7 +1,7 @@
-"""Solving an episode by its own script, from true state: the proof that a task can be done by this arm.
+"""Solving an episode by its own script, from true state: the proof that this arm can do a task.
 
-A demonstration runs through the real executor, so that what it proves holds for planned motions too. It judges tasks
-and physics, never planners: nothing of it can be reached from :mod:`gvla2.episode`.
+A demonstration runs through the real executor, so its proof covers planned motions too. It tests tasks and physics,
+never planners: it cannot be reached from :mod:`gvla2.episode`.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _SILENT = ExecutionListener()
 
 @runtime_checkable
 class Truthful(Protocol):
-    """A simulated robot that tells the true state of its world, for demonstrations and the ``oracle`` perceiver."""
+    """A simulated robot that exposes the true state of its world, for demonstrations and the ``oracle`` perceiver."""
 
     def true_state(self) -> WorldState:
-        """What a referee may read, as it is when read."""
+        """The state that a referee may read, live."""
         ...
 
     def true_scene(self) -> Scene:
@@ -34,15 +34,15 @@ class Truthful(Protocol):
 def demonstrate(
     robot: RobotBackend, instance: TaskInstance, listener: ExecutionListener = _SILENT
 ) -> tuple[ExecutionReport, ...]:
-    """Carry out the episode's scripted solution; the reports of its stretches, up to the first abort.
+    """Carry out the episode's scripted solution; returns the reports of its stretches, up to the first abort.
 
-    Raises :class:`ConfigurationError` when the episode has none or the robot does not tell its true state.
+    Raises :class:`ConfigurationError` when the episode has none or the robot does not expose its true state.
     """
     if instance.solution is None:
         raise ConfigurationError("This task comes without a demonstration.")
     if not isinstance(robot, Truthful):
         raise ConfigurationError(
-            f"The robot {type(robot).__name__} does not tell the true state of its world."
+            f"The robot {type(robot).__name__} does not expose the true state of its world."
         )
     reports = []
     for waypoints in instance.solution(robot.true_state(), robot.arm):

@@ -1,4 +1,4 @@
-"""Noise of depth cameras, put on clean observations: what is wrong with them says :class:`DepthNoise`."""
+"""Noise of depth cameras, added to clean observations as :class:`DepthNoise` specifies."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ def apply_noise(
 ) -> Observation:
     """A copy of the observation with noise on every view; its other data are shared, not copied.
 
-    NaN stays NaN, a depth pushed to zero or below becomes NaN, lost pixels become NaN. Robot masks stay: they
-    come from the joints. ``rng`` draws what differs from look to look; what a camera has always wrong follows from
-    ``seed`` and its name.
+    NaN stays NaN, a depth pushed to zero or below becomes NaN, lost pixels become NaN. Robot masks stay: they come from
+    the joints. ``rng`` draws the noise of each look; a camera's constant errors follow from ``seed`` and its name.
     """
     views = tuple(_disturb(view, noise, rng, seed) for view in observation.views)
     return replace(observation, views=Views(views))

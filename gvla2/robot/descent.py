@@ -1,4 +1,4 @@
-"""Inverse kinematics' inner loop, compiled: the chain of joints that carries the tool, and descents along it.
+"""Inverse kinematics' compiled inner loop: the chain of joints that carries the tool, and descents along it.
 
 A plan asks for hundreds of tool poses, each of which takes dozens of steps of a few small matrices: in Python the
 calls cost thirty times what the arithmetic does. The loops are written out, for what numpy says in one sign (slices,
@@ -16,10 +16,10 @@ from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray
 
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 5e-4, 5e-3
-"""A pose counts as reached within this many metres and radians; steps go on well below."""
+"""A pose counts as reached within this many metres and radians; steps continue well below."""
 
 COMFORT = 0.15
-"""Distance to a joint limit, radians, under which a solution is pushed away from it where the arm has spare joints."""
+"""Distance to a joint limit, radians, under which a solution is pushed away from it if the arm has spare joints."""
 
 
 class Chain(NamedTuple):
@@ -285,7 +285,7 @@ def _go_away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float
 def descend(
     chain: Chain, start: FloatArray, target: FloatArray, iterations: int, away: float
 ) -> tuple[bool, FloatArray]:
-    """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the joints (dof,) where.
+    """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the final joints (dof,).
 
     Damped least squares, damping falling with the squared error (Sugihara 2011), clipped to the limits. Each
     step also goes ``away`` from near limits, by that share of what it would take, where joints are to spare.
@@ -332,10 +332,10 @@ def descend(
 def settle(
     chain: Chain, start: FloatArray, target: FloatArray
 ) -> tuple[bool, FloatArray, float, float, float, float]:
-    """:func:`descend` with patience; then, where joints are to spare, the same tool pose farther from the limits.
+    """:func:`descend` with more steps; then, with spare joints, the same tool pose farther from the limits.
 
-    Whether it was reached, and joints (dof,); of those the distance to the nearest limit, Yoshikawa's manipulability
-    sqrt(det(J J^T)), and what they miss the pose by, metres and radians.
+    Returns whether it was reached, and joints (dof,) with their distance to the nearest limit, Yoshikawa's
+    manipulability sqrt(det(J J^T)), and their pose error, metres and radians.
     """
     pose, jacobian, error = np.empty((4, 4)), np.empty((6, len(start))), np.empty(6)
     reached, best, margin = False, start, -np.inf

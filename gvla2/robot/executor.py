@@ -1,4 +1,4 @@
-"""The waypoint loop: plan, move, grip, look at what was measured, report; any arm through its driver."""
+"""The waypoint loop: plan, move, grip, check the measurements, report; any arm through its driver."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _FAILURES: dict[str, AbortCode] = {
 class ExecutorOptions:
     """How an arm is driven.
 
-    ``dt`` seconds between joint samples; ``velocity_scale`` of the URDF's joint speeds; ``acceleration`` rad/s²
-    of every joint; ``tracking_factor`` times a waypoint's tolerance is where a position error stops the motion;
-    fingers nearer than ``empty_width`` (metres) hold nothing; one motion may take ``max_motion_seconds``.
-    ``seed`` makes motion planning reproducible.
+    ``dt`` seconds between joint samples; ``velocity_scale`` of the URDF's joint speeds; ``acceleration`` rad/s² of
+    every joint; a position error above ``tracking_factor`` times a waypoint's tolerance stops the motion; fingers
+    nearer than ``empty_width`` (metres) hold nothing; one motion may take ``max_motion_seconds``. ``seed`` makes motion
+    planning reproducible.
     """
 
     dt: float = 1.0 / 60.0
@@ -60,19 +60,19 @@ def execute(
     """Move through the waypoints; stops at the first that fails, with the reason in its report.
 
     Orientations are resolved from the measured tool pose. A waypoint is planned from the measured joints around
-    ``scene``; objects that a waypoint ``carries`` move with the hand from where the fingers closed, and stay where
-    they are let go. A motion that its guard ends is carried out: the arm holds, and the next one starts from there.
-    Each report goes to ``listener.waypoint`` as it is made.
+    ``scene``; objects that a waypoint ``carries`` move with the hand from where the fingers closed, and stay where they
+    are released. A motion that its guard ends is complete: the arm holds, and the next one starts from there. Each
+    report goes to ``listener.waypoint`` as it is made.
 
-    A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the
-    waypoint under way is reported as ``interrupted`` and the exception passed on.
+    A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the present
+    waypoint is reported as ``interrupted`` and the exception passed on.
     """
     return _Run(trajectory, scene, arm, planner, driver, listener or ExecutionListener(), options).through()
 
 
 @dataclass
 class _Step:
-    """What is known of the waypoint under way."""
+    """What is known about the present waypoint."""
 
     index: int
     waypoint: Waypoint
@@ -109,7 +109,7 @@ class _Run:
         self.reports: list[WaypointReport] = []
         self.joint_path: list[tuple[float, ...]] = []
         self.poses: list[FloatArray] = []
-        self.last = DriverState(arm.home, 0.0)  # the last measurement that was sane
+        self.last = DriverState(arm.home, 0.0)  # the last plausible measurement
         self.holds: bool | None = False
         self.opening = 1.0  # commanded, in [0, 1]
         self.closed_at = np.eye(4)  # tool pose at which the fingers last closed
@@ -157,7 +157,7 @@ class _Run:
         moved = self._follow(step, samples)
         step.contacts = moved.contacts
         if moved.diverged:
-            raise _Abort("diverged", "The driver measured something impossible and broke the motion off.")
+            raise _Abort("diverged", "The driver measured something impossible and aborted the motion.")
         state = self._measure()
         if waypoint.dwell > 0.0:
             state = self._stay(step, state.joints if moved.stopped else samples[-1])
@@ -171,7 +171,7 @@ class _Run:
             self._grip(step)
 
     def _stay(self, step: _Step, joints: FloatArray) -> DriverState:
-        """Go on commanding the joints (dof,) for the waypoint's dwell; what is measured then."""
+        """Keep commanding the joints (dof,) for the waypoint's dwell; returns the measurement after it."""
         dt = self.options.dt
         count = math.ceil(step.waypoint.dwell / dt)
         step.motion_seconds += count * dt
@@ -228,7 +228,7 @@ class _Run:
         return samples
 
     def _grip(self, step: _Step) -> None:
-        """Open or close as the waypoint says; closing on nothing, with something to carry next, is a slip."""
+        """Open or close as the waypoint says; closing on nothing before carrying something is a slip."""
         wanted = step.waypoint.gripper
         closing = wanted < self.opening
         result = self.driver.grip(wanted)
@@ -288,10 +288,10 @@ class _Run:
         self.listener.waypoint(report)
 
     def _interrupted(self, step: _Step, error: BaseException) -> None:
-        """Bring the arm to rest first of all, then say how far it got."""
+        """First bring the arm to rest, then report how far it got."""
         self.driver.hold()
         if any(report.index == step.index for report in self.reports):
-            return  # the listener itself raised at this waypoint: it has its report
+            return  # the listener raised at this waypoint: it already has the report
         with contextlib.suppress(_Abort):
             self._measure()
         self._report(step, "interrupted", f"{type(error).__name__}: {error}".rstrip(": "))

@@ -10,10 +10,10 @@ from gvla2.robot.arm_model import ArmModel
 
 
 class GuardWatch:
-    """Looks at one motion for a :class:`Guard`; implements :data:`gvla2.robot.driver.StopRule`.
+    """Watches one motion for a :class:`Guard`; implements :data:`gvla2.robot.driver.StopRule`.
 
-    ``force`` is the largest felt up to now, newtons, None while nothing was measured. ``reason`` says what ended the
-    motion, "" while nothing has.
+    ``force`` is the largest so far, newtons, None before a measurement. ``reason`` says what ended the motion, ""
+    before that.
     """
 
     def __init__(self, guard: Guard, arm: ArmModel) -> None:
@@ -22,7 +22,7 @@ class GuardWatch:
         self._guard, self._arm = guard, arm
 
     def __call__(self, commanded: FloatArray, measured: FloatArray, force: FloatArray | None) -> bool:
-        """Whether the motion is to end now; joints (dof,), radians, force (3,), newtons."""
+        """Whether to end the motion now; joints (dof,), radians, force (3,), newtons."""
         guard = self._guard
         if force is not None:
             felt = float(np.linalg.norm(force))

@@ -1,9 +1,9 @@
 """Hand-eye calibration: where a camera stands, from pairs of a hand's pose and a target's pose seen by the camera.
 
 Eye to hand (the target is held by the hand): ``tcp_from_target = inv(base_from_tcp) base_from_camera
-camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): ``base_from_target =
-base_from_tcp tcp_from_camera camera_from_target`` is. Several closed-form solvers find the unknown; the best of
-them is then refined by least squares over the unknown and the constant together.
+camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): the constant is
+``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. Several closed-form solvers find the unknown;
+the best of them is then refined by least squares over the unknown and the constant together.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ Mount = Literal["eye_to_hand", "eye_in_hand"]
 
 FEWEST_PAIRS = 8
 SMALLEST_TURN = np.radians(15.0)
-"""The hand must be turned at least this far about two axes: a calibration from shifts alone is undetermined."""
+"""The hand must be turned at least this far about two axes: shifts alone leave a calibration undetermined."""
 
-_LEVER = 0.3  # metres: what a radian of rotation error counts for in the refinement
+_LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class PosePair:
 
 @dataclass(frozen=True)
 class Solution:
-    """What one solver says. ``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
+    """One solver's result. ``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
 
-    ``shifts`` (N,) metres and ``turns`` (N,) radians are how far each pair's constant is from their mean; ``rmse``
-    is the root mean square of the shifts, metres.
+    ``shifts`` (N,) metres and ``turns`` (N,) radians are each pair's deviations from the mean constant; ``rmse`` is the
+    root mean square of the shifts, metres.
     """
 
     method: str
@@ -65,7 +65,7 @@ class Solution:
 def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solution]:
     """All solvers' answers and the refined one, best first (smallest ``rmse``).
 
-    Raises :class:`RobotError` for too few pairs, for poses too much alike, and when no solver finds anything.
+    Raises :class:`RobotError` for too few pairs, for poses that are too similar, and when no solver finds a solution.
     """
     if len(pairs) < FEWEST_PAIRS:
         raise RobotError(f"Hand-eye calibration needs at least {FEWEST_PAIRS} pose pairs, got {len(pairs)}.")

@@ -1,4 +1,4 @@
-"""Closed-form answers to AX = XB: the ways of Tsai and Lenz, Park and Martin, Andreff; and OpenCV's, where it has them.
+"""Closed-form answers to AX = XB: Tsai and Lenz, Park and Martin, Andreff; and OpenCV's, if available.
 
 OpenCV's Python packages of the first 5.0 releases were built without ``calibrateHandEye``; nothing here depends on it.
 """
@@ -21,7 +21,7 @@ _OPENCV_METHODS = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
 
 
 def solvers() -> dict[str, Solver]:
-    """All solvers that can be had here, by name; OpenCV's are called ``opencv_...``."""
+    """All available solvers by name; OpenCV's are called ``opencv_...``."""
     own: dict[str, Solver] = {"tsai": tsai, "park": park, "andreff": andreff}
     try:
         import cv2

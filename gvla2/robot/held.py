@@ -1,4 +1,4 @@
-"""What the executor believes of the scene while objects are carried: pure bookkeeping, nothing is sensed."""
+"""The executor's model of the scene while objects are carried: pure bookkeeping, no sensing."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from gvla2.planning.scene import Scene, SceneObject
 
 
 class CarriedScene:
-    """A scene in which at most one object hangs on the hand.
+    """A scene in which at most one object is attached to the hand.
 
-    Parts of the carried object (those whose ``parent`` it is) go along with it. ``scene`` is what stands around
-    the hand; ``attached`` is what the hand carries, or None.
+    Parts of the carried object (those whose ``parent`` it is) move with it. ``scene`` is the hand's surroundings;
+    ``attached`` is the carried object, or None.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -23,7 +23,7 @@ class CarriedScene:
         self._grasped_at: FloatArray | None = None
 
     def carry(self, object_id: str, world_from_tcp: FloatArray) -> None:
-        """The object hangs on the hand from the tool pose (4, 4) on at which the fingers closed."""
+        """Attach the object to the hand at the tool pose (4, 4) at which the fingers closed."""
         if self.attached is not None and self.attached.object.id == object_id:
             return
         self.release(world_from_tcp)
@@ -35,7 +35,7 @@ class CarriedScene:
         self.attached = Attachment(thing, invert_rigid(world_from_tcp) @ thing.world_from_object)
 
     def release(self, world_from_tcp: FloatArray) -> None:
-        """What is carried stays where the tool pose (4, 4) leaves it."""
+        """Release the carried object where the tool pose (4, 4) leaves it."""
         if self.attached is None or self._grasped_at is None:
             return
         moved = world_from_tcp @ invert_rigid(self._grasped_at)

@@ -12,7 +12,7 @@ from gvla2.robot.descent import descend, settle
 from gvla2.robot.kinematics import Kinematics
 
 _SAMPLED = 400
-"""Members of the library among which the arm's best manipulability is looked for."""
+"""Members of the library among which the arm's best manipulability is searched."""
 _AWAY = 0.2
 """How far each step along a line also goes away from near joint limits; see :func:`gvla2.robot.descent.descend`."""
 
@@ -21,7 +21,7 @@ class InverseKinematics:
     """Finds joints for tool poses.
 
     The starts are ``near``, ``home``, and the members of a seeded library of configurations whose tool poses are
-    nearest to the target: the same question always gets the same answer.
+    nearest to the target: results are reproducible.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class InverseKinematics:
     ) -> list[IKSolution]:
         """Up to ``count`` solutions more than 0.2 rad apart, best first.
 
-        With ``count`` 1 a comfortable solution found from ``near`` itself is taken at once.
-        Raises :class:`GeometryError` for a pose that is not one.
+        With ``count`` 1 a comfortable solution found from ``near`` itself is taken immediately. Raises
+        :class:`GeometryError` for a pose that is not one.
         """
         target = np.ascontiguousarray(check_rigid(world_from_tcp, "target pose"))
         near = self._home if near is None else np.ascontiguousarray(near, dtype=np.float64)
         found: list[IKSolution] = []
-        wanted = max(count, 3)  # one more choice than asked, to weigh the limits
+        wanted = max(count, 3)  # one more than requested, to weigh the limits
         for start in self._starts(target, near):
             solution = self._from(start, target)
             if solution is None or any(np.abs(solution.joints - f.joints).max() < 0.2 for f in found):
@@ -91,7 +91,7 @@ class InverseKinematics:
 
 
 def _cost(solution: IKSolution, near: FloatArray) -> float:
-    """Distance from ``near`` in radians; closeness to a limit or a singularity counts as more of it."""
+    """Distance from ``near`` in radians; closeness to a limit or a singularity adds to it."""
     distance = float(np.linalg.norm(solution.joints - near))
     return (
         distance

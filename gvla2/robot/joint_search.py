@@ -43,7 +43,7 @@ def rrt_connect(
     ob, og, ou = _import_ompl()
     dof = len(start)
     with _quiet(ou):
-        # Samplers and planners draw their own seeds when they are made: they must all be made after this line.
+        # Samplers and planners draw their own seeds when created: they must all be created after this line.
         ou.RNG.setSeed(1 + seed % (2**31 - 2))
         space = ob.RealVectorStateSpace(dof)
         bounds = ob.RealVectorBounds(dof)
@@ -139,7 +139,7 @@ def _state(space: Any, joints: FloatArray) -> Any:
 
 @contextmanager
 def _quiet(ou: Any) -> Iterator[None]:
-    """Keep OMPL from printing; it complains of every seed but a process's first, which is honoured all the same."""
+    """Keep OMPL from printing; it complains about every seed except a process's first, but honours it anyway."""
     ou.noOutputHandler()
     try:
         yield

@@ -37,10 +37,10 @@ class Finger:
 class Kinematics:
     """An arm of single-axis joints: joint limits, tool pose, Jacobian.
 
-    ``world_from_base`` (4, 4) places the URDF's root; ``tcp_frame`` names a frame of the URDF and
-    ``frame_from_tcp`` (4, 4) the tool centre point in it. Joints are the URDF's movable ones but the fingers',
-    in its order. ``limit_margin`` (radians) is kept free at both ends of each joint's range.
-    Not safe to share between threads. Raises :class:`RobotError` for a URDF that does not fit.
+    ``world_from_base`` (4, 4) places the URDF's root; ``tcp_frame`` names a frame of the URDF and ``frame_from_tcp``
+    (4, 4) the tool centre point in it. Joints are the URDF's movable ones except the fingers', in its order.
+    ``limit_margin`` (radians) is kept free at both ends of each joint's range. Not safe to share between threads.
+    Raises :class:`RobotError` for a URDF that does not fit.
     """
 
     def __init__(
@@ -64,7 +64,9 @@ class Kinematics:
         if missing:
             raise RobotError(f"{urdf.name} has no joint {missing}; it has {joints}.")
         if any(joint.nq != 1 for joint in list(self.model.joints)[1:]):
-            raise RobotError(f"{urdf.name} has a joint without limits or with several axes; none may be.")
+            raise RobotError(
+                f"{urdf.name} has a joint without limits or with several axes, which is not supported."
+            )
         if not self.model.existFrame(tcp_frame):
             raise RobotError(f"{urdf.name} has no frame '{tcp_frame}'.")
         names = {f.joint for f in fingers}
@@ -98,7 +100,7 @@ class Kinematics:
 
     @property
     def dof(self) -> int:
-        """Number of the arm's joints, fingers left out."""
+        """Number of the arm's joints, without fingers."""
         return len(self.joint_names)
 
     def full(self, joints: FloatArray, gripper: float) -> FloatArray:
@@ -122,7 +124,7 @@ class Kinematics:
         return np.array([self.pose(row).translation for row in joints]).reshape(-1, 3)
 
     def jacobian(self, joints: FloatArray) -> FloatArray:
-        """(6, dof) Jacobian in the tool frame: metres, then radians, a radian of each joint."""
+        """(6, dof) Jacobian in the tool frame: metres, then radians, per radian of each joint."""
         return np.array(self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp))
 
     def manipulability(self, joints: FloatArray) -> float:
@@ -136,7 +138,7 @@ class Kinematics:
 
 
 def _place_base(pin: Any, model: Any, world_from_base: FloatArray) -> None:
-    """Move everything that hangs on the model's root, so that all kinematics come out in the world frame."""
+    """Move everything attached to the model's root, so that all kinematics are in the world frame."""
     base = pin.SE3(world_from_base)
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:

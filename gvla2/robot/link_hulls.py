@@ -1,4 +1,4 @@
-"""The solids of a URDF's links, meshes and boxes merged into one convex hull a link."""
+"""The solids of a URDF's links, meshes and boxes merged into one convex hull per link."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gvla2.robot.kinematics import Kinematics
 
 
 def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: list[str], pin: Any, coal: Any) -> Any:
-    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, several of a name are possible.
+    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, and names may repeat.
 
-    Round primitives (spheres, cylinders, capsules) stay as they are: exact, and faster than a hull.
-    Raises :class:`RobotError` when a mesh can't be read.
+    Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull. Raises :class:`RobotError`
+    when a mesh can't be read.
     """
     try:
         source = pin.buildGeomFromUrdf(

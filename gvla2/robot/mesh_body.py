@@ -13,8 +13,8 @@ from gvla2.robot.task import Body
 
 @dataclass(frozen=True)
 class Mesh:
-    """A file and how the thing in it behaves: ``scale`` metres a unit of the file (None: metres, or millimetres where
-    nothing else makes sense), ``mass`` in kilograms, ``friction`` against other things.
+    """A file and its thing's physics: ``scale`` metres per unit of the file (None: metres, or millimetres if only that
+    makes sense), ``mass`` in kilograms, ``friction`` against other things.
 
     >>> mug = Mesh("scans/mug.glb", mass=0.12).body("mug", world_from_body)
     >>> Layout((mug, *others))
@@ -30,8 +30,8 @@ class Mesh:
     ) -> Body:
         """The body whose frame is the middle of the mesh's bounding box, at ``world_from_body`` (4, 4).
 
-        Raises as :func:`gvla2.robot.scan.read_scan` does, and :class:`ConfigurationError` for a mass or a friction that
-        no thing has.
+        Raises as :func:`gvla2.robot.scan.read_scan` does, and :class:`ConfigurationError` for an impossible mass or
+        friction.
         """
         if not (self.mass > 0 and self.friction >= 0):
             raise ConfigurationError(

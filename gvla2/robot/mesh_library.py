@@ -12,18 +12,18 @@ from gvla2.errors import ConfigurationError
 SUFFIXES = (".obj", ".glb", ".ply")
 
 FAVOURITES = ("textured", "model", "mesh", "nontextured")
-"""Stems by which scanned sets call an object's own mesh, the best first."""
+"""Stems that scanned data sets use for an object's own mesh, the best first."""
 
 NOT_SHOWN = ("collision", "convex", "coacd", "decomp")
-"""Words in the names of files that are made for physics engines."""
+"""Words in the names of files made for physics engines."""
 
 
 def mesh_library(root: str | os.PathLike[str]) -> dict[str, Path]:
     """The mesh of each thing in a folder, by name: a file's own stem, or the name of a folder with a mesh in it.
 
     ``mug.glb`` and ``mug/textured.obj`` are both the thing "mug"; deeper folders (``mug/google_16k/textured.obj``) are
-    looked into. Raises :class:`ConfigurationError` for a folder that is not there or holds no mesh, two meshes of one
-    name, and a thing's folder with several meshes of which none is called :data:`FAVOURITES`.
+    searched too. Raises :class:`ConfigurationError` for a folder that is missing or holds no mesh, two meshes of one
+    name, and a thing's folder with several meshes, none of them called :data:`FAVOURITES`.
     """
     if not str(root):
         raise ConfigurationError("task=tabletop_objects needs a folder of meshes: task.objects.root=FOLDER.")
@@ -50,9 +50,9 @@ def mesh_library(root: str | os.PathLike[str]) -> dict[str, Path]:
 
 
 def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]:
-    """The things of these names, all of them without any; words may be parted by spaces instead of underscores.
+    """The things of these names, all of them without any; spaces may replace underscores.
 
-    Raises :class:`ConfigurationError` for a name that is not there or is given twice.
+    Raises :class:`ConfigurationError` for a name that is unknown or given twice.
     """
     if not names:
         return dict(library)
@@ -66,14 +66,14 @@ def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]
             raise ConfigurationError(f"There is no object '{name}'.{hint} Available: {', '.join(library)}.")
         if known in picked:
             raise ConfigurationError(
-                f"The object '{known}' is named twice; nobody could tell which one is meant."
+                f"The object '{known}' is named twice; an instruction could not tell them apart."
             )
         picked[known] = library[known]
     return picked
 
 
 def spoken(name: str) -> str:
-    """What a person calls the object of that name: "cracker box" for ``003_cracker_box``."""
+    """The everyday name of the object of that name: "cracker box" for ``003_cracker_box``."""
     words = name.replace("_", " ").replace("-", " ").lower().split()
     return " ".join(words[1:] if len(words) > 1 and words[0].isdigit() else words)
 

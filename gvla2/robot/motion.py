@@ -44,11 +44,11 @@ class MotionFailure:
 class MotionOptions:
     """Bounds of the planner, metres and radians.
 
-    ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; where the start or
-    the goal is nearer already, the pair keeps what it has there, less ``slack``. Perception is a few millimetres
-    off, so a start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are
-    ``fine_step`` radians apart. ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds one search,
-    of which there are ``attempts``; ``max_seconds`` is a safety net of each.
+    ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; if the start or the goal
+    is nearer already, the pair keeps its distance there, less ``slack``. Perception is a few millimetres off, so a
+    start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are ``fine_step`` radians apart.
+    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds one search, of which there are ``attempts``;
+    ``max_seconds`` is a safety net for each.
     """
 
     margin: float = 0.010
@@ -84,9 +84,8 @@ class MotionPlanner:
     ) -> MotionPath | MotionFailure:
         """A path from joints ``start`` (dof,) to ``goal``: a tool pose (4, 4), or joints (dof,) for free motions.
 
-        ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to be reached by straight
-        moves afterwards: joints for the goal from which they can be are preferred. The same arguments give the
-        same path.
+        ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to reach by straight moves
+        afterwards: goal joints from which these are possible are preferred. The same arguments give the same path.
         """
         query = _Query(self, start, scene, gripper, attached, allowed_contacts, seed)
         found = query.linear(goal) if motion == "linear" else query.free(goal, then)
@@ -106,7 +105,7 @@ _Found = tuple[FloatArray, Literal["linear", "direct", "rrt_connect"]]
 
 
 class _Query:
-    """One call of the planner: the checker, the start, and what the start is near to."""
+    """One call of the planner: the checker, the start, and its near pairs."""
 
     def __init__(
         self,
@@ -132,7 +131,7 @@ class _Query:
         goals = self._goals(goal, then)
         if isinstance(goals, MotionFailure):
             return goals
-        # A goal in another posture may be easy to get to, but only by waving the arm about: it comes last.
+        # A goal in another posture may be easy to reach, but only with large arm motions: it comes last.
         nearest = min(self._away(g) for g in goals)
         handy = [g for g in goals if self._away(g) <= 1.5 * nearest + 0.5]
         for choice in (handy, goals) if len(handy) < len(goals) else (goals,):
@@ -170,7 +169,7 @@ class _Query:
         return path, "linear"
 
     def _goals(self, goal: FloatArray, then: Sequence[FloatArray]) -> list[_Goal] | MotionFailure:
-        """Goal joints free of collisions, best first: with what follows, with the full margin, near the start."""
+        """Goal joints free of collisions, best first: with later moves, with the full margin, near the start."""
         goal = np.asarray(goal, dtype=np.float64)
         if goal.ndim == 1:
             low, high = self.arm.limits
@@ -248,7 +247,7 @@ class _Query:
         return self.checker.first_blocked(interpolate(path, self.options.fine_step)) is None
 
     def _keep(self, margin: float, goal_distances: FloatArray) -> None:
-        """Set each world pair's margin, relaxed to what start and goal leave of it."""
+        """Set each world pair's margin, relaxed to the distances at start and goal."""
         world = self.checker.n_world
         ends = np.minimum(self.start_distances, goal_distances)[:world]
         self.checker.set_margins(np.minimum(margin, ends - self.options.slack))

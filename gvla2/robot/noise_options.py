@@ -1,4 +1,4 @@
-"""What is wrong with a cell's cameras, in numbers: also a part of the command line's schema, so it imports nothing."""
+"""Errors of a cell's cameras, in numbers: also part of the command line's schema, so it imports nothing."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ _SHARES = ("dropout", "flying", "grazing", "dark")
 
 @dataclass
 class DepthNoise:
-    """What is wrong with a cell's cameras; each part by itself, all of them off by default.
+    """Errors of a cell's cameras; independent of each other, all off by default.
 
-    Of each pixel by itself: the deviation at a depth of d metres is ``sigma_m`` + ``sigma_rel`` * d metres; ``dropout``
-    is the share of pixels in [0, 1] that measure nothing; ``flying`` the share of those at steps in depth that lie
-    between both sides; ``grazing`` and ``dark`` the shares lost on surfaces seen along themselves and on dark ones;
-    ``quantum_m`` the unit of depth, metres; ``colour`` the deviation of colours, in [0, 1].
+    Per pixel: the deviation at a depth of d metres is ``sigma_m`` + ``sigma_rel`` * d metres; ``dropout`` is the share
+    of pixels in [0, 1] that measure nothing; ``flying`` the share of those at steps in depth that lie between both
+    sides; ``grazing`` and ``dark`` the shares lost on surfaces at grazing angles and on dark ones; ``quantum_m`` the
+    unit of depth, metres; ``colour`` the deviation of colours, in [0, 1].
 
-    Of each camera, the same all episode long: ``bias_rel`` the deviation over cameras of an error in scale of depth,
-    ``exposure`` that of their gain, and how far their pose is from where it is believed, ``offset_m`` metres and
-    ``turn_deg`` degrees. ``kind`` is what this noise is called, a name for people.
-    :mod:`gvla2.robot.camera_errors` has the sources. Raises :class:`ConfigurationError` for values out of range.
+    Per camera, constant over an episode: ``bias_rel`` the deviation over cameras of an error in scale of depth,
+    ``exposure`` that of their gain, and the error of their believed pose, ``offset_m`` metres and ``turn_deg`` degrees.
+    ``kind`` is this noise's name, for people. :mod:`gvla2.robot.camera_errors` has the sources. Raises
+    :class:`ConfigurationError` for values out of range.
     """
 
     kind: str = "none"

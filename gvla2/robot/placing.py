@@ -1,4 +1,4 @@
-"""Where things go: rejection sampling inside a site, and the geometry that referees measure with."""
+"""Placing things: rejection sampling inside a site, and the geometry used by referees."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def sample_until(draw: Callable[[], T | None], what: str, tries: int = TRIES) -> T:
-    """The first draw that is not None; raises :class:`ConfigurationError` when there is none in many tries."""
+    """The first draw that is not None; raises :class:`ConfigurationError` after many tries."""
     for _ in range(tries):
         sample = draw()
         if sample is not None:
@@ -63,7 +63,7 @@ def clear(spots: FloatArray, radii: Sequence[float], gap: float = 0.02) -> bool:
 
 def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
     """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
-    top_first = sorted(heights, reverse=True)  # out of reach more often: the answer comes sooner
+    top_first = sorted(heights, reverse=True)  # more often out of reach: a faster answer
     return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in top_first)
 
 

@@ -1,4 +1,4 @@
-"""Joint targets sent straight to a simulated arm: those of a recording, or of a policy as it goes."""
+"""Joint targets sent straight to a simulated arm: from a recording, or live from a policy."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Playback(Protocol):
 
 @runtime_checkable
 class Servo(Protocol):
-    """A simulated robot that follows a policy's joint targets amid the task's things, without planning or checks."""
+    """A simulated robot that follows a policy's joint targets among the task's things, without planning or checks."""
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
-        """What is measured after driving for ``seconds`` (0 only measures), without waiting for the arm to arrive.
+        """The measurement after driving for ``seconds`` (0 only measures), without waiting for the arm to arrive.
 
-        The arm's targets go evenly from where they are to ``joints`` (dof,), radians, and stay within its limits; the
-        fingers' are at ``opening`` in [0, 1] at once. Raises :class:`gvla2.errors.RobotError` for what doesn't fit
-        the arm, and when the simulation has blown up.
+        The arm's targets move evenly to ``joints`` (dof,), radians, within its limits; the fingers' are immediately at
+        ``opening`` in [0, 1]. Raises :class:`gvla2.errors.RobotError` for joints that don't fit the arm, and when the
+        simulation has blown up.
         """
         ...

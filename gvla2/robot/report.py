@@ -1,4 +1,4 @@
-"""What an execution reports, waypoint by waypoint."""
+"""The report of an execution, waypoint by waypoint."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ AbortCode = Literal[
 
 @dataclass(frozen=True)
 class WaypointReport:
-    """What became of one waypoint. Positions in metres, world frame; times in seconds.
+    """The result of one waypoint. Positions in metres, world frame; times in seconds.
 
-    ``error`` is the distance of the tool from its target; ``contacts`` are the names of the robot's own links
-    that felt a contact (never names of scene bodies); ``gripper_width`` in metres; ``held`` says that the fingers
-    stopped on something, None when the robot cannot tell. ``status`` is the motion planner's word
-    ("linear", "direct", "rrt_connect", "failed"), or "guarded" where the waypoint's guard ended the motion early, as
-    it may; ``abort`` is "" when the waypoint was carried out. ``force`` is the largest that the hand felt on a
-    guarded motion, newtons, None where nothing measured it.
+    ``error`` is the distance of the tool from its target; ``contacts`` are the names of the robot's own links that felt
+    a contact (never names of scene bodies); ``gripper_width`` in metres; ``held`` says that the fingers stopped on
+    something, None when the robot cannot tell. ``status`` is the motion planner's ("linear", "direct", "rrt_connect",
+    "failed"), or "guarded" if the waypoint's guard ended the motion early; ``abort`` is "" when the waypoint was
+    carried out. ``force`` is the largest on the hand in a guarded motion, newtons, None if not measured.
     """
 
     index: int
@@ -50,7 +49,7 @@ class WaypointReport:
 
 @dataclass(frozen=True)
 class ExecutionReport:
-    """All waypoints up to the end or to the first abort. Executed is not succeeded: a verifier judges that."""
+    """All waypoints up to the end or to the first abort. Executed does not mean succeeded: a verifier judges that."""
 
     waypoints: tuple[WaypointReport, ...] = ()
     seconds: float = 0.0

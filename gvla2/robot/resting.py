@@ -1,4 +1,4 @@
-"""How things come to lie: stable poses of a convex hull, found by rolling it downhill."""
+"""Resting poses: stable poses of a convex hull, found by rolling it downhill."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> Fl
     """A rotation (3, 3), its z axis up, in which a thing dropped at random comes to rest on a plane.
 
     ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. It
-    lands on some face and rolls over the edge beyond which its centre hangs, until the centre hangs over no edge:
-    quasi-static, without momentum (Goldberg et al. 1999, "Part pose statistics"). Any rotation about z is as likely.
+    lands on some face and rolls over the edge beyond which its centre lies, until its centre is above the face:
+    quasi-static, without momentum (Goldberg et al. 1999, "Part pose statistics"). Any rotation about z is equally
+    likely.
     """
     turn = Rotation.random(random_state=rng).as_matrix()
     try:
         solid = ConvexHull(hull)
-    except QhullError:  # flat: it lies on its one side or the other
+    except QhullError:  # flat: it lies on one side or the other
         _, _, axes = np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)
         down = axes[2] * (1.0 if rng.random() < 0.5 else -1.0)
         return _standing(down, turn)

@@ -13,7 +13,7 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) -> list[FloatArray]:
     """World tool poses (4, 4) of all waypoints, from the tool's pose ``start`` (4, 4), after checking the waypoints.
 
-    Raises :class:`RobotError` that names the first waypoint that can't be executed, and why.
+    Raises :class:`RobotError`, naming the first waypoint that can't be executed, and why.
     """
     if not trajectory.waypoints:
         raise RobotError("The trajectory has no waypoints.")
@@ -57,9 +57,9 @@ def _problem(waypoint: Waypoint, known: set[str]) -> str:
     if waypoint.speed <= 0 or waypoint.tolerance <= 0:
         return "its speed and tolerance must be above zero."
     if waypoint.dwell < 0:
-        return f"its dwell is {waypoint.dwell:g} s, less than none."
+        return f"its dwell is {waypoint.dwell:g} s, below zero."
     if waypoint.guard is not None and not waypoint.guard.sound:
-        return f"its guard {waypoint.guard} needs a force or a stall above zero, finite numbers both."
+        return f"its guard {waypoint.guard} needs a force or a stall above zero, both finite."
     if waypoint.carries and waypoint.carries not in known:
         return f"it carries '{waypoint.carries}', which is not in the scene; there are {sorted(known)}."
     return ""

@@ -1,4 +1,4 @@
-"""A mesh as a solid thing: read from a file, brought into order, and measured."""
+"""A mesh as a solid thing: read from a file, cleaned up, and measured."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.transform import FloatArray, transform_points
 
 MOST_FACES = 100_000
-"""Of a solid's looks; a finer mesh is thinned, its texture becomes one colour a face."""
+"""Most faces of a solid; a finer mesh is simplified, its texture becomes one colour per face."""
 
 HUGE, MILLIMETRE = 3.0, 1e-3
-"""A mesh whose longest side is beyond this many metres is read as millimetres, when nothing is said of its scale."""
+"""A mesh with a longest side above this many metres is read as millimetres, unless its scale is given."""
 
 SMALLEST, LARGEST = 0.003, 2.0
 """Longest side of a thing on a table, metres."""
@@ -31,9 +31,9 @@ SMALLEST, LARGEST = 0.003, 2.0
 class Scan:
     """One solid of a body that is a mesh, as :class:`gvla2.robot.task.Primitive` is one that is a simple shape.
 
-    ``textured`` in metres, its bounding box centred at the origin of the solid's own frame; ``body_from_shape``
-    (4, 4). ``offset`` (3,) is where that centre lay in the frame of the file ``path``, metres, of which a unit has
-    ``scale`` metres. ``notes`` are sentences about what was brought into order.
+    ``textured`` in metres, its bounding box centred at the origin of the solid's own frame; ``body_from_shape`` (4, 4).
+    ``offset`` (3,) is where that centre lay in the frame of the file ``path``, metres, with ``scale`` metres per unit.
+    ``notes`` are sentences on what was cleaned up.
     """
 
     textured: TexturedMesh
@@ -61,7 +61,7 @@ class Scan:
 
     @cached_property
     def texture(self) -> Texture | None:
-        """What is painted on it, made once."""
+        """Its texture, made once."""
         return Texture.of(self.textured)
 
     @cached_property
@@ -85,24 +85,25 @@ class Scan:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, scale: float | None, stamp: tuple[int, int]) -> Scan:
-    del stamp  # a file that changed is another file
+    del stamp  # a changed file counts as another file
     return _ordered(read_textured_mesh(path), scale, path)
 
 
 def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:
-    """The mesh of an OBJ, GLB or PLY file, ``scale`` metres a unit of the file (None: found out), in order:
+    """The mesh of an OBJ, GLB or PLY file, ``scale`` metres per unit of the file (None: guessed), after these steps in
+    order:
 
     * millimetres: a mesh longer than :data:`HUGE` is taken to be in millimetres when ``scale`` is None;
-    * inside out: with a negative volume, its faces are turned;
-    * too fine: beyond :data:`MOST_FACES` it is thinned to cells, each face keeping its colour;
+    * inside out: with a negative volume, its faces are flipped;
+    * too fine: beyond :data:`MOST_FACES` it is simplified by vertex clustering, each face keeping its colour;
     * no texture: vertex colours, the material's colour, or grey.
 
-    ``notes`` say which of it was done. Raises :class:`ConfigurationError` for a scale that is not positive or a thing
-    that no table holds, and :class:`GeometryError`, naming the file, for one that cannot be read.
+    ``notes`` say which were applied. Raises :class:`ConfigurationError` for a scale that is not positive or a thing of
+    impossible size, and :class:`GeometryError`, naming the file, for one that cannot be read.
     """
     source = Path(path).expanduser()
     if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise ConfigurationError(f"{source}: scale={scale} must be a positive number of metres a unit.")
+        raise ConfigurationError(f"{source}: scale={scale} must be a positive number of metres per unit.")
     if not source.is_file():
         raise GeometryError(f"Cannot read a mesh from {source}: there is no such file.")
     state = source.stat()
@@ -123,17 +124,17 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
     if not SMALLEST <= longest * factor <= LARGEST:
         raise ConfigurationError(
             f"{source} is {longest * factor:.4g} m long; a thing on the table has {SMALLEST} to {LARGEST} m. "
-            "Say how many metres a unit of the file is with scale (0.001 for millimetres, 0.01 for centimetres)."
+            "Give the metres per unit of the file with scale (0.001 for millimetres, 0.01 for centimetres)."
         )
     offset = 0.5 * (low + high) * factor
     textured = replace(textured, mesh=mesh.with_vertices(mesh.vertices * factor - offset))
     if signed_volume(textured.mesh) < 0:
         textured = _turned(textured)
-        notes.append("its volume was negative and its faces were turned")
+        notes.append("its volume was negative and its faces were flipped")
     count = len(textured.mesh.faces)
     if count > MOST_FACES:
         textured = _thinned(textured, MOST_FACES)
-        notes.append(f"it was thinned from {count} to {len(textured.mesh.faces)} faces")
+        notes.append(f"it was simplified from {count} to {len(textured.mesh.faces)} faces")
     if not textured.images and np.ptp(textured.rgb.reshape(-1, 3), axis=0).max() == 0:
         notes.append("it has no texture")
     return Scan(textured, offset, str(source), factor, tuple(notes))
@@ -166,7 +167,7 @@ def _turned(textured: TexturedMesh) -> TexturedMesh:
 
 
 def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
-    """Vertices of one cell become one, cells as fine as ``most`` faces allow; each face keeps its own colour."""
+    """Vertices of one cell are merged, cells as fine as ``most`` faces allow; each face keeps its own colour."""
     colours = face_colours(textured, Texture.of(textured)).astype(np.float32)
     mesh = textured.mesh
     cell = np.sqrt(2.0 * mesh.areas.sum() / most)
@@ -185,7 +186,7 @@ def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
 
 
 def clustered(mesh: TriangleMesh, cell: float) -> tuple[FloatArray, np.ndarray, np.ndarray]:
-    """The mesh with the vertices of each cube of side ``cell``, metres, put together: vertices, faces, old numbers."""
+    """The mesh with the vertices of each cube of side ``cell``, metres, merged: vertices, faces, old indices."""
     keys = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
     _, member = np.unique(keys, axis=0, return_inverse=True)
     member = member.reshape(-1)

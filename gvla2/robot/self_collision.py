@@ -1,4 +1,4 @@
-"""Which of an arm's links may touch each other all the time: told by an SRDF, or found by trying many postures."""
+"""Which of an arm's links may always touch: from an SRDF, or found by sampling postures."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Pair = frozenset[str]
 """Two links by name."""
 
 POSTURES, USUAL = 300, 0.5
-"""Postures that are tried; links whose hulls overlap in more than this share of them are neighbours, which their
-hulls make thicker than they are, and no collision."""
+"""Number of sampled postures; links whose hulls overlap in more than this share of them are neighbours with oversized
+hulls, not colliding."""
 
 
 def disabled(srdf: Path, reason: str = "") -> set[Pair]:
-    """The pairs whose checks an SRDF switches off, for a ``reason`` ("Default": overlap at the default posture)."""
+    """The pairs whose checks an SRDF disables, for a ``reason`` ("Default": overlap at the default posture)."""
     pairs = ET.parse(srdf).getroot().iter("disable_collisions")
     return {
         frozenset((pair.get("link1", ""), pair.get("link2", "")))
@@ -32,7 +32,7 @@ def disabled(srdf: Path, reason: str = "") -> set[Pair]:
 
 
 def usually_close(pin: Any, kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:
-    """Pairs of links whose overlap means nothing: joined by a joint, both of the ``hand`` (its fingers may meet), or
+    """Pairs of links whose overlap is harmless: joined by a joint, both of the ``hand`` (its fingers may meet), or
     overlapping in more than ``USUAL`` of the postures drawn within the joints' limits, always the same ones.
 
     ``robot`` is the pinocchio ``GeometryModel`` of the links' solids.

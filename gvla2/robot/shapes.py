@@ -1,4 +1,4 @@
-"""Hollow things out of solid pieces: cups, trays, stands, rings."""
+"""Hollow things made of solid pieces: cups, trays, stands, rings."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Rgb = tuple[float, float, float]
 def cup(diameter: float, height: float, wall: float, rgb: Rgb, sides: int = 16) -> tuple[Primitive, ...]:
     """An open vessel that stands on z = 0: a disc for its floor and a ring of flat staves; metres.
 
-    The staves' middles touch the circle of ``diameter`` from inside, so that nothing sticks out of it but their
-    edges, by 2 % of the radius at 16 ``sides``.
+    The staves' middles touch the circle of ``diameter`` from inside, so that only their edges stick out of it, by 2 %
+    of the radius at 16 ``sides``.
     """
     radius = 0.5 * diameter
     breadth = 2.0 * radius * np.tan(np.pi / sides)

@@ -1,4 +1,4 @@
-"""Tasks: what is put on the table, what is asked, and when it counts as done."""
+"""Tasks: what is on the table, what is asked, and when it counts as done."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ class Primitive:
 
 
 Solid = Primitive | Scan
-"""What a body is made of: simple shapes, meshes, or both."""
+"""A body's solids: simple shapes, meshes, or both."""
 
 
 @dataclass(frozen=True)
 class Body:
     """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world.
 
-    ``label`` is what a person calls it ("red cup") and ``shape`` what a body of several solids looks like as a whole
-    (see :data:`gvla2.planning.scene.Shape`); ``parts`` are labels of those of its solids, by their numbers, that have
-    a name of their own ("handle"). Only a scene made from true state reads them.
+    ``label`` is its everyday name ("red cup") and ``shape`` the overall shape of a body of several solids (see
+    :data:`gvla2.planning.scene.Shape`); ``parts`` are labels, by solid number, of solids with their own name
+    ("handle"). Only a scene made from true state reads them.
     """
 
     name: str
@@ -78,11 +78,11 @@ class Joint:
 
 @dataclass(frozen=True)
 class Thread:
-    """A screwed part: ``child`` can only turn about ``axis``, and comes free once it has been turned far enough.
+    """A screwed part: ``child`` can only turn about ``axis``, and comes loose once it has been turned far enough.
 
     ``axis`` (3,) unit and ``origin`` (3,), world frame at reset; a positive turn is the right hand's. ``limits`` are
-    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, less
-    than a whole turn. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
+    the turns that the thread allows and ``release`` the turn, either way, at which it comes loose; radians, less than a
+    whole turn. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
     """
 
     name: str
@@ -100,7 +100,7 @@ class Catch:
     """A catch: the joint ``joint`` moves by no more than ``play`` unless the joint ``key`` is at ``travel`` or beyond,
     and no further than ``until``.
 
-    Once it has begun to move it is free for ever. All in the joints' own units, metres or radians.
+    Once it has moved it stays free. All in the joints' own units, metres or radians.
     """
 
     joint: str
@@ -112,11 +112,12 @@ class Catch:
 
 @dataclass(frozen=True)
 class Glow:
-    """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
+    """A lamp: solid number ``solid`` of ``body`` takes the colour ``rgb`` once the joint has travelled beyond
+    ``travel``.
 
     It stays lit, unless the joint has travelled beyond ``until`` as well; with that given, each stroke of the joint
-    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres. With ``hold`` seconds
-    the joint has to stay beyond ``travel`` so long: until then its ``peak`` is no more than that.
+    from rest counts separately, also in its ``peak``. Both in the joint's unit, radians or metres. With ``hold``
+    seconds the joint has to stay beyond ``travel`` that long: until then its ``peak`` is at most ``travel``.
     """
 
     body: str
@@ -130,7 +131,7 @@ class Glow:
 
 @dataclass(frozen=True)
 class Layout:
-    """All bodies, joints, threads and catches of one episode, beside the table and the robot, and what lights up."""
+    """All bodies, joints, threads and catches of one episode, besides the table and the robot, and the lamps."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
@@ -145,11 +146,11 @@ class Layout:
         raise KeyError(f"No body '{name}' in the layout; it has {[b.name for b in self.bodies]}.")
 
     def lights(self, peaks: Mapping[str, float]) -> tuple[bool, ...]:
-        """Which of the glows are lit when the joints' largest travels, by name, were ``peaks``."""
+        """Which of the glows are lit for the joints' largest travels, by name, ``peaks``."""
         return tuple(glow.travel < peaks[glow.joint] <= glow.until for glow in self.glows)
 
     def lit(self, peaks: Mapping[str, float]) -> tuple[Body, ...]:
-        """The bodies as they look then."""
+        """The bodies as they then look."""
         lights = zip(self.glows, self.lights(peaks), strict=True)
         shining = {(glow.body, glow.solid): glow.rgb for glow, on in lights if on}
         return tuple(
@@ -168,7 +169,7 @@ def _shone(solid: Solid, rgb: tuple[float, float, float] | None) -> Solid:
 
 
 class WorldState(Protocol):
-    """What a referee may read: true poses. Nothing between ``observe`` and ``learn`` ever sees it."""
+    """True poses, which only a referee may read. No stage between ``observe`` and ``learn`` ever sees it."""
 
     def pose(self, body: str) -> FloatArray:
         """world_from_body (4, 4) now."""
@@ -191,28 +192,28 @@ class WorldState(Protocol):
         ...
 
     def resting(self, body: str) -> bool:
-        """Whether the body lies still now and the robot does not touch it: it has been let go."""
+        """Whether the body lies still now and the robot does not touch it: it has been released."""
         ...
 
     def loose(self, thread: str) -> bool:
-        """Whether a thread has been turned until it holds no more."""
+        """Whether a thread has come loose."""
         ...
 
 
 Profile = Literal["eased", "strict"]
 
 Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
-"""Waypoints by hand, computed from true state: stretch by stretch, the state read anew before each."""
+"""Scripted waypoints, computed from true state: stretch by stretch, the state read again before each."""
 
 
 @dataclass(frozen=True)
 class TaskInstance:
-    """One sampled episode: the layout, the sentence, and a predicate a success profile.
+    """One sampled episode: the layout, the sentence, and a predicate per success profile.
 
-    ``goal`` says in words what the referee looks for, for the run's page. ``image_size`` is the least side in pixels
-    of cameras that show what matters, 0 when any does. ``solution`` shows that the episode can be solved by this
-    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear``
-    are rounds (x, y, radius) on the table that the task needs free, world metres, beside where its bodies lie.
+    ``goal`` is the referee's criterion in words, for the run's page. ``image_size`` is the least image side in pixels
+    that shows what matters, 0 for any. ``solution`` shows that the episode is solvable with this arm's physics; see
+    :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x, y,
+    radius) on the table that the task needs free, world metres, besides its bodies' places.
     """
 
     layout: Layout
@@ -228,12 +229,12 @@ class TaskInstance:
 class TaskSite:
     """Where a task may be laid out, metres, world frame.
 
-    Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` tells
-    whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
-    that nothing is painted like it; None where it is not known. ``follows`` tells whether the arm by itself can take
-    the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far
-    the fingers open, metres: what is to be grasped must be smaller. ``colours`` are colour words that the first
-    things of the task must have, in the task's own order.
+    Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` says whether
+    the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so that nothing
+    is painted like it; None if unknown. ``follows`` says whether the arm alone can move the tool on straight lines
+    through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far the fingers open, metres:
+    things to grasp must be smaller. ``colours`` are required colour words of the task's first things, in the task's own
+    order.
     """
 
     centre: tuple[float, float]
@@ -251,13 +252,13 @@ class Task(Protocol):
 
     @property
     def instructions(self) -> tuple[str, ...]:
-        """At least four paraphrases; ``{colour}`` stands for the sampled colour word, where there is one."""
+        """At least four paraphrases; ``{colour}`` stands for the sampled colour word, if any."""
         ...
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
-        """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and
-        the referee judges what that sentence names where it can tell (a colour that is on the table).
+        """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
+        referee judges the things that it names, if it can tell (a colour on the table).
         """
         ...

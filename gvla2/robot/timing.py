@@ -36,11 +36,11 @@ def time_path(
 ) -> FloatArray:
     """Samples (T, dof) of the polyline ``path`` (N, dof), one every ``dt`` seconds, first and last exact and at rest.
 
-    Speed along the path is the largest that the limits allow: a forward and a backward pass over squared speed
-    (Bobrow 1985), with the corners of the polyline slowed down and rounded by a moving average of ``blend``
-    seconds; the average never exceeds the limits of what it averages, and what rounding adds at corners is
-    measured and slowed away. ``tool_positions`` maps joints (M, dof) to metres (M, 3), for the tool's speed.
-    Raises :class:`RobotError` for a path, step or limit that is not finite and positive.
+    Speed along the path is the largest that the limits allow: a forward and a backward pass over squared speed (Bobrow
+    1985), with the corners of the polyline slowed down and rounded by a moving average of ``blend`` seconds; the
+    average never exceeds the limits of its samples, and any excess from rounding corners is measured and slowed down.
+    ``tool_positions`` maps joints (M, dof) to metres (M, 3), for the tool's speed. Raises :class:`RobotError` for a
+    path, step or limit that is not finite and positive.
     """
     path = np.asarray(path, dtype=np.float64)
     if path.ndim != 2 or not len(path) or not np.isfinite(path).all():
@@ -124,7 +124,7 @@ def _along(ticks: FloatArray, times: FloatArray, where: FloatArray, velocity: Fl
 
 
 def _excess(samples: FloatArray, dt: float, limits: MotionLimits) -> float:
-    """By what factor time must be stretched for the samples to keep the joint limits."""
+    """The factor by which time must be stretched to keep the samples within the joint limits."""
     rested = np.concatenate([samples[:1], samples, samples[-1:]])
     velocity = np.diff(rested, axis=0) / dt
     acceleration = np.diff(velocity, axis=0) / dt

@@ -9,10 +9,8 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.robot.ik import InverseKinematics
 from gvla2.robot.kinematics import Kinematics
 
-_TURN_STEP = 0.05  # radians of tool rotation a step, when the turn is what is long
-_JUMP = (
-    0.1  # radians a joint may move in a step; beyond, the step is halved: swings pass, branch changes don't
-)
+_TURN_STEP = 0.05  # radians of tool rotation per step, if rotation dominates
+_JUMP = 0.1  # radians a joint may move in a step; beyond, the step is halved: fast swings pass, branch changes don't
 _HALVINGS = 4
 
 

@@ -1,4 +1,4 @@
-"""Regions of space that referees ask about: boxes and upright rounds, as plain geometry."""
+"""Regions of space for referees: boxes and upright cylinders, as plain geometry."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Volume:
 
 
 def on(surface: FloatArray, size: tuple[float, float], height: float) -> Volume:
-    """The box of ``height`` that stands on a rectangle of ``size`` about the origin of ``surface`` (4, 4), z up."""
+    """The box of ``height`` standing on a rectangle of ``size`` about the origin of ``surface`` (4, 4), z up."""
     return Volume(surface @ rigid(translation=(0.0, 0.0, height / 2)), (*size, height))
 
 

@@ -1,10 +1,10 @@
-"""Conformance checks for plugin authors: one a kind.
+"""Conformance checks for plugin authors: one per kind.
 
     def test_my_planner() -> None:
         check_planner(MyPlanner(MyConfig()))
 
-Each raises :class:`ConformanceError` with the sentence of the contract that is broken. They build small real
-inputs: two cubes on a table seen by ray casting, their scene, and a gantry for an arm.
+Each raises :class:`ConformanceError` with the broken sentence of the contract. They build small real inputs: two cubes
+on a table seen by ray casting, their scene, and a gantry for an arm.
 """
 
 from gvla2.testing.agent import check_agent

@@ -1,4 +1,4 @@
-"""What an agent's author checks: it works in the sandbox that it is given, and ends."""
+"""Conformance of agents: they work in the given sandbox, and terminate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gvla2.testing.conformance import require, require_members, require_type
 
 
 class RecordingSandbox:
-    """A sandbox that runs nothing: it remembers commands and says what was prepared for them."""
+    """A sandbox that runs nothing: it records commands and gives prepared answers."""
 
     folder = "/app"
 
@@ -20,14 +20,14 @@ class RecordingSandbox:
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
-        """Remember the command; one that only echoes says what it echoes."""
+        """Record the command; a plain echo is answered with its text."""
         self.commands.append(command)
         echoed = command.removeprefix("echo ") if command.startswith("echo ") else self.says
         return Output(echoed, 0, 0.0)
 
 
 def check_agent(agent: Agent) -> None:
-    """The agent solves, or gives up on, a task of one sentence in a sandbox that answers every command with nothing.
+    """The agent solves, or gives up on, a one-sentence task in a sandbox that answers every command with empty output.
 
     Raises :class:`~gvla2.testing.conformance.ConformanceError`.
     """

@@ -9,7 +9,7 @@ from gvla2.testing.conformance import allowed, require, require_members, require
 
 
 def check_camera(camera: DepthCamera) -> None:
-    """Frames are RGB-D in metres, rigidly placed, stamped, and taken anew by each call; closing twice is no error."""
+    """Frames are RGB-D in metres, rigidly placed, timestamped, and new for each call; closing twice is allowed."""
     require_members(camera, "camera")
     with allowed("observe()"):
         first = camera.observe(np.eye(4))

@@ -1,4 +1,4 @@
-"""Conformance of the component itself: name, options, laziness, and on request what it builds."""
+"""Conformance of the component itself: name, options, laziness, and on request its build."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
 def check_component(component: Component[Any], kind: str | Kind = "", **needs: object) -> None:
     """Whether gvla2 would accept the component, and whether its options survive YAML and worker processes.
 
-    With ``kind`` it is also built with its default options (and ``needs``, by kind) and put to its kind's check.
-    A kind of your own is passed as it is; what is built must then have what its protocol asks for.
+    With ``kind`` it is also built with its default options (and ``needs``, by kind) and its kind's check is run. Your
+    own kind is passed as an object; the build must then satisfy its protocol.
     """
     require_type(component, Component, "What a hook returns")
     known = KINDS if set(component.needs) <= KINDS.keys() else load_plugins().kinds

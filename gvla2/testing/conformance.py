@@ -1,4 +1,4 @@
-"""How a conformance check speaks: one error type, and the few questions that all checks ask."""
+"""Shared parts of conformance checks: one error type, and common assertions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gvla2.kinds import Kind, kind_of
 
 
 class ConformanceError(Gvla2Error, AssertionError):
-    """A component breaks the contract of its kind; the message says which sentence of it, and what came instead."""
+    """A component breaks the contract of its kind; the message says which sentence, and what was found instead."""
 
 
 def require(condition: object, message: str) -> None:
@@ -33,10 +33,10 @@ def require_type(value: object, expected: type | tuple[type, ...], what: str) ->
 
 
 def require_members(made: object, kind: str | Kind) -> None:
-    """The component has all that its kind's protocol asks for."""
+    """The component has all members of its kind's protocol."""
     own = kind_of(kind) if isinstance(kind, str) else kind
     lacking = own.missing(made)
-    require(not lacking, f"{type(made).__name__} is no {own.name}: it lacks {', '.join(lacking)}.")
+    require(not lacking, f"{type(made).__name__} is not a {own.name}: it lacks {', '.join(lacking)}.")
 
 
 def require_array(value: Any, shape: tuple[int | None, ...], what: str, finite: bool = True) -> NDArray[Any]:

@@ -16,7 +16,7 @@ TILT = 0.05
 """How far from straight down, as 1 - cos, a pose may point and still be reached."""
 
 SPARE_TRAVEL = 0.1
-"""Metres that the axes go beyond the workspace, so that its border is no joint limit."""
+"""Metres that the axes go beyond the workspace, so that its border is not a joint limit."""
 
 
 class Gantry:
@@ -66,7 +66,7 @@ class Gantry:
         if 1.0 - approach @ DOWN > TILT or not self._workspace.contains(position):
             return None
         turn = float(np.arctan2(-closing[0], closing[1]))
-        if near is not None:  # the hand's two halves are alike: take the nearer half turn
+        if near is not None:  # the hand is symmetric: take the nearer half turn
             turn += np.pi * round((float(near[3]) - turn) / np.pi)
         joints = np.array([*position, turn])
         inside = min((position - self._workspace.low).min(), (self._workspace.high - position).min())

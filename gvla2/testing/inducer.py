@@ -10,9 +10,9 @@ TYPES = ("procedural_hint", "failure_avoidance", "tool_usage")
 
 
 def check_inducer(inducer: Inducer) -> None:
-    """Whether an inducer answers any episode with sound lessons, and drops none that an episode brings itself.
+    """Whether an inducer answers any episode with valid lessons, and drops none of an episode's own.
 
-    It must not raise where it has nothing to say or nobody to ask.
+    It must not raise if it finds nothing or cannot ask its model.
     """
     verdicts = (
         Verdict.from_criteria({"completion": 1.0}),
@@ -28,6 +28,6 @@ def check_inducer(inducer: Inducer) -> None:
                 require_type(lessons, tuple, "What induce() returns")
                 for lesson in lessons:
                     require_type(lesson, Lesson, "What induce() gives")
-                    require(lesson.type in TYPES, f"'{lesson.type}' is no type of lesson.")
-                    require(bool(lesson.content.strip()), "A lesson without words teaches nothing.")
-                require(set(own) <= set(lessons), "induce() lost a lesson that the episode brought itself.")
+                    require(lesson.type in TYPES, f"'{lesson.type}' is not a type of lesson.")
+                    require(bool(lesson.content.strip()), "A lesson needs words.")
+                require(set(own) <= set(lessons), "induce() lost one of the episode's own lessons.")

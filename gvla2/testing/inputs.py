@@ -1,4 +1,4 @@
-"""Small real inputs for checks: a table with boxes on it, seen by ray casting, and what follows from it.
+"""Small real inputs for checks: a table with boxes on it, seen by ray casting, and objects derived from it.
 
 Arrays are read-only: a component that writes into its input fails at once. Metres, world frame, z up.
 """
@@ -102,7 +102,7 @@ def observation(size: int = 96) -> Observation:
 
 
 def scene(*blocks: Block) -> Scene:
-    """What a flawless perceiver would make of the blocks; both of them when none is named."""
+    """A perfect perceiver's scene of the blocks; both of them by default."""
     rng = np.random.default_rng(7)
     objects = []
     for block in blocks or (RED, BLUE):
@@ -133,7 +133,7 @@ def plan_request(instruction: str = INSTRUCTION) -> PlanRequest:
 
 
 def evidence(lifted: bool = True) -> RobotEvidence:
-    """Evidence of one lift: the red block ends in the hand 20 cm up, or where it was with an empty hand."""
+    """Evidence of one lift: the red block ends in the hand 20 cm up, or at its old place with the hand empty."""
     before = scene()
     cube = before["red_cube"]
     up = cube.centre + np.array([0.0, 0.0, 0.2])

@@ -14,9 +14,9 @@ PAIRS = (
 
 
 def check_judge(judge: Judge) -> None:
-    """Whether a judge answers any pairs, each and in their order, with sound judgements.
+    """Whether a judge answers any pairs, all of them in order, with valid judgements.
 
-    It must not raise where nobody can be asked: what it cannot tell it leaves open.
+    It must not raise if its model is unavailable: undecided pairs stay open.
     """
     with allowed("judge()"):
         none = judge.judge(())
@@ -26,7 +26,7 @@ def check_judge(judge: Judge) -> None:
     for answer in answers:
         require_type(answer, Judgement, "What judge() gives")
         require(
-            answer.contradicts in (True, False, None), "contradicts is True, False, or None for no telling."
+            answer.contradicts in (True, False, None), "contradicts is True, False, or None for undecided."
         )
         require(0.0 <= answer.probability <= 1.0, f"probability is {answer.probability}; it lies in [0, 1].")
         require(bool(answer.judge), "A judgement says who judged.")

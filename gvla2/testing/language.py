@@ -21,8 +21,8 @@ from typing import Any
 class Reply:
     """One response. ``body`` is JSON, or bytes sent as they are.
 
-    The server waits ``delay`` seconds first, then sends a byte every ``drip`` seconds where that is above 0, and
-    hangs up after ``cut`` bytes of the body where that is given.
+    The server waits ``delay`` seconds first, then sends a byte every ``drip`` seconds if that is above 0, and hangs up
+    after ``cut`` bytes of the body if given.
     """
 
     body: Mapping[str, Any] | bytes
@@ -34,7 +34,7 @@ class Reply:
 
 
 Answering = Callable[[dict[str, Any]], Reply | dict[str, Any]]
-"""From a request's JSON to what is answered."""
+"""From a request's JSON to the answer."""
 
 
 def said(
@@ -44,7 +44,7 @@ def said(
     reasoning: str = "",
     finish: str = "stop",
 ) -> dict[str, Any]:
-    """A completion's JSON. ``tokens`` are (token, probabilities of what might stand there), in order."""
+    """A completion's JSON. ``tokens`` are (token, probabilities of the alternatives), in order."""
     message = {"role": "assistant", "content": text}
     if reasoning:
         message["reasoning_content"] = reasoning
@@ -77,8 +77,8 @@ def refused(status: int, message: str, **headers: str) -> Reply:
 class LocalModel:
     """An OpenAI-compatible server on a free local port, until the ``with`` block ends.
 
-    ``answering`` is called for each completion asked for, in a thread of its own. ``requests`` are the bodies
-    received, in order; ``busiest`` is the most that were in flight at once; ``models`` is what it lists.
+    ``answering`` is called for each requested completion, in its own thread. ``requests`` are the bodies received, in
+    order; ``busiest`` is the largest number in flight at once; ``models`` are those it lists.
     """
 
     def __init__(self, answering: Answering, models: Sequence[str] = ("local",)) -> None:

@@ -7,7 +7,7 @@ from gvla2.testing.conformance import allowed, require, require_type
 
 
 def check_language(model: LanguageModel) -> None:
-    """Whether a model answers, or says by a typed failure that it cannot, and keeps its books."""
+    """Whether a model answers, or fails with a typed error, and keeps its ledger."""
     asked = [Request([{"role": "user", "content": "Say yes."}], max_tokens=4, seed=seed) for seed in (0, 1)]
     with allowed("complete_all()"):
         answers = model.complete_all(asked, purpose="check")

@@ -38,13 +38,13 @@ from gvla2.testing.conformance import (
 )
 
 LONGEST_TEXT = 100_000
-"""No text block for a planner may be longer, in characters."""
+"""Longest allowed text block for a planner, characters."""
 
 
 def check_memory(memory: Memory) -> None:
     """Recall from nothing, learn from three verdicts, recall again, close twice.
 
-    It writes into the memory: hand over one with a store of its own.
+    It writes into the memory: pass one with its own store.
     """
     require_members(memory, "memory")
     task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
@@ -108,12 +108,12 @@ def candidates(
     now: float = 0.0,
     **columns: Sequence[Any],
 ) -> Candidates:
-    """Records in RAM, as a bank would offer them: for the tests of a retriever.
+    """Records in RAM, as a bank would provide them: for testing a retriever.
 
-    ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the static one by default).
-    ``columns`` may hold ``confidence``, ``outcomes``, ``types``, ``ages`` (days), ``usage``, ``conflicts``, ``skills``,
-    ``signatures`` and ``effects``, each a sequence of N; what is left out is a fresh, sure, verified hint. Ids are
-    r0, r1, ...
+    ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the static one by default). ``columns``
+    may hold ``confidence``, ``outcomes``, ``types``, ``ages`` (days), ``usage``, ``conflicts``, ``skills``,
+    ``signatures`` and ``effects``, each a sequence of N; the default is a fresh, certain, verified hint. Ids are r0,
+    r1, ...
     """
     if vectors is None:
         texts = [f"{q} {c}" for q, c in zip(queries or [""] * len(contents), contents, strict=True)]
@@ -219,7 +219,7 @@ def check_retriever(retriever: Retriever) -> None:
 
 
 def check_embedder(embedder: Embedder) -> None:
-    """Unit rows, a zero row for an empty text, the same vector whatever else is in the batch, any text taken."""
+    """Unit rows, a zero row for an empty text, vectors independent of the batch, any text accepted."""
     require_members(embedder, "embedder")
     require(isinstance(embedder.model, str) and embedder.model, "model must be a name that is not empty.")
     texts = ["lift the red cube", "", "die rote Dose anheben", "lift the red cube"]
@@ -242,7 +242,7 @@ def check_embedder(embedder: Embedder) -> None:
     lengths = np.linalg.norm(rows, axis=1)
     require(
         bool(np.all((abs(lengths - 1) < 1e-3) | (lengths == 0))),
-        f"Whatever the text, rows are of length 1 or zero, got {lengths.round(4)}.",
+        f"For any text, rows have length 1 or zero, got {lengths.round(4)}.",
     )
 
 
@@ -268,7 +268,7 @@ def check_verifier(verifier: Verifier) -> None:
 
 
 def _check_verdict(verdict: object, what: str) -> None:
-    """The outcome follows from the quality; that may lie below the criteria's mean (a gate), so it is not asked."""
+    """The outcome follows from the quality; that may be below the criteria's mean (a gate), which is not checked."""
     require_type(verdict, Verdict, f"verify()'s answer to {what}")
     assert isinstance(verdict, Verdict)
     if verdict.outcome == "unavailable":

@@ -30,8 +30,8 @@ from gvla2.testing.conformance import (
 def check_perceiver(perceiver: Perceiver, *, finds: bool = True) -> None:
     """Two cubes on a table, three cameras; then a table that cannot be seen.
 
-    ``finds`` asks that an object is reported within 3 cm of each cube and the table within 2 cm; turn it off
-    for a perceiver that needs trained weights to see.
+    ``finds`` asks that an object is reported within 3 cm of each cube and the table within 2 cm; disable it for a
+    perceiver that needs trained weights.
     """
     require_members(perceiver, "perceiver")
     with allowed("perceive()", *(() if finds else (PerceptionError,))):
@@ -83,10 +83,10 @@ def _check_scene(scene: object) -> None:
 
 
 def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
-    """A request that can be followed, ones that cannot, advice, and a second try after a rejection.
+    """A feasible request, infeasible ones, advice, and a second try after a rejection.
 
-    ``request`` replaces the built-in one (two cubes on a table under a gantry), for a planner of other scenes. One that
-    asks a language model may raise :class:`~gvla2.language.LanguageModelError` where that cannot be asked.
+    ``request`` replaces the built-in one (two cubes on a table under a gantry), for a planner of other scenes. One with
+    a language model may raise :class:`~gvla2.language.LanguageModelError` if that is unavailable.
     """
     require_members(planner, "planner")
     asked = request or inputs.plan_request()
@@ -107,7 +107,7 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
             try:
                 plan = planner.plan(variant)
             except LanguageModelError:
-                continue  # nobody can be asked: that says nothing of the planner, and the loop has a fallback
+                continue  # its model is unavailable: not the planner's fault, and the loop has a fallback
         _check_plan(plan, variant, what)
 
 

@@ -30,7 +30,7 @@ from gvla2.testing.conformance import (
 
 
 def check_reconstructor(reconstructor: Reconstructor) -> None:
-    """One cube with its silhouettes in three views; what is made lies where the cube is."""
+    """One cube with its silhouettes in three views; the result lies at the cube's place."""
     require_members(reconstructor, "reconstructor")
     with allowed("reconstruct()"):
         made = reconstructor.reconstruct(inputs.views(masked=inputs.RED))
@@ -78,7 +78,7 @@ def check_prior(prior: GeometryPrior) -> None:
 
 
 def check_axis(axis: AxisCompensation) -> None:
-    """A ball in three views, at its place and too large, and no points at all."""
+    """A ball in three views, in place and too large, and no points at all."""
     require_members(axis, "axis")
     views = inputs.views(masked=inputs.RED)
     middle = inputs.RED.world_from_block[:3, 3]

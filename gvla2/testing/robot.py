@@ -30,7 +30,7 @@ SITE = TaskSite(centre=(0.25, 0.0), size=(0.65, 0.91), table_height=0.752, reach
 
 
 class _AtRest:
-    """The state of a layout that nobody has touched."""
+    """The untouched state of a layout."""
 
     def __init__(self, layout: Layout) -> None:
         self._poses = {body.name: body.world_from_body for body in layout.bodies}
@@ -62,7 +62,7 @@ class _AtRest:
 
 
 def check_task(task: Task, site: TaskSite = SITE) -> None:
-    """Sampling: repeatable by seed, varied over seeds, physically sound, and not done before it began."""
+    """Sampling: repeatable by seed, varied over seeds, physically valid, and not done at the start."""
     require_members(task, "task")
     require(
         len(set(task.instructions)) >= 4, f"A task has at least four paraphrases, got {task.instructions}."
@@ -106,7 +106,7 @@ def _check_instance(instance: object, site: TaskSite) -> None:
         )
         require(
             joint.limits[0] < joint.limits[1],
-            f"Joint '{joint.name}': its limits {joint.limits} are no range.",
+            f"Joint '{joint.name}': its limits {joint.limits} are not a range.",
         )
         length = float(np.linalg.norm(joint.axis))
         require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
@@ -141,7 +141,7 @@ def _check_body(body: Body, site: TaskSite) -> None:
 def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = True) -> None:
     """Reset, observe, move by five centimetres, judge, close twice.
 
-    ``task`` is laid out by a simulator. ``move=False`` leaves the motion out, for a robot that is armed.
+    ``task`` is laid out by a simulator. ``move=False`` omits the motion, for an armed robot.
     """
     require_members(robot, "robot")
     try:
@@ -200,7 +200,7 @@ def _check_motion(robot: RobotBackend, seen: Observation) -> None:
     with allowed("execute()"):
         report = robot.execute(path, scene, ExecutionListener(waypoint=heard.append))
     require_type(report, ExecutionReport, "execute()'s answer")
-    require(len(report.waypoints) == len(heard), "The listener hears of each waypoint once.")
+    require(len(report.waypoints) == len(heard), "The listener gets each waypoint once.")
     json.dumps(report.to_json())
     stopped = report.abort
     require(stopped is None, f"A free move of 5 cm was aborted: {stopped and stopped.message}")

@@ -1,4 +1,4 @@
-"""Conformance of skills: whether planners can call it, and whether it plans what the checks let pass."""
+"""Conformance of skills: whether planners can call it, and whether its plans pass the checks."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def check_skill(skill: Skill, call: SkillCall | None = None, request: PlanReques
     """The skill's table entry, its defaults, its proposals and a plan by ``call`` in the scene of ``request``.
 
     Without them the red cube of the built-in scene (two cubes under a gantry) is the theme, and the blue one the goal
-    where the skill needs one; a skill for other things needs both. It has to find a way there.
+    if the skill needs one; a skill for other things needs both. It must find a plan there.
     """
     require(not fault_of(skill), f"The skill {fault_of(skill)}")
-    require(skill.words, f"'{skill.name}' has no words: lessons about it would be found by its name alone.")
+    require(skill.words, f"'{skill.name}' has no words: lessons about it would only be found by its name.")
     asked = request or inputs.plan_request()
     red, blue = (o.id for o in asked.scene.objects[:2]) if call is None else ("", "")
     called = call or SkillCall(skill.name, red, blue if skill.aimed else "")

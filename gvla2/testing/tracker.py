@@ -1,4 +1,4 @@
-"""Conformance of trackers and viewers: two episodes are told, one of them with next to nothing to show."""
+"""Conformance of trackers and viewers: two episodes are reported, one of them nearly empty."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gvla2.testing.inputs import INSTRUCTION, observation, scene
 
 
 def check_tracker(tracker: Tracker) -> None:
-    """Whether the tracker takes a run from begin to end, also one that ends badly at once."""
+    """Whether the tracker handles a run from begin to end, including one that fails immediately."""
     require_members(tracker, "tracker")
-    with tempfile.TemporaryDirectory() as place, allowed("A tracker that is told of a run"):
+    with tempfile.TemporaryDirectory() as place, allowed("A tracker that gets a run"):
         folder = Path(place)
         (folder / "result.json").write_text("{}")
         config = {"seed": 3, "planner": {"name": "mine", "height": 0.1}, "instruction": None}
@@ -26,7 +26,7 @@ def check_tracker(tracker: Tracker) -> None:
 
 
 def check_viewer(viewer: Viewer) -> None:
-    """Whether the viewer takes an episode that was seen, and one that ended before; each leaves something."""
+    """Whether the viewer handles an episode with a scene, and one that ended before; each leaves a file."""
     require_members(viewer, "view")
     blind = EpisodeRecord("run/0", INSTRUCTION, "task", 3, {"robot": "gantry"})
     seen = replace(blind, episode_id="run/1", observation=observation(48), scene=scene())

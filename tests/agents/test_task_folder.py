@@ -50,7 +50,7 @@ def test_the_first_layout_is_read(tmp_path: Path):
             },
             "above 0",
         ),
-        ({"task_dot_yaml": "- a list"}, "no mapping"),
+        ({"task_dot_yaml": "- a list"}, "not hold a mapping"),
         ({"readme_dot_md": ""}, "No task lies below"),
     ],
 )

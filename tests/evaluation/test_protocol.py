@@ -102,7 +102,7 @@ def test_views_of_an_object_and_their_cache(tmp_path, block, own_cache, caplog):
     entry.write_bytes(entry.read_bytes()[:500])
     with caplog.at_level(logging.WARNING):
         rebuilt = object_views(path, size=48, samples=2)
-    assert "made anew" in caplog.text
+    assert "remade" in caplog.text
     np.testing.assert_array_equal(rebuilt.inputs[2].image, first.inputs[2].image)
     assert len(entry.read_bytes()) > 500
 
@@ -115,7 +115,7 @@ def test_a_cache_that_cannot_be_written_only_warns(tmp_path, block, caplog):
     (tmp_path / "occupied").write_text("a file")
     with caplog.at_level(logging.WARNING):
         views = object_views(block(tmp_path / "box"), size=32, samples=1, cache=tmp_path / "occupied")
-    assert "could not be kept" in caplog.text
+    assert "could not be cached" in caplog.text
     assert len(views.inputs) == 5
 
 

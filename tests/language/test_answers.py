@@ -93,7 +93,7 @@ def test_a_destroyed_cache_loses_no_answer_and_is_told_once(tmp_path: Path, capl
         (tmp_path / "cache.db").write_bytes(b"no database at all" * 100)
         endpoint = Endpoint(options(model, tmp_path))
         assert [ask(endpoint).text, ask(endpoint).text] == ["2", "3"]
-    assert [r.levelname for r in caplog.records if "not kept" in r.getMessage()] == ["WARNING"]
+    assert [r.levelname for r in caplog.records if "not cached" in r.getMessage()] == ["WARNING"]
 
 
 def test_a_folder_that_cannot_be_written_loses_no_answer(tmp_path: Path):

@@ -167,7 +167,7 @@ def test_the_scene_says_which_thing_was_meant(world, two):
         asked = localized(
             scene, frames, pictures, table, "lift the bottle", vision_model(options, "a test"), options
         )
-    assert any(note.startswith("o2 is what was asked for") for note in asked.notes)
+    assert any(note.startswith("o2 is the target") for note in asked.notes)
     assert asked.objects == scene.objects
 
 

@@ -82,7 +82,7 @@ def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
     assert share.absolute({"height": 0.1}) is None
     changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
     assert changed == THETA
-    assert "r4 was passed over" in notes[0]
+    assert "r4 was ignored" in notes[0]
     hand = Effect("bound", "standoff", 0.1)
     assert hand.shared({"grasp_depth": ("height", 0.1)}) == hand
 

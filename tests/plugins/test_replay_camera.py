@@ -208,7 +208,7 @@ SPOILT = {
     "half a calibration": (rewritten(rmse=None), "incomplete or damaged"),
     "a mirror": (rewritten(T_base_camera=np.diag([1.0, 1, -1, 1]).tolist()), "mirrored"),
     "inexact": (rewritten(rmse=0.006), "off by 6.0 mm"),
-    "another convention": (rewritten(convention="y up"), "another convention"),
+    "another convention": (rewritten(convention="y up"), "a different convention"),
     "a scale of nothing": (rewritten(depth_scale=0), "depth_scale is 0"),
     "a scale of words": (rewritten(depth_scale="mm"), "depth_scale is 'mm'"),
 }

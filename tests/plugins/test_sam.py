@@ -145,7 +145,7 @@ def test_clicks_find_what_the_instruction_means():
             replace(seen, views=Views((seen.views[0],))), "lift the blue cube", inputs.WORKSPACE
         )
     blue = min(scene.objects, key=lambda o: np.linalg.norm(o.centre - inputs.BLUE.world_from_block[:3, 3]))
-    assert any(note.startswith(f"{blue.id} is what was asked for") for note in scene.notes)
+    assert any(note.startswith(f"{blue.id} is the target") for note in scene.notes)
 
 
 @pytest.mark.parametrize(

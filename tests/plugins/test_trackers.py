@@ -132,7 +132,7 @@ def test_a_tracker_that_fails_is_told_of_once(tmp_path: Path, caplog: pytest.Log
         tracking.episode(1, record, tmp_path)
     assert tracker.heard == ["/".join(tmp_path.parts[-2:]), "episode"]
     (warning,) = caplog.messages
-    assert warning == "The tracker failed and is not told any more: ConnectionError: no route"
+    assert warning == "The tracker failed and is no longer used: ConnectionError: no route"
 
 
 def test_the_numbers_of_an_episode():

@@ -1,4 +1,4 @@
-"""How well a number in [0, 1] tells successes from failures: ranking and calibration."""
+"""How well a score in [0, 1] separates successes from failures: ranking and calibration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def auc_interval(
     draws: int = 1000,
     seed: int = 0,
 ) -> tuple[float, float] | None:
-    """A 95 % bootstrap interval that draws whole groups: runs of one task are no independent witnesses."""
+    """A 95 % bootstrap interval that draws whole groups: runs of one task are not independent."""
     values, won = np.asarray(scores, float), np.asarray(truths, bool)
     names, members = np.unique(np.asarray(groups), return_inverse=True)
     places: list[NDArray[np.intp]] = [np.flatnonzero(members == i) for i in range(len(names))]

@@ -1,4 +1,4 @@
-"""One memory through one order of tasks: what it learns of a task is there for the next ones."""
+"""One memory through one order of tasks: lessons from a task are available to the next ones."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from gvla2.memory.contracts import Memory, Verifier
 
 DATABASE = "memory.db"
 CANNOT_BE = "not measured"
-"""How the status of a task begins whose surroundings cannot be had on this machine."""
+"""Prefix of the status of a task whose environment cannot be set up on this machine."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Crew:
-    """Who works: an agent, a memory of its own file, a verifier, and the count of what they ask a model."""
+    """The components at work: an agent, a memory with its own file, a verifier, and the ledger of their model calls."""
 
     agent: Agent
     memory: Memory
@@ -42,7 +42,7 @@ class Crew:
 class TaskSequence:
     """A memory, a seed and the tasks; ``keys`` and ``factors`` of each task's row, in the order of ``tasks``.
 
-    ``folder`` keeps the memory between the tasks, so that an interrupted sequence goes on where it was.
+    ``folder`` keeps the memory between the tasks, so that an interrupted sequence can resume.
     """
 
     memory: str
@@ -54,7 +54,7 @@ class TaskSequence:
 
 
 def in_order(tasks: Sequence[AgentTask], seed: int) -> list[AgentTask]:
-    """The tasks as a seed shuffles them: every memory meets them in the same order."""
+    """The tasks, shuffled by a seed: every memory gets them in the same order."""
     return random.Random(seed).sample(list(tasks), len(tasks))
 
 
@@ -69,9 +69,9 @@ def work(
 ) -> Iterator[Cell]:
     """The rows of the tasks after the first ``done``, each when it is measured.
 
-    The memory stands as it was after task ``done``: what an interrupted task left in it is not there. A task whose
-    surroundings cannot be set up is "not measured"; where the language model is not there, the sequence ends: later
-    tasks would meet another memory than the one that they should.
+    The memory is restored to its state after task ``done``, without traces of an interrupted task. A task whose
+    environment cannot be set up is "not measured"; if the language model is unavailable, the sequence ends: later tasks
+    would have the wrong memory.
     """
     folder = sequence.folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -118,7 +118,7 @@ class _Open:
         self.crew = crew_of(bank)
 
     def settle(self) -> None:
-        """All that was learnt lies in the file."""
+        """Flush everything learnt to the file."""
         self.crew.memory.close()
         ledger = self.crew.ledger
         self.crew = self._crew_of(self._bank)
@@ -139,7 +139,7 @@ def _restore(folder: Path, done: int) -> None:
 
 
 def _keep(folder: Path, done: int) -> None:
-    """A copy of the memory after ``done`` tasks; of older ones the last stays, in case the row is not stored."""
+    """Copy the memory after ``done`` tasks; the previous copy stays, in case the row is not stored."""
     bank = folder / DATABASE
     if bank.is_file():
         aside = folder / f"after-{done}.part"

@@ -1,1 +1,1 @@
-"""What the memory wing is measured by: speed, durability, faults, attacks, upkeep; each beside a plain peer."""
+"""Measurements of the memory wing: speed, durability, faults, attacks, upkeep; each beside a plain peer."""

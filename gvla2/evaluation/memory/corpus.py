@@ -1,7 +1,7 @@
 """Random lessons in several languages, by a seed: for the speed and the exactness of retrieval at any size.
 
-Sentences are put together from words of robots' kitchens, workshops and shells, and from made-up names with the
-frequencies of natural language (Zipf), so that banks have both common words and words that few records share.
+Sentences combine words from robots' kitchens, workshops and shells with made-up names with the frequencies of natural
+language (Zipf), so that banks have both common and rare words.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _record(i: int, bank: str, now: float, rng: np.random.Generator) -> Record:
 
 
 def seed_text(record: Record) -> str:
-    """What tells a record's text from others'."""
+    """The seed that makes a record's text unique."""
     return f"{record.query}\n{record.content}"
 
 

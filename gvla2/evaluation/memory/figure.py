@@ -15,7 +15,7 @@ Better = Literal["lower", "higher"]
 
 
 class NotMeasuredError(Gvla2Error):
-    """Something that a test needs is not here; the message is the word on it in the table."""
+    """Something that a test needs is missing; the table shows the message."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class FigureRow:
 
 @dataclass(frozen=True)
 class Figure:
-    """A number beside its peers'; None where nothing was measured, with a ``note`` why.
+    """A number beside its peers'; None if not measured, with the reason in ``note``.
 
-    ``peer`` names who gave ``peer_value``; ``released`` is the value of the released code, where a checkout of it was
-    given. ``n`` is how many things were measured, where that is not the test's own size; ``goal`` replaces the row's.
+    ``peer`` names the source of ``peer_value``; ``released`` is the released code's value, if a checkout was given.
+    ``n`` is the number of things measured, if it is not the test's own size; ``goal`` replaces the row's.
     """
 
     value: float | None
@@ -50,21 +50,21 @@ class Figure:
     def beside(
         cls, value: float, peers: Mapping[str, float], *, note: str = "", n: int | None = None
     ) -> Figure:
-        """A value beside those of peers by name: the plain one first, then the released code if it is here."""
+        """A value beside those of peers by name: the plain one first, then the released code if given."""
         first, second = (*peers.items(), ("", None), ("", None))[:2]
         return cls(value, first[0], first[1], second[1], note, n)
 
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one size: what it is called, the rows that it gives, and how to measure them.
+    """A test of one size: its name, its rows, and how to measure them.
 
-    ``size`` is at scale 1, and never less than ``least``; ``on`` tells tests of one name and size apart (a database, a
+    ``size`` is at scale 1, and at least ``least``; ``on`` distinguishes tests of the same name and size (a database, a
     kind of attack); ``seconds`` is about how long it takes at scale 1, for the time left. ``slow`` tests take many
     minutes.
     """
 
-    __test__ = False  # no test of pytest's
+    __test__ = False  # not a pytest test
 
     name: str
     rows: tuple[FigureRow, ...]
@@ -80,12 +80,12 @@ class Test:
 
     @property
     def label(self) -> str:
-        """The name, with what it runs on."""
+        """The name, with ``on``."""
         return f"{self.name}, {self.on}" if self.on else self.name
 
 
 def passed(value: float | None, goal: float | None, better: Better) -> bool | None:
-    """Whether a value reaches its goal; None where there is no value or no goal."""
+    """Whether a value reaches its goal; None without a value or a goal."""
     if value is None or goal is None:
         return None
     return value <= goal if better == "lower" else value >= goal

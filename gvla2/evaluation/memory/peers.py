@@ -1,4 +1,4 @@
-"""What a peer can do: a memory in files of JSON lines, as it is measured beside the bank."""
+"""The interface of a peer: a memory in JSON lines files, measured beside the bank."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Peer(Protocol):
 
     @property
     def name(self) -> str:
-        """What the table calls it."""
+        """Its name in the table."""
         ...
 
     def fill(self, folder: Path, lessons: Sequence[PeerLesson]) -> None:
@@ -53,7 +53,7 @@ class Peer(Protocol):
         ...
 
     def load(self, folder: Path) -> list[Any]:
-        """Read the active records. Raises whatever a damaged file makes it raise."""
+        """Read the active records. A damaged file may raise anything."""
         ...
 
     def retrieve(self, folder: Path, query: str, k: int, now: float) -> list[str]:
@@ -61,7 +61,7 @@ class Peer(Protocol):
         ...
 
     def admit(self, folder: Path, lessons: Sequence[PeerLesson]) -> None:
-        """Read the file, consolidate each lesson with what is there, and write the file again."""
+        """Read the file, consolidate each lesson with it, and write it again."""
         ...
 
     def place(self, lesson: PeerLesson, records: list[Any]) -> str:

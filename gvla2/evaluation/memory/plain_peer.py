@@ -1,6 +1,6 @@
 """The plain peer: JSON lines, every record read and compared with difflib, as in the paper's released code.
 
-Written anew after what that code does, with the same order of cost and every advantage that leaves it so: plain data
+Rewritten after that code's behaviour, with the same order of cost and every advantage that keeps it so: plain data
 instead of validated models, words of a text looked up once, no file rewritten after a query, nothing flushed to disk.
 """
 
@@ -30,7 +30,7 @@ class PlainPeer:
     name = "JSONL, linear"
 
     def fill(self, folder: Path, lessons: Sequence[PeerLesson]) -> None:
-        """One line a record."""
+        """One line per record."""
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / FILE).open("w", encoding="utf-8") as file:
             file.writelines(json.dumps(asdict(lesson), ensure_ascii=False) + "\n" for lesson in lessons)
@@ -72,7 +72,7 @@ class PlainPeer:
         return self._decide(lesson, records)[0]
 
     def govern(self, records: list[PeerLesson], budget: int, now: float) -> int:
-        """Retire, settle contradictions, sum up what is alike, cut to the budget: every record with every other."""
+        """Retire, settle contradictions, summarise, cut to the budget: every record with every other."""
         kept = [
             r
             for r in records

@@ -1,4 +1,4 @@
-"""Poison: ten records that copy a query, each with a harmful addition. Do they get among its eight best records?"""
+"""Poison: ten records that copy a query, each with a harmful addition. Do they reach its eight best records?"""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _VERDICTS = {
 def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """The attacker brings ten records for each of some queries; hit: any of them is shown for it.
 
-    Collateral is what the attack drives out: the share of the records shown before, for attacked and for other
-    queries, that are gone afterwards. ``on`` says how the attacker's episodes were judged: "unverified" are uncertain,
-    as an honest verifier leaves them; "no admission" the same without admission; "verifier fooled" verified; "vouched
-    for" verified, and brought in as one's own.
+    Collateral is what the attack displaces: the share of the records shown before, for attacked and for other queries,
+    that are gone afterwards. ``on`` says how the attacker's episodes were judged: "unverified" are uncertain, as an
+    honest verifier leaves them; "no admission" the same without admission; "verifier fooled" verified; "vouched for"
+    verified, and imported as the user's own.
     """
     options = BankOptions(admission=on != "no admission")
     victims = setting.count(VICTIMS, 5)
@@ -74,7 +74,7 @@ def _attack(task: MemoryTask, verdict: Verdict) -> list[Admission]:
 
 
 def _top(bank: KnowledgeBank, task: MemoryTask) -> dict[str, str]:
-    """What is shown, by id: poison may be in a record of its own, or have been merged into another."""
+    """The ids of the records shown: poison may be a record of its own, or merged into another."""
     items = sorted(bank.recall(task).items, key=lambda item: -item.score)
     return {item.id: item.content for item in items[:TOP]}
 
@@ -82,9 +82,9 @@ def _top(bank: KnowledgeBank, task: MemoryTask) -> dict[str, str]:
 def _peer(
     setting: Setting, peer: Peer, place: int, size: int, on: str, asked: Sequence[MemoryTask]
 ) -> tuple[float, float]:
-    """Hits and collateral of a peer that has the same sound records, and the same verdict on the attacker's.
+    """Hits and collateral of a peer with the same sound records, and the same verdict on the attacker's.
 
-    Without admission it has the attacker's own word for a success, as a memory without a verifier would.
+    Without admission it believes the attacker's claim of success, as a memory without a verifier would.
     """
     status = {
         "unverified": "uncertain",
@@ -115,7 +115,7 @@ def tests() -> list[Test]:
         goal = 0.0 if on in ("unverified", "verifier fooled") else None
         rows = (
             FigureRow("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
-            FigureRow("poison_collateral", "Sound records that poison drove out", "%", "lower", goal, 1),
+            FigureRow("poison_collateral", "Sound records displaced by poison", "%", "lower", goal, 1),
         )
         made.append(Test("poison", rows, poison, 1000, least=50, on=on, seconds=15.0))
     return made

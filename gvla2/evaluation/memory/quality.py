@@ -1,4 +1,4 @@
-"""How well evidence is found for questions, on a public set that the user has (LoCoMo's layout)."""
+"""How well evidence is found for questions, on the user's copy of a public set (LoCoMo's layout)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def quality(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     path = setting.question_file
     if path is None:
         raise NotMeasuredError(f"no {FILE}: name its folder by data.root=FOLDER or in GVLA2_DATA")
-    embedder = setting.embedders[on]()  # raises where its package is missing
+    embedder = setting.embedders[on]()  # raises if its package is missing
     conversations = read(path)
     found, questions = mean_recall(conversations, lambda one: through_bank(one, embedder))
     if found is None:
@@ -34,7 +34,7 @@ def quality(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 
 def _peer(peer: Peer, conversations: tuple[Conversation, ...], most: int) -> float:
-    """The same by a peer's relevance, on questions taken evenly from all."""
+    """The same by a peer's relevance, on an even sample of the questions."""
     every = [
         (conversation, question) for conversation in conversations for question in conversation.questions
     ]

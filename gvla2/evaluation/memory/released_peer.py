@@ -29,8 +29,8 @@ _PLACES = (
 class ReleasedPeer:
     """The functions of the package ``memory_v2`` that lies in ``checkout``, the repository or the package itself.
 
-    Nothing of it is imported under its own name, and nothing around it is run. Raises
-    :class:`~gvla2.errors.ConfigurationError` where it is not there, or lacks what it needs (pydantic).
+    It is not imported under its own name, and nothing else is run. Raises :class:`~gvla2.errors.ConfigurationError` if
+    it is missing, or its dependencies are (pydantic).
     """
 
     name = "released code"
@@ -40,16 +40,16 @@ class ReleasedPeer:
         self._parts = {part: _load(self.folder, part) for part in _PARTS}
 
     def fill(self, folder: Path, lessons: Sequence[PeerLesson]) -> None:
-        """By its own store."""
+        """Uses its own store."""
         store = self._store(folder)
         store.replace_state(self._schema.MemoryState.ACTIVE, [self._record(lesson) for lesson in lessons])
 
     def load(self, folder: Path) -> list[Any]:
-        """By its own store."""
+        """Uses its own store."""
         return list(self._store(folder).load_active())
 
     def retrieve(self, folder: Path, query: str, k: int, now: float) -> list[str]:
-        """Load, rank, and leave out what it does not let through; the files are not written again, as it would."""
+        """Load, rank and filter as it does; unlike it, the files are not written again."""
         store, retrieval = self._store(folder), self._parts["retrieval"]
         records = store.load_active() + store.load_summary()
         ranked = retrieval.rank_memory_records(records, query, now=_iso(now))
@@ -107,7 +107,7 @@ class ReleasedPeer:
             query=lesson.query,
             content=lesson.content,
             memory_type=lesson.type,
-            # The names of this status that its consolidation and governance compare with.
+            # The names under which its consolidation and governance know this status.
             source_status="success" if success else "uncertain" if lesson.status == "uncertain" else "fail",
             state="active",
             confidence=lesson.confidence,
@@ -124,13 +124,13 @@ def _package(checkout: Path) -> Path:
         if all((folder / f"{part}.py").is_file() for part in _PARTS):
             return folder
     raise ConfigurationError(
-        f"memory.peer is '{checkout}', where no package {PACKAGE} with {', '.join(_PARTS)} lies. "
+        f"memory.peer is '{checkout}', which contains no package {PACKAGE} with {', '.join(_PARTS)}. "
         f"Name a checkout of the released code: the repository, or the folder {PACKAGE} in it."
     )
 
 
 def _load(folder: Path, part: str) -> ModuleType:
-    """A module of the package under a name of our own, so that its parents are not imported."""
+    """A module of the package under our own name, so that its parents are not imported."""
     package = sys.modules.get(_NAME)
     if package is None or list(package.__path__) != [str(folder)]:
         for name in [name for name in sys.modules if name.split(".")[0] == _NAME]:

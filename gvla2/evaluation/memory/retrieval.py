@@ -18,7 +18,7 @@ from gvla2.memory.storage.store import Store
 
 QUERIES = 300
 PEER_LOOKS = 100_000
-"""Records that a peer may look through for one figure; at least three queries are asked."""
+"""Most records that a peer scans for one figure; at least three queries are asked."""
 
 
 def recall_times(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -44,7 +44,7 @@ def _asked(peer: Peer, folder: Path, queries: list[str]) -> list[float]:
 
 
 def start(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
-    """A new process's first query has to wait for this; the peer's reading of its file is what it does each time."""
+    """The wait before a new process's first query; the peer reads its file each time."""
     with Store.open(setting.filled(size)) as store:
         ours = once(Index(store, "default", StaticEmbedder()).refresh)
     lessons, theirs = setting.peer_lessons(size), dict[str, float]()

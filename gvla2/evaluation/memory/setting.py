@@ -1,4 +1,4 @@
-"""Where and on what the tests of a run work: a scratch folder, banks of any size, peers, the data at hand."""
+"""The setting of a run's tests: a scratch folder, banks of any size, peers, the available data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.writing import Put
 
 NOW = 1.8e9
-"""The time at which everything happens, in seconds since the epoch: ages do not depend on when one measures."""
+"""The time at which everything happens, in seconds since the epoch: ages do not depend on the time of measurement."""
 CHUNK = 5000
 
 Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
@@ -34,10 +34,10 @@ def _quiet(_share: float, _what: str) -> None:
 
 @dataclass
 class Setting:
-    """What tests share. ``folder`` is deleted after the run; ``tell`` hears how far a test is (a share, a word).
+    """What tests share. ``folder`` is deleted after the run; ``tell`` receives a test's progress (a share, a word).
 
-    ``released`` is the released code where a checkout was given; ``question_file`` a public set of questions and
-    evidence where there is one; ``embedders`` makes those to compare, by name.
+    ``released`` is the released code if a checkout was given; ``question_file`` a public set of questions and evidence
+    if available; ``embedders`` makes those to compare, by name.
     """
 
     folder: Path
@@ -55,11 +55,11 @@ class Setting:
         return min(number, max(least, round(number * self.scale)))
 
     def peers(self) -> list[Peer]:
-        """The plain peer, and the released code if it is here."""
+        """The plain peer, and the released code if given."""
         return [self.plain, *([self.released] if self.released is not None else [])]
 
     def records(self, count: int) -> list[Record]:
-        """Random lessons, the same for the same count; the last ones asked for are kept."""
+        """Random lessons, the same for the same count; the latest are cached."""
         if len(self._records) != count:
             self._records = lessons(count, self.seed, now=NOW)
         return self._records
@@ -69,7 +69,7 @@ class Setting:
         return f"sqlite:///{self.folder / name}.db"
 
     def filled(self, count: int) -> str:
-        """Address of a bank with that many records; made once, not to be changed: see :meth:`copied`."""
+        """Address of a bank with that many records; made once, read-only: see :meth:`copied`."""
         path = self.folder / f"filled-{count}.db"
         if not path.exists():
             records, embedder = self.records(count), StaticEmbedder()
@@ -102,7 +102,7 @@ class Setting:
 
     @contextmanager
     def copied(self, count: int, options: BankOptions | None = None) -> Iterator[KnowledgeBank]:
-        """An open bank with that many records, which may be changed; gone afterwards."""
+        """An open bank with that many records, which may be changed; deleted afterwards."""
         copy = self.folder / f"copy-{count}.db"
         whole_copy(self.filled(count), copy)
         try:
@@ -127,7 +127,7 @@ def whole_copy(url: str, path: Path) -> None:
 
 
 def admissions(count: int, seed: int) -> list[Admission]:
-    """Random lessons with verdicts that differ, as :meth:`KnowledgeBank.admit_many` takes them."""
+    """Random lessons with varied verdicts, as :meth:`KnowledgeBank.admit_many` takes them."""
     return [admission(record, i) for i, record in enumerate(lessons(count, seed, now=NOW))]
 
 

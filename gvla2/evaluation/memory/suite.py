@@ -17,7 +17,7 @@ from gvla2.evaluation.memory.figure import Test
 
 SUITE = "memory"
 VERSION = 1
-"""Of what the tests measure: rows of another version are measured anew."""
+"""Version of the tests: rows of another version are measured again."""
 
 
 @cache
@@ -28,7 +28,7 @@ def all_tests() -> tuple[Test, ...]:
 
 
 def chosen_tests(names: Sequence[str]) -> list[Test]:
-    """The tests of these names, or that give rows of these names; all for none.
+    """The tests with these names or with rows of these names; all if none are given.
 
     Raises :class:`~gvla2.errors.ConfigurationError` for a name that is neither.
     """

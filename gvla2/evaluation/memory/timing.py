@@ -43,7 +43,7 @@ def middle(times: list[float]) -> float:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Ours and the peers' garbage alike is collected before, not during."""
+    """Collects garbage before, not during, for us and the peers."""
     gc.collect()
     was = gc.isenabled()
     gc.disable()

@@ -1,4 +1,4 @@
-"""What keeping a bank in order costs: one candidate among many records, and a pass of governance."""
+"""The cost of maintaining a bank: one candidate among many records, and a pass of governance."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """A whole pass over a bank that has never been governed, with a budget of nine tenths of it."""
     budget = max(1, 9 * size // 10)
     with setting.copied(size, BankOptions(active_budget=budget)) as bank:
-        bank.recall("warm up")  # the index is there, as it is in a bank at work
+        bank.recall("warm up")  # build the index, as in a bank in use
         done: list[Governed] = []
         seconds = once(lambda: done.append(bank.govern()))
         active = bank.stats()["states"].get("active", 0)

@@ -1,4 +1,4 @@
-"""How fast a bank takes things in, durably: one by one and in batches; and what its store alone can do."""
+"""Durable write speed of a bank, one by one and in batches, and of its store alone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.writing import Put
 
 PATIENCE = 8.0
-"""Seconds that a peer is given for one rate."""
+"""Time limit of a peer for one rate, seconds."""
 BATCH = 2000
 Thing = TypeVar("Thing")
 
@@ -110,7 +110,7 @@ def _append(path: Path, lessons: Sequence[PeerLesson], batch: int) -> float:
 
 
 def _until(work: Callable[[Thing], object], things: Sequence[Thing], seconds: float) -> tuple[int, float]:
-    """How many were worked on before the time was over, and the time that they took."""
+    """The number processed within the time limit, and the time taken."""
     began = time.perf_counter()
     done = 0
     for thing in things:
@@ -128,7 +128,7 @@ def tests() -> list[Test]:
     store = (
         FigureRow("puts_single", "Store alone, one by one", "/s", "higher", 1300.0, 0),
         FigureRow("puts_batched", "Store alone, in batches", "/s", "higher", 8000.0, 0),
-        FigureRow("rev", "Asking the store for news", "us", "lower", 40.0, 1),
+        FigureRow("rev", "Checking the store for changes", "us", "lower", 40.0, 1),
         FigureRow("verify", "Verifying a whole bank", "s", "lower", None, 2),
     )
     return [

@@ -1,1 +1,1 @@
-"""The perception suite: perceived scenes against what a simulator's pixels truly show."""
+"""The perception suite: perceived scenes against a simulator's ground-truth pixels."""

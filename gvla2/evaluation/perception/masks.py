@@ -27,8 +27,8 @@ def object_masks(observation: Observation, objects: Sequence[SceneObject]) -> Bo
     """(N, P) pixels of each object, among those of all views that have a depth (see :func:`measured`).
 
     A perceiver keeps some thousand points of an object, fewer than its pixels, so gaps as wide as the points' own
-    spacing are closed; where points are sparse, pixels between and beside them that lie in the object's box are its
-    own, too, unless they are another's.
+    spacing are closed; where points are sparse, nearby pixels in the object's box count as its own too, unless they are
+    another's.
     """
     rows: list[list[BoolArray]] = [[] for _ in objects]
     for view, ok in zip(observation.views, measured(observation), strict=True):
@@ -66,7 +66,7 @@ def _closed(view: View, mask: BoolArray) -> BoolArray:
 def _filled(
     view: View, objects: Sequence[SceneObject], spots: Sequence[BoolArray], closed: Sequence[BoolArray]
 ) -> list[BoolArray]:
-    """The closed masks with what is missing about sparse points."""
+    """The closed masks, completed around sparse points."""
     sparse = [_spacing(mask) > 1 for mask in spots]
     if view.depth is None or not any(sparse):
         return list(closed)
@@ -96,7 +96,7 @@ def _off_robot(view: View, mask: BoolArray) -> BoolArray:
 
 
 def _spacing(mask: BoolArray) -> int:
-    """How far apart the pixels of a mask lie, most of them; 1 at least."""
+    """The typical spacing of a mask's pixels; at least 1."""
     spots = np.argwhere(mask)
     if len(spots) < 2:
         return 1

@@ -16,13 +16,13 @@ FOUND = 0.5
 """Intersection over union above which a thing is found."""
 
 OF_IT = 0.5
-"""Share of an object's pixels that lie on a thing from which it is a piece of that thing."""
+"""Share of an object's pixels on a thing above which it is a piece of that thing."""
 
 
 @dataclass(frozen=True)
 class Match:
-    """What was perceived of a thing. ``index`` of the object in the scene, -1 for none; ``iou`` in [0, 1], over all
-    views together; ``box`` is the object, with its parts where those made it match.
+    """The perceived match of a thing. ``index`` of the object in the scene, -1 for none; ``iou`` in [0, 1], over all
+    views together; ``box`` is the object, with its parts if they made it match.
     """
 
     index: int
@@ -37,18 +37,18 @@ class Match:
 
 @dataclass(frozen=True)
 class Stray:
-    """An object that is no thing: ``piece_of`` names the thing that it is a piece of, "" for a phantom."""
+    """A false object: ``piece_of`` names the thing it is a piece of, "" for a phantom."""
 
     index: int
     piece_of: str
 
 
 def match(things: Sequence[TrueThing], scene: Scene, masks: BoolArray) -> list[Match]:
-    """One match a thing, no object twice; together they overlap as much as possible. ``masks`` (N, P).
+    """One match per thing, no object twice, with the largest total overlap. ``masks`` (N, P).
 
-    An object with parts is taken with or without them, and so is a thing, whichever overlaps more: people call both
-    the umbrella and its folds without the handle an umbrella. All pieces of a pile are taken together: how finely it is
-    cut is no error.
+    An object with parts is taken with or without them, and so is a thing, whichever overlaps more: an umbrella is an
+    umbrella with or without its handle. All pieces of a pile are taken together: how finely it is split is not an
+    error.
     """
     objects = scene.objects
     place = {thing.id: k for k, thing in enumerate(objects)}
@@ -80,9 +80,9 @@ def match(things: Sequence[TrueThing], scene: Scene, masks: BoolArray) -> list[M
 def false_objects(
     things: Sequence[TrueThing], matches: Sequence[Match], scene: Scene, masks: BoolArray
 ) -> list[Stray]:
-    """The objects that no found thing accounts for.
+    """The objects that no found thing explains.
 
-    Parts of an object that matched, on its thing, are no error, nor are pieces of a pile.
+    Parts of a matched object on its thing are not errors, nor are pieces of a pile.
     """
     taken = {one.index: thing for one, thing in zip(matches, things, strict=True) if one.found}
     place = {thing.id: k for k, thing in enumerate(scene.objects)}

@@ -1,4 +1,4 @@
-"""A picture of what was perceived beside what is there: true outlines against perceived boxes."""
+"""A picture of perception against truth: true outlines and perceived boxes."""
 
 from __future__ import annotations
 

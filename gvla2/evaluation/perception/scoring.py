@@ -1,4 +1,4 @@
-"""One perceived scene against the truth: what was found, how well, and what is not there at all."""
+"""One perceived scene against the truth: what was found, how well, and what does not exist."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene, SceneObject
 
 IN_SIGHT = 0.8
-"""Share of a side that pixels must span for its length to be asked for: nobody sees how long a knife in a block is."""
+"""Share of a side that pixels must span for its length to be judged: the length of a knife in a block is hidden."""
 
 _UNJUDGED = Words(None, None, None)
 
 
 @dataclass(frozen=True)
 class ThingScore:
-    """How well a true thing was perceived. Of one that was not found only ``match`` tells something.
+    """How well a true thing was perceived. If it was not found, only ``match`` is meaningful.
 
-    ``extents_mm`` (3,): by how much the side lengths are off, along the true box's axes (negative: perceived too
-    small); None along an axis of which less than :data:`IN_SIGHT` is seen. ``centre_mm``: distance of the boxes'
-    centres along the other axes.
+    ``extents_mm`` (3,): errors of the side lengths along the true box's axes (negative: perceived too small); None
+    along an axis of which less than :data:`IN_SIGHT` is seen. ``centre_mm``: distance of the boxes' centres along the
+    other axes.
     """
 
     thing: TrueThing
@@ -53,12 +53,12 @@ class SceneScore:
 
     @property
     def found(self) -> float | None:
-        """Share of the things that were found; None where there was nothing to find."""
+        """Share of the things that were found; None if there was nothing to find."""
         return float(np.mean([one.match.found for one in self.things])) if self.things else None
 
 
 def score(things: Sequence[TrueThing], scene: Scene, observation: Observation) -> SceneScore:
-    """Compare a scene with the true things; both were made of the observation."""
+    """Compare a scene with the true things of the same observation."""
     masks = object_masks(observation, scene.objects)
     matches = match(things, scene, masks)
     scores = tuple(_score(thing, one, scene) for thing, one in zip(things, matches, strict=True))
@@ -78,7 +78,7 @@ def _score(thing: TrueThing, one: Match, scene: Scene) -> ThingScore:
 
 
 def extent_errors(true: SceneObject, seen: SceneObject) -> FloatArray:
-    """(3,) metres by which side lengths are off, along the true box's axes.
+    """(3,) errors of the side lengths along the true box's axes, metres.
 
     Each true axis is compared with the perceived one that is most parallel to it: the order of two level axes is
     arbitrary.

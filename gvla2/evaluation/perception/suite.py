@@ -1,4 +1,4 @@
-"""Measuring one layout: lay it out, look, perceive, compare with what the pixels truly show."""
+"""Measuring one layout: lay it out, look, perceive, compare with the ground-truth pixels."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from gvla2.robot.task import Task
 
 SUITE = "perception"
 VERSION = 2
-"""Of what is measured: rows of another version are measured anew."""
+"""Version of the measurement: rows of another version are measured again."""
 
 WHOLE = 0.8
-"""Overlap from which a thing of which no second piece is seen counts as seen whole."""
+"""Overlap above which a thing without a second piece counts as seen whole."""
 
 SCENE = "scene"
-"""The ``object`` and ``kind`` of the row that is of a layout as a whole."""
+"""The ``object`` and ``kind`` of a whole layout's row."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What a layout is measured with; ``planner`` None leaves abstentions unmeasured."""
+    """The components that measure a layout; with ``planner`` None abstentions are not measured."""
 
     robot: RobotBackend
     task: Task
@@ -57,7 +57,7 @@ class WantedLayout:
 
 @dataclass(frozen=True)
 class MeasuredLayout:
-    """The rows of a layout, the scene's first, then one a true thing; ``picture`` is PNG, where one was asked for."""
+    """The rows of a layout, the scene's first, then one per true thing; ``picture`` is PNG, if requested."""
 
     cells: tuple[Cell, ...]
     picture: bytes | None = None
@@ -71,11 +71,11 @@ def layout_seed(seed: int, episode: int) -> int:
 def measure(wanted: WantedLayout, bench: Bench) -> MeasuredLayout:
     """All rows of a layout; a layout that cannot be measured is a row that says why.
 
-    Raises :class:`ConfigurationError` for a robot that does not know the truth.
+    Raises :class:`ConfigurationError` for a robot without ground truth.
     """
     if not isinstance(bench.robot, Segmented):
         raise ConfigurationError(
-            "suite=perception needs a simulated robot that tells which pixel shows what, such as robot=sapien_panda."
+            "suite=perception needs a simulated robot that knows what each pixel shows, such as robot=sapien_panda."
         )
     try:
         return _measure(wanted, bench, bench.robot)
@@ -89,7 +89,7 @@ def _measure(wanted: WantedLayout, bench: Bench, truth: Segmented) -> MeasuredLa
     instance = bench.robot.reset(bench.task, wanted.layout)
     if instance is None:
         raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
-    # What is there is told by what the cameras would show if they did not err.
+    # The truth is what ideal cameras would show.
     clear = bench.robot.observe()
     observation = _noisy(clear, bench, wanted.layout)
     things = true_things(truth, clear, instance.layout)
@@ -118,12 +118,12 @@ def _measure(wanted: WantedLayout, bench: Bench, truth: Segmented) -> MeasuredLa
 
 
 def _noisy(clear: Observation, bench: Bench, layout: int) -> Observation:
-    """What the cameras see, as noisy as in an episode of that seed."""
+    """The cameras' views with the noise of an episode of that seed."""
     return apply_noise(clear, bench.noise, np.random.default_rng([layout, 0]), layout)
 
 
 def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple[Scene, str]:
-    """The scene; an empty one with the reason where the perceiver sees none."""
+    """The scene; an empty one with the reason if the perceiver sees none."""
     workspace = bench.robot.arm.workspace
     try:
         return bench.perceiver.perceive(observation, instruction, workspace), ""
@@ -132,7 +132,7 @@ def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple
 
 
 def _abstains(bench: Bench, planner: Planner, layout: int) -> bool:
-    """Whether perceiver and planner together refuse a sentence that two things fit."""
+    """Whether perceiver and planner together refuse a sentence that fits two things."""
     instance = bench.robot.reset(TwinTask(bench.task), layout)
     assert instance is not None
     observation = _noisy(bench.robot.observe(), bench, layout)
@@ -151,7 +151,7 @@ def _abstains(bench: Bench, planner: Planner, layout: int) -> bool:
 
 
 def _summary(result: SceneScore) -> dict[str, float | None]:
-    """The scene's own figures: medians over its things, and how many objects are none."""
+    """The scene's own figures: medians over its things, and the number of false objects."""
     found = [one for one in result.things if one.match.found]
     labels = [one.words.label for one in found if one.words.label is not None]
     return {
@@ -170,7 +170,7 @@ def _median(values: list[Any]) -> float | None:
 
 
 def _strays(result: SceneScore, scene: Scene) -> list[str]:
-    """A line for each object that is none."""
+    """A line for each false object."""
     lines = []
     for stray in result.strays:
         what = f"a piece of {stray.piece_of}" if stray.piece_of else "nothing that is there"
@@ -212,6 +212,6 @@ def _number(value: bool | None) -> float | None:
 
 
 def with_picture(cells: tuple[Cell, ...], path: str) -> tuple[Cell, ...]:
-    """The rows of a layout, the scene's with the place of its picture."""
+    """The rows of a layout, the scene's with the path of its picture."""
     scene, *rest = cells
     return (replace(scene, notes={**scene.notes, "picture": path}), *rest)

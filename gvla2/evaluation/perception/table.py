@@ -1,4 +1,4 @@
-"""The tables of the perception suite: by task and by kind of object, medians and the worst of twenty."""
+"""The tables of the perception suite: by task and by kind of object, medians and 95th percentiles."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OF_SCENES = ("false a scene ↓", "abstained ↑", "seconds ↓")
 
 @dataclass(frozen=True)
 class PerceptionLayout:
-    """A suite with a row a layout (``object`` is ``scene``) and a row a true thing."""
+    """A suite with a row per layout (``object`` is ``scene``) and a row per true thing."""
 
     suite: str
     title: str
@@ -48,7 +48,7 @@ class PerceptionTable:
     runs: tuple[int, ...]
 
     def pictures(self) -> list[tuple[str, str]]:
-        """Caption and path of a picture a task; a table by kind has none."""
+        """Caption and path of a picture per task; a table by kind has none."""
         if self.by != "task":
             return []
         paths = {
@@ -61,19 +61,18 @@ PERCEPTION = PerceptionLayout(
     suite="perception",
     title="Perception",
     explanation=(
-        "Things that the pixels truly show, against the perceived objects. Mask IoU is over all views together, and a "
-        "thing is found above 0.5, seen whole from 0.8 where no second object is a piece of it. "
-        "Label, colour, centre and extent are of what was found: a label is right when its "
-        "colour words and its head noun are the true ones (a synonym is wrong), an extent's error is that of the worst "
-        "side that is in sight. The first line is the median (a share, where it is in per cent), the second the 95th "
-        "percentile, p95: one in twenty is worse. False objects are no thing, or a second piece of one. Abstained: "
-        "sentences that fit two twins of one colour, refused."
+        "Things that the true pixels show, against the perceived objects. Mask IoU is over all views together, and a "
+        "thing is found above 0.5, seen whole from 0.8 where no second object is a piece of it. Label, colour, centre "
+        "and extent are of found things: a label is right when its colour words and its head noun are the true ones "
+        "(a synonym is wrong), an extent's error is that of the worst visible side. The first line is the median (a "
+        "share, if in per cent), the second the 95th percentile, p95: one in twenty is worse. False objects match no "
+        "thing, or are a second piece of one. Abstained: refused sentences that fit two twins of one colour."
     ),
 )
 
 
 def make_perception_tables(cells: Iterable[Cell], layout: PerceptionLayout) -> list[PerceptionTable]:
-    """Two tables a group, by task and by kind; of equal cells measured twice the later counts."""
+    """Two tables per group, by task and by kind; if equal cells were measured twice, the later counts."""
     groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
     for cell in sorted(cells, key=lambda cell: cell.run):
         factors = cell.factors
@@ -93,13 +92,13 @@ def make_perception_tables(cells: Iterable[Cell], layout: PerceptionLayout) -> l
 
 
 def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells whose layout was last measured together with them: what an older run saw may have had other names."""
+    """The cells whose layout was last measured together with them: an older run's things may have had other names."""
     latest = {key for cell in cells for key in [cell.key, *cell.notes.get("objects", [])] if _is_scene(cell)}
     return [cell for cell in cells if cell.key in latest]
 
 
 def sheet_of_perception(table: PerceptionTable) -> Sheet:
-    """One row a task, or a kind of thing, and one of them all."""
+    """One row per task or kind of thing, and one for all."""
     scenes = table.by == "task"
     groups: dict[str, list[Cell]] = {}
     for cell in table.cells:
@@ -168,7 +167,7 @@ def _spread(cells: Sequence[Cell], name: str, digits: int, worst: float = 95) ->
 
 
 def _missed(things: Sequence[Cell]) -> str:
-    """What was missed most often: the kind and how many of how many."""
+    """The most often missed kind, and how many of how many."""
     missed: dict[str, int] = {}
     for cell in things:
         if not cell.measures.get("found"):

@@ -1,4 +1,4 @@
-"""What truly lies on the table, with the pixels that show it."""
+"""The true objects on the table, with the pixels that show them."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from gvla2.robot.task import Body, Layout, Primitive
 from gvla2.robot.volumes import Volume
 
 SEEN = 20
-"""Pixels of all views together below which a thing counts as hidden: nobody is asked to find it."""
+"""Pixels of all views together below which a thing counts as hidden and need not be found."""
 
 TOUCH = 0.002
 """Metres between things of one pile."""
 
 ALL_OF_IT = 0.9
-"""Share of a whole's pixels from which a part is all that is in sight of it."""
+"""Share of a whole's pixels above which only the part is visible."""
 
 THIN = 0.004
-"""Metres below which a side is too thin for pixels to span it."""
+"""Metres below which a side is too thin to be spanned by pixels."""
 
 BoolArray = NDArray[np.bool_]
 
 
 @runtime_checkable
 class Segmented(Protocol):
-    """A simulated robot that tells which pixel shows what. Only benchmarks of perception ask."""
+    """A simulated robot that knows what each pixel shows. Only perception benchmarks use it."""
 
     def true_scene(self) -> Scene:
         """Every body as an object, its id the body's name, and its named parts, called ``body/label``."""
@@ -50,12 +50,12 @@ class Segmented(Protocol):
 
 @dataclass(frozen=True)
 class TrueThing:
-    """One thing to find. ``box`` has its pose and extents; ``label`` is "" where the task names it not.
+    """One thing to find. ``box`` has its pose and extents; ``label`` is "" if the task does not name it.
 
     ``kind`` is its head noun. ``whole`` and ``bare`` (P,) mark its pixels among those of all views that have a depth
     (see :func:`measured`): with its named parts, and without. ``seen`` (3,) is the share of each side of the box that
-    those pixels span: what stands in a holder is seen in part. ``part`` is a named part of another; ``count`` says of
-    how many bodies a pile is.
+    those pixels span: a thing in a holder is partly hidden. ``part`` marks a named part of another; ``count`` is a
+    pile's number of bodies.
     """
 
     name: str
@@ -70,7 +70,7 @@ class TrueThing:
 
 
 def measured(observation: Observation) -> list[BoolArray]:
-    """The pixels (H, W) of each view that have a depth; the others tell a perceiver nothing."""
+    """The pixels (H, W) of each view that have a depth; the others are useless to a perceiver."""
     return [
         np.ones(view.image.shape[:2], dtype=bool) if view.depth is None else np.isfinite(view.depth)
         for view in observation.views
@@ -78,10 +78,10 @@ def measured(observation: Observation) -> list[BoolArray]:
 
 
 def true_things(robot: Segmented, observation: Observation, layout: Layout) -> list[TrueThing]:
-    """All things and named parts that at least :data:`SEEN` pixels show; a part of which nothing but the part is in
-    sight is no second thing (a knife in its block is its handle).
+    """All things and named parts that at least :data:`SEEN` pixels show; if only a part of its whole is visible, they
+    are one thing (a knife in its block is its handle).
 
-    Bodies of one label that touch one another are one pile: nothing in the pictures tells them apart.
+    Touching bodies of one label are one pile: the pictures cannot tell them apart.
     """
     names, images = robot.true_masks(observation)
     pixels = np.concatenate([image[ok] for image, ok in zip(images, measured(observation), strict=True)])
@@ -121,7 +121,7 @@ def _points(observation: Observation) -> FloatArray:
 
 
 def _spanned(box: SceneObject, points: FloatArray) -> FloatArray:
-    """(3,) share of the box's sides that points (N, 3) span; 1 of a side that is thinner than depth is measured."""
+    """(3,) share of the box's sides that points (N, 3) span; 1 for a side thinner than the depth's accuracy."""
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return np.zeros(3)
@@ -151,7 +151,7 @@ def _one_pile(one: TrueThing, other: TrueThing) -> bool:
 
 
 def _pile(members: Sequence[TrueThing]) -> TrueThing:
-    """One thing of several, its box about all of them along the axes of the lowest."""
+    """Several things as one, its box around all of them along the axes of the lowest."""
     lowest = min(members, key=lambda thing: thing.box.bottom)
     box = box_about([thing.box for thing in members], lowest.box)
     return TrueThing(

@@ -1,4 +1,4 @@
-"""Episodes with two things that nobody can tell apart by the sentence: what is asked of them cannot be answered."""
+"""Episodes with two things that the sentence cannot tell apart: such instructions must be refused."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class TwinTask:
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
-        """The task's own episode, with twins where its sentence allows them."""
+        """The task's own episode, with twins if its sentence allows them."""
         instance = self._task.sample(rng, site, instruction)
         return with_twins(instance) or instance
 
 
 def with_twins(instance: TaskInstance) -> TaskInstance | None:
-    """The episode with every body that has the shape of one that the sentence names by its colour painted like it.
+    """The episode in which every body of the same shape as one that the sentence names by colour is painted like it.
 
-    None when the sentence names no thing by its colour, or none has a body of its shape beside it. What the sentence
-    names by a colour of its own stays as it is: "the red and the blue one" are two things, not twins.
+    None when the sentence names no thing by its colour, or no other body has its shape. Things that the sentence names
+    by a different colour stay as they are: "the red and the blue one" are two things, not twins.
     """
     said = set(_plain(instance.instruction).split())
     layout = instance.layout
@@ -53,12 +53,12 @@ def _plain(words: str) -> str:
 
 
 def _named(body: Body, said: set[str]) -> bool:
-    """Whether a colour of the body's label is among the words that are said."""
+    """Whether a colour of the body's label is among the spoken words."""
     return bool(said.intersection(colours_in(body.label)))
 
 
 def _alike(one: Body, other: Body) -> bool:
-    """Whether two bodies are of one shape and called the same but for their colours."""
+    """Whether two bodies have the same shape and, colours aside, the same name."""
     if not one.label or one.label == other.label or _uncoloured(one.label) != _uncoloured(other.label):
         return False
     return len(one.solids) == len(other.solids) and all(

@@ -1,4 +1,4 @@
-"""Whether a perceived label says what a person would say, by its words."""
+"""Whether a perceived label matches a person's words."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from gvla2.planning.colours import SYNONYMS, colours_in
 
 PILE = "pile"
 PILES = ("heap", "stack", "tower")
-"""Words for several things that are one to look at; which of them is a matter of taste."""
+"""Words for several things that look like one; the choice is a matter of taste."""
 
 
 @dataclass(frozen=True)
 class Words:
-    """How a label compares with the true one; None where the true one says nothing about it.
+    """How a label compares with the true one; None if the true one does not mention it.
 
     ``colour``: the same colour words. ``noun``: the same head noun, the last word ("mustard bottle" is a bottle).
     ``label``: both.
@@ -36,7 +36,7 @@ def compare(true: str, perceived: str) -> Words:
 
 
 def head_noun(label: str) -> str:
-    """The last word that is no colour, in lower case, one word for all piles; "" where there is none."""
+    """The last word that is not a colour, in lower case, one word for all piles; "" if there is none."""
     words = re.findall(r"[a-z]+", label.lower())
     colours = {*colours_in(label), *SYNONYMS}
     noun = next((word for word in reversed(words) if word not in colours), "")

@@ -1,1 +1,1 @@
-"""The robot suite: what success there is, and how much of it memory is worth, measured without favour."""
+"""The robot suite: success rates, and memory's contribution to them."""

@@ -1,4 +1,4 @@
-"""The arms of the ablation that are no plain memory: frozen ones, another task's, and a search without a bank."""
+"""The ablation's special arms: frozen memories, another task's, and a search without a bank."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gvla2.planning.effects import Effect
 
 FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
 CERTAIN = 1_000_000
-"""Successes claimed for the best theta, so that nothing of the default is left in it."""
+"""Successes claimed for the best theta, so that the default has no weight left."""
 
 
 class Frozen:
-    """A memory that recalls and does not learn: what it knew before the test is all that it knows."""
+    """A memory that recalls but does not learn during the test."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -43,10 +43,10 @@ class Frozen:
 
 
 class Shuffled(Frozen):
-    """A frozen memory that is always asked about another task: what comes back was learnt there.
+    """A frozen memory that is always asked about another task.
 
-    The control for "any memory would have helped": as many records, as much text, the wrong lessons. Where no other
-    task left any experience (``asked`` is None) nothing comes back, and never the task's own.
+    The control for "any memory would have helped": as many records, as much text, the wrong lessons. If no other task
+    left any experience (``asked`` is None) it recalls nothing, never the task's own.
     """
 
     def __init__(self, memory: Memory, asked: MemoryTask | None) -> None:
@@ -61,10 +61,10 @@ class Shuffled(Frozen):
 
 
 class BestTheta:
-    """No bank: the mean theta of a task's explorations that the robot verified as successes, as it is.
+    """No bank: the plain mean theta of a task's explorations that the robot verified as successes.
 
     The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
-    name, but no retrieval and no governance. Without a success the defaults stay.
+    name, but no retrieval and no governance. Without a success it keeps the defaults.
     """
 
     def __init__(self, experiences: Sequence[Experience]) -> None:
@@ -79,7 +79,7 @@ class BestTheta:
         ]
 
     def recall(self, task: MemoryTask) -> MemoryContext:
-        """One hint a parameter."""
+        """One hint per parameter."""
         items = tuple(
             MemoryItem(
                 id=f"best-{effect.skill}-{effect.parameter}",

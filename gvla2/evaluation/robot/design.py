@@ -1,4 +1,4 @@
-"""The design of the robot suite: which episodes, in which arms, and how their failures are classed."""
+"""The design of the robot suite: which episodes, in which arms, and how failures are classified."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from gvla2.record.contents import EpisodeRecord
 
 SUITE = "robot"
 EXPLORATION = "robot_exploration"
-"""The suite under which the results database keeps what the arms learn from."""
+"""The suite under which the results database stores the arms' experience."""
 VERSION = 2
-"""Of the protocol: rows of another version are measured anew."""
+"""The protocol's version: rows of another version are measured again."""
 
 PROFILES = ("eased", "strict")
 CONTROLS = ("off", "shuffled", "best_theta")
-"""Arms that are no memory: without one, with another task's, and a search for theta that keeps no bank."""
+"""Arms without a memory of their own: none, another task's, and a search for theta without a bank."""
 MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
-"""Arms whose memory has another name than they have."""
+"""Arms whose memory has a different name."""
 
 PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -38,7 +38,7 @@ PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
         "insert_block": (34.3, 13.3),
     }
 )
-"""Success in per cent, with and without memory, as the paper reports it: from another simulator, thus no baseline."""
+"""Success in per cent, with and without memory, as the paper reports it: from another simulator, so not a baseline."""
 
 STRIDE = 10_000
 
@@ -49,26 +49,26 @@ def layout_seed(seed: int, episode: int) -> int:
 
 
 def check_seeds(episodes: int, exploration_seeds: Sequence[int], layouts: Sequence[int] = ()) -> None:
-    """Raises :class:`ConfigurationError` where exploration could meet a test's layout.
+    """Raises :class:`ConfigurationError` if exploration could use a test's layout.
 
-    ``layouts`` are those of the test where they are named, instead of ``episodes`` for each seed.
+    ``layouts`` are those of the test if they are named, instead of ``episodes`` for each seed.
     """
     if episodes > STRIDE:
         raise ConfigurationError(f"episodes is {episodes}; {STRIDE} at most fit to one seed.")
     bad = [seed for seed in exploration_seeds if not 0 <= seed < STRIDE]
     if bad:
         raise ConfigurationError(
-            f"exploration_seeds {bad} do not lie in [0, {STRIDE}): further ones lay out the test."
+            f"exploration_seeds {bad} are not in [0, {STRIDE}): higher ones lay out the test."
         )
     met = sorted(set(exploration_seeds) & set(layouts))
     if met:
         raise ConfigurationError(
-            f"layouts {met} are among the exploration_seeds: what was explored cannot test. Name others."
+            f"layouts {met} are among the exploration_seeds: an explored layout cannot be a test. Choose others."
         )
 
 
 def ordered(tasks: Sequence[str]) -> list[str]:
-    """Each task once, the paper's first in its order; the paper's fourteen for none."""
+    """Each task once, the paper's first in its order; the paper's fourteen if none are given."""
     chosen = list(dict.fromkeys(tasks)) or list(PAPER)
     return [name for name in PAPER if name in chosen] + [name for name in chosen if name not in PAPER]
 
@@ -79,7 +79,7 @@ def stand_in(task: str, tasks: Sequence[str]) -> str:
 
 
 def others_of(task: str, tasks: Sequence[str]) -> list[str]:
-    """The tasks that could stand in for ``task``, the next one first: its own is never among them."""
+    """The tasks that could stand in for ``task``, the next one first, never itself."""
     circle = list(tasks) if len(tasks) > 1 else [task, *(name for name in PAPER if name != task)]
     place = circle.index(task)
     return circle[place + 1 :] + circle[:place]
@@ -88,14 +88,14 @@ def others_of(task: str, tasks: Sequence[str]) -> list[str]:
 GRASP = ("slipped",)
 UNSEEN = ("nothing_matches", "ambiguous", "perception")
 NOT_MEASURED = ("timeout", "unavailable")
-"""Kinds of failure that say nothing of an arm: its planner did not answer in time, or its model was not there."""
+"""Kinds of failure that do not count against an arm: its planner timed out, or its model was unavailable."""
 
 
 def failure_class(record: EpisodeRecord) -> str:
     """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
 
-    ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and saw for itself.
-    ``unavailable`` whatever became of it where the planner's model answered nothing: the plan, if any, was another's.
+    ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and noticed the
+    failure. ``unavailable``: the planner's model did not answer; the plan, if any, was another's.
     """
     failure = record.failure
     asked = record.language.get("plan", {})

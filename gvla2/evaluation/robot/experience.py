@@ -1,4 +1,4 @@
-"""What exploration leaves: episodes as memory is told of them, so that every arm learns from the very same ones."""
+"""The experience of exploration: episodes as reported to memory, so that every arm learns from the same ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gvla2.skills.table import STANDARD
 
 @dataclass(frozen=True)
 class Experience:
-    """A story of an explored episode: what memory is told, and the robot's own verdict; nothing is the referee's."""
+    """A story of an explored episode: the report to memory, and the robot's own verdict, never the referee's."""
 
     task: str
     seed: int
@@ -24,7 +24,7 @@ class Experience:
 
     @classmethod
     def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
-        """The experience of a record, one an attempt and part; none where all ended before anything could be learnt."""
+        """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
         return tuple(
             cls(record.task, record.seed, episode, verdict) for episode, verdict in told_of(record, skills)
         )

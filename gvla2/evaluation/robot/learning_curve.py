@@ -1,4 +1,4 @@
-"""Success against the number of explored layouts, as a picture: one line a planner and world of things."""
+"""Success against the number of explored layouts, as a picture: one line per planner and world."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Point = tuple[int, int, int]
 
 
 def learning_curve(cells: Iterable[Cell]) -> str:
-    """An SVG of success in per cent (eased) over arms that differ in how much they explored; "" with under three.
+    """An SVG of success in per cent (eased) over arms with different amounts of exploration; "" with under three.
 
-    ``off`` counts as none explored. Bars are 95 % Wilson intervals over episodes.
+    ``off`` counts as zero. Bars are 95 % Wilson intervals over episodes.
     """
     lines = {name: found for name, found in _lines(cells).items() if len(found) >= FEWEST}
     if not lines:

@@ -1,4 +1,4 @@
-"""Planners side by side: what each reaches task by task, and what it costs in seconds and tokens."""
+"""Planners side by side: success by task, and cost in seconds and tokens."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
 
 FIRST = ("off", "on")
 TAUGHT = " (taught by "
-"""Before the planner whose exploration an arm learnt from, where it is another."""
+"""Precedes the planner whose exploration an arm learnt from, if it is a different one."""
 NONE = SheetCell(("not measured",), none=True)
 
 PLANNERS = (
     "Success in per cent over episodes with its 95 % Wilson interval; below it an episode's median seconds of planning "
     "(checks and answers to rejected plans included), its mean number of calls to a language model, and the mean "
     "tokens of their prompts + answers as the server counted them. The mean is over tasks. Answers from a cache cost "
-    "neither tokens nor time and are told apart; so are episodes in which the fallback planned."
+    "neither tokens nor time and are listed separately; so are episodes in which the fallback planned."
 )
 
 
 def unmeasured(cell: Cell) -> bool:
-    """Whether the episode says nothing of its arm: the planner did not answer in time, or its model was not there."""
+    """Whether the episode does not count for its arm: the planner timed out, or its model was unavailable."""
     return cell.measures.get("success") is None
 
 
 def arm_of(cell: Cell) -> str:
-    """The arm as tables name it: with its options where it is a variant; what another planner explored is another."""
+    """The arm's name in tables: with its options if it is a variant, and the exploring planner if another."""
     variant, teacher = cell.factors.get("variant"), cell.factors.get("teacher")
     name = f"{cell.factors['arm']} ({variant})" if variant else str(cell.factors["arm"])
     return f"{name}{TAUGHT}{teacher})" if teacher else name
@@ -48,7 +48,7 @@ def success_lines(cells: Sequence[Cell]) -> tuple[str, str]:
 
 
 def columns_of(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
-    """The cells by planner, its language model where there are several, and arm where there are others than ``off``."""
+    """The cells by planner, its language model if there are several, and arm if any is not ``off``."""
     models: dict[str, set[str]] = {}
     for cell in cells:
         models.setdefault(str(cell.factors["planner"]), set()).add(str(cell.factors.get("model", "")))
@@ -73,7 +73,7 @@ def planner_sheet(
     runs: tuple[int, ...],
     costs: bool = True,
 ) -> Sheet:
-    """Tasks down, planners across, a row of means, then, with ``costs``, what an episode costs."""
+    """Tasks down, planners across, a row of means, then, with ``costs``, the cost per episode."""
     found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
     sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
     rows = []
@@ -122,7 +122,7 @@ def _costs(cells: Sequence[Cell]) -> list[str]:
 
 
 def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
-    """The mean over tasks, its deviation over seeds where there are several, and how many tasks are ever reached."""
+    """The mean over tasks, its deviation over seeds if there are several, and how many tasks ever succeed."""
     by_seed: dict[str, dict[str, list[bool]]] = {}
     for cell in cells:
         of_seed = by_seed.setdefault(str(cell.factors["seed"]), {})

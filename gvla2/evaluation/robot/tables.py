@@ -26,9 +26,9 @@ from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone
 from gvla2.evaluation.statistics import mean_and_deviation
 
 HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
-"""Factors that planners must have in common to be compared."""
+"""Factors that planners must share to be compared."""
 PLANNER = ("planner", "model")
-"""Factors that the arms of a table have in common besides."""
+"""Further factors that the arms of a table share."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
 LONGEST_REASON = 200
@@ -37,16 +37,16 @@ LONGEST_REASON = 200
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, p < .05). "
-    "The paper's rows are from another simulator: a level to be above, no like-for-like comparison."
+    "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 )
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
     "lost; exact McNemar p over all pairs; tasks that differ after Holm."
 )
 FAILURES = (
-    "Episodes that missed the eased goal by where they went wrong; agreement of the robot's own verifier with the "
-    "referee where it said success or failure; median seconds of an episode. Not measured: the planner gave no answer "
-    "in time or its language model was not there; such episodes count nowhere and are measured again next time."
+    "Episodes that missed the eased goal, by cause; agreement of the robot's own verifier with the "
+    "referee where it said success or failure; median seconds of an episode. Not measured: the planner timed out or "
+    "its language model was unavailable; such episodes are not counted and are measured again next time."
 )
 
 
@@ -60,7 +60,7 @@ class RobotLayout:
 
 @dataclass(frozen=True)
 class Film:
-    """An episode that can be looked at: what it is, and the folder of its run page."""
+    """A filmed episode: its caption, and the folder of its run page."""
 
     caption: str
     folder: str
@@ -138,7 +138,7 @@ def _said(cell: Cell, names: Sequence[str]) -> str:
 def _of_planner(
     cells: Sequence[Cell], tasks: Sequence[str], layout: RobotLayout, runs: tuple[int, ...], compared: bool
 ) -> list[Sheet]:
-    """What memory does for one planner; nothing where it is off and the planner was ``compared`` above."""
+    """Memory's effect for one planner; nothing if it is off and the planner was ``compared`` above."""
     arms = arms_of(cells)
     if compared and len(arms) == 1:
         return []
@@ -220,7 +220,7 @@ def _pairs(found: _Episodes, task: str, first: str, second: str) -> list[Pair]:
 
 
 def _different(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> dict[str, int]:
-    """Tasks in which the second arm differs for sure, and whether it gained (1) or lost (-1)."""
+    """Tasks in which the second arm differs significantly, and whether it gained (1) or lost (-1)."""
     if first == second:
         return {}
     pairs = {task: made for task in tasks if (made := _pairs(found, task, first, second))}

@@ -1,4 +1,4 @@
-"""What may enter the bank, and in which state at best: by verdict, by where it comes from, by what the text looks like.
+"""What may enter the bank, and in which state at best: by verdict, origin and text.
 
 Decisions on plain data.
 """
@@ -21,12 +21,11 @@ _FAILED, _SUCCEEDED = 0.35, 0.70
 
 @dataclass(frozen=True)
 class Weighed:
-    """A lesson and what may become of it: its ``state`` in the bank at best, or None when it is not stored; ``note``
-    says why.
+    """A weighed lesson: its ``state`` in the bank at best, or None when it is not stored; ``note`` says why.
 
-    ``trust`` is what its one origin is worth, ``screened`` whether its text takes a level off: with both, whoever knows
-    what else was said decides (:func:`gvla2.memory.curation.trust.trust_of`). Who stores it adds its dedup ``key`` and
-    its unit ``vector`` (D,).
+    ``trust`` is that of its one origin, ``screened`` whether its text lowers it by a level: both, with the record's
+    other origins, give its final trust (:func:`gvla2.memory.curation.trust.trust_of`). Its dedup ``key`` and unit
+    ``vector`` (D,) are added on storing.
     """
 
     lesson: Lesson
@@ -49,11 +48,11 @@ def weigh(
 ) -> Weighed:
     """Decide on one lesson.
 
-    Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
-    teaches constraints, never recipes. ``origin`` is who says it (None: an episode of ours); ``trust`` is given instead
-    for a record that is judged again. What is not believed stays provisional whatever its verdict, and so does what a
-    model wrote without evidence (``ungrounded`` says why). ``options.admission`` False is the ablation that lets in all
-    that is ours; ``options.failures`` False learns nothing from failures.
+    Verified lessons may become active; uncertain or unjudged ones are provisional. A failed episode teaches
+    constraints, never recipes. ``origin`` is its source (None: an episode of ours); ``trust`` is given instead for a
+    record that is judged again. A lesson that is not believed stays provisional whatever its verdict, and so does a
+    model's lesson without evidence (``ungrounded`` says why). ``options.admission`` False is the ablation that admits
+    all lessons of ours; ``options.failures`` False learns nothing from failures.
     """
     options = options or BankOptions()
     if not lesson.content.strip():
@@ -62,7 +61,7 @@ def weigh(
     if not options.failures and (failed or lesson.type == "failure_avoidance"):
         return Weighed(lesson, None, "Learning from failures is switched off.")
     if failed and lesson.type != "failure_avoidance":
-        why = "A recipe from a failed episode was left out: failures teach constraints alone."
+        why = "A recipe from a failed episode was left out: failures only teach constraints."
         return Weighed(lesson, None, why)
     suspicious = screen(lesson.content) or screened_effect(lesson.effect)
     who = Origin(True, "") if origin is None else origin
@@ -77,17 +76,17 @@ def weigh(
     elif believed(level):
         state, note = "active", ""
     else:
-        note = suspicious or "it comes from outside, and no second source has borne it out yet"
-        if trust is None:  # with what others said of it, it may be believed after all
+        note = suspicious or "it comes from outside, and no second source has confirmed it yet"
+        if trust is None:  # with other sources it may be believed after all
             state = "active"
     return Weighed(lesson, state, note, level, bool(suspicious))
 
 
 def credible(verdict: Verdict) -> tuple[Verdict, str]:
-    """The verdict as far as it can be one, and a note on what was wrong with it.
+    """The verdict as far as it is valid, and a note on what was wrong with it.
 
-    Scores that are no numbers in [0, 1] are no judgement: unavailable. An outcome that its own score R refutes (a
-    success of R <= .35, a failure of R >= .70) is uncertain.
+    Scores outside [0, 1] make it unavailable. An outcome that contradicts its own score R (a success of R <= .35, a
+    failure of R >= .70) is uncertain.
     """
     if verdict.outcome == "unavailable":
         return verdict, ""

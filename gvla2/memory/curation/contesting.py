@@ -1,7 +1,7 @@
-"""Whether two lessons contradict each other, or are one.
+"""Whether two lessons contradict each other, or say the same.
 
 Typed effects decide exactly. Texts give a suspicion: both stay, linked by "suspicion" and ranked lower, until a judge
-has decided (:mod:`gvla2.memory.curation.judging`). Nothing is archived for a suspicion.
+has decided (:mod:`gvla2.memory.curation.judging`). A suspicion never archives anything.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gvla2.memory.meaning.terms import stem
 from gvla2.memory.records import Record
 
 SUSPECT: float = threshold()
-"""The suspicion from which on two records are linked."""
+"""The suspicion above which two records are linked."""
 _FAILURE = re.compile(
     r"\b(?:fail|slip|collid|crash|stuck|missed|error|broke|did not|was not|could not)|\bdropped\b"
 )
@@ -34,15 +34,15 @@ _ORDERING = frozenset(
     map(stem, word_set("and then before after first next later last afterwards until once"))
 )
 _FRONT = frozenset(map(stem, PREPOSITIONS | word_set("before after when while if")))
-"""What may stand in front, up to a comma, as well as behind."""
+"""Words whose phrase may precede, up to a comma, or follow."""
 _TOKEN = re.compile(r"\w+(?:[./:-]\w+)*")
 TypedEffect = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Compared:
-    """How two typed effects contradict each other ("" for not), and how likely two texts do: 0 to 1, None where there
-    is no telling (another language than English).
+    """How two typed effects contradict each other ("" for not), and how likely two texts do: 0 to 1, None if unknown
+    (languages other than English).
     """
 
     effect: str = ""
@@ -52,8 +52,8 @@ class Compared:
 def compare(first: Record, second: Record) -> Compared:
     """Compare two records; of different skills they are never compared.
 
-    Where both have typed effects those alone decide. A constraint tells what failed, and two accounts of failures
-    agree: what failed at 5 cm may fail at 30 cm as well.
+    If both have typed effects only those decide. A constraint says what failed, and two failures never contradict each
+    other: what failed at 5 cm may fail at 30 cm as well.
     """
     if first.skill and second.skill and first.skill != second.skill:
         return Compared(suspicion=0.0)
@@ -69,8 +69,8 @@ def compare(first: Record, second: Record) -> Compared:
 def same_lesson(first: Record, second: Record) -> bool:
     """Whether two records may be merged: of one type and skill, about one parameter, saying the same.
 
-    They may differ in the forms of their words, in units, and in words that say nothing. Where there is no telling
-    they stay apart, for what is merged is lost: one word more may be another object.
+    They may differ in inflection, units and stop words. In doubt they stay apart, since a merge loses information: one
+    more word may mean another object.
     """
     if first.type != second.type or first.skill != second.skill:
         return False
@@ -84,8 +84,8 @@ def same_lesson(first: Record, second: Record) -> bool:
 
 
 def _same_words(one: tuple[str, ...], two: tuple[str, ...]) -> bool:
-    """When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the words keep their
-    order, for "wrap it and pack it" is not "pack it and wrap it".
+    """Phrases of time or place may come first or last ("in the tunnel, slow down"); otherwise the word order matters:
+    "wrap it and pack it" is not "pack it and wrap it".
     """
     if len(one) != len(two) or one == two:
         return one == two and bool(one)
@@ -99,7 +99,7 @@ def _same_words(one: tuple[str, ...], two: tuple[str, ...]) -> bool:
 
 @lru_cache(maxsize=16384)
 def _said(text: str) -> tuple[str, ...]:
-    """The telling words of a text: English ones by their stem, figures in base units."""
+    """The content words of a text: English ones by their stem, figures in base units."""
     plain = plain_text(text)
     parts: list[str] = []
     last = 0
@@ -114,10 +114,10 @@ def _said(text: str) -> tuple[str, ...]:
 
 
 def effects_conflict(first: TypedEffect, second: TypedEffect) -> str:
-    """How two typed effects contradict each other, "" where they don't.
+    """How two typed effects contradict each other, "" if they don't.
 
-    Bounds that leave nothing between them; means too far apart for their deviations (or by half, where single
-    successes have none); what is both forbidden and successful. Two programs never do: there are many ways to succeed.
+    Disjoint bounds; means too far apart for their deviations (or by half, for single successes without any); a
+    parameter both forbidden and successful. Two programs never do: there are many ways to succeed.
     """
     kinds = (first.get("kind"), second.get("kind"))
     if "program" in kinds or not _same_parameter(first, second):
@@ -148,8 +148,8 @@ def effects_conflict(first: TypedEffect, second: TypedEffect) -> str:
 
 
 def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
-    """Whether both are about one parameter of one skill and object, where these are given; metres and shares of a
-    side do not compare.
+    """Whether both are about one parameter of one skill and object, if given; metres and shares of a side are not
+    comparable.
     """
     if any(str(first.get(name) or "") != str(second.get(name) or "") for name in ("parameter", "scale")):
         return False
@@ -161,8 +161,8 @@ def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
 class Edit:
     """What to do with a candidate, about which ``target``, and ``why``.
 
-    REPLACE archives those of ``conflicts`` that are of its type, DISCARD after a conflict the candidate. ``conflicts``
-    and ``suspected`` are ids of records that contradict it, or may, each with the reason.
+    REPLACE archives the ``conflicts`` of its type; DISCARD after a conflict archives the candidate. ``conflicts`` and
+    ``suspected`` are ids of records that contradict it, or may, each with the reason.
     """
 
     action: EditAction
@@ -177,8 +177,8 @@ def consolidate(
 ) -> Edit:
     """Decide on a candidate; ``rivals`` are served records with their cosine to it.
 
-    Each is asked whether it contradicts the candidate; it may be one with the candidate from a cosine of
-    ``options.match`` on, or when it has the same dedup key.
+    Each is checked for contradiction; it may equal the candidate above a cosine of ``options.match``, or with the same
+    dedup key.
     """
     options = options or BankOptions()
     against: list[tuple[Record, str]] = []
@@ -186,7 +186,7 @@ def consolidate(
     same: list[Record] = []
     for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id)):
         if rival.id == candidate.id or (rival.state == "summary" and alike_but_for_numbers(candidate, rival)):
-            continue  # the summary will take it in, its numbers beside the others
+            continue  # the summary will absorb it, its numbers beside the others
         both = bool(candidate.effect and rival.effect)
         one = rival.state == "active" and (
             rival.dedup_key == candidate.dedup_key
@@ -212,7 +212,7 @@ def consolidate(
     if not alike:
         return Edit("ADD", listed[0][0], f"it contradicts {listed[0][0]}", listed, doubts)
     strongest = min(alike, key=standing)
-    wins = standing(candidate)[:2] <= standing(strongest)[:2]  # of two that weigh the same, the later one
+    wins = standing(candidate)[:2] <= standing(strongest)[:2]  # on equal weight, the later one
     word = "outweighs" if wins else "is outweighed by"
     why = f"it contradicts and {word} {strongest.id}"
     return Edit("REPLACE" if wins else "DISCARD", strongest.id, why, listed, doubts)

@@ -1,4 +1,4 @@
-"""How a record is made of a lesson, and how it grows by what later episodes say: pooled evidence, and phrasings."""
+"""How a record is made from a lesson, and how later episodes extend it: pooled evidence, and phrasings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_SOURCES = 32
 
 
 def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
-    """The record of a lesson that the bank does not know, of version 0."""
+    """The record, of version 0, of a lesson that is new to the bank."""
     lesson, key = candidate.lesson, candidate.key
     judged = verdict.outcome != "unavailable"
     told = {
@@ -55,7 +55,7 @@ def restarted(old: Record, fresh: Record, episode: MemoryEpisode) -> Record:
 
 
 def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
-    """One more episode, whose record would be ``fresh``, says what the record says."""
+    """The record after one more episode, whose own record would be ``fresh``, confirms it."""
     quality, confidence = record.quality, record.confidence
     if verdict.outcome != "unavailable":
         quality, confidence = pooled_quality(record.quality, record.count, verdict.quality)
@@ -78,12 +78,12 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
 
 
 def counted(record: Record, episode: MemoryEpisode) -> bool:
-    """Whether the episode is among those that the record rests on already: its word counts once."""
+    """Whether the record already rests on the episode, which counts only once."""
     return bool(episode.source) and clean(episode.source, 200) in record.sources()
 
 
 def repeated(record: Record, fresh: Record) -> Record:
-    """The record after an episode that it rests on says it again: it weighs no more, but a tighter bound holds."""
+    """The record after an episode that it rests on repeats it: no more weight, but a tighter bound applies."""
     effect = record.effect_json()
     if not effect or effect.get("kind") != "bound":
         return record
@@ -96,22 +96,22 @@ def warns(record: Record) -> bool:
 
 
 def support(record: Record) -> float:
-    """Quality R of what a record says, in [0, 1]: a constraint is the better, the worse its episode went."""
+    """Quality R of what a record says, in [0, 1]: the worse its episode, the better a constraint."""
     return 1.0 - record.quality if warns(record) else record.quality
 
 
 def evidence(record: Record) -> float:
-    """How much speaks for a record: its support times the episodes behind it."""
+    """The evidence for a record: its support times its episodes."""
     return round(support(record) * max(record.count, 1), 6)
 
 
 def standing(record: Record) -> tuple[int, float, float, str]:
-    """By which contradicting records are sorted; the first one stays: trust, evidence, then the later one, then ids."""
+    """Sort key of contradicting records, of which the first stays: trust, evidence, then the later one, then ids."""
     return -LEVELS.index(record.trust), -evidence(record), -record.updated, record.id
 
 
 def phrasings(known: str, query: str) -> str:
-    """Distinct instructions, one a line, the first ones kept: other words for the same find the record too."""
+    """Distinct instructions, one per line, the first ones kept, so that other phrasings find the record too."""
     lines = [line for line in known.split("\n") if line]
     for part in query.split("\n") if known else [query]:
         new = " ".join(clean(part, MAX_QUERY).split())
@@ -121,7 +121,7 @@ def phrasings(known: str, query: str) -> str:
 
 
 def provenance(known: Record | None, episode: MemoryEpisode) -> str:
-    """Who made it, and the sources up to now with this episode's; what else was noted there stays."""
+    """Its maker, and its sources including this episode; other entries stay."""
     others = known.provenance_json() if known is not None else {}
     sources = list(known.sources()) if known is not None else []
     if episode.source:
@@ -143,8 +143,8 @@ Effect = Mapping[str, Any] | None
 def pooled_effects(first: Effect, second: Effect) -> dict[str, Any] | None:
     """Two effects on the same parameter as one, as JSON.
 
-    Priors pool mean, deviation and count (parallel variance); of two bounds the tighter one holds; a ban stays, and
-    so does a program. Where numbers are absent the first one stays.
+    Priors pool mean, deviation and count (parallel variance); the tighter of two bounds applies; a ban stays, and so
+    does a program. If numbers are absent the first one stays.
     """
     if not first or not second:
         return dict(second or first or {}) or None

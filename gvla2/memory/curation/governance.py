@@ -1,5 +1,5 @@
-"""What a bank keeps: which failures retire, what is summed up, which programs stay, and what goes when there is too
-much. After each episode on what it touched, or over the whole bank. Nothing is ever deleted here.
+"""What a bank keeps: which failures retire, what is summarised, which programs stay, and what the budget archives. Runs
+after each episode on what it touched, or over the whole bank. Nothing is ever deleted here.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
 
 PROGRAMS = 3
-"""Programs of one skill and the same kinds of things that are kept: those that differ in kind."""
+"""Number of programs kept per skill and kinds of things: those that differ in kind."""
 _LOOKED_AT = 2000
-"""Records whose neighbours a pass over the whole bank looks for."""
+"""Records whose neighbours a pass over the whole bank searches."""
 
 
 @dataclass
@@ -44,9 +44,9 @@ class Governed:
 
 def retention(record: Record, now: float) -> float:
     """How much a record deserves to stay, by the released terms: R + kappa, +.5 for a verified lesson and -.3
-    otherwise, .1 a credited use up to .5, and up to .25 for recency (lost over 90 days).
+    otherwise, .1 per credited use up to .5, and up to .25 for recency (lost over 90 days).
 
-    R is that of what a record says, for which kappa = 2|R - .5| tells it: R + kappa = .5 + 1.5 kappa.
+    R is recovered from kappa = 2|R - .5|: R + kappa = .5 + 1.5 kappa.
     """
     days = max(now - max(record.updated, record.used), 0.0) / SECONDS_PER_DAY
     verified = 0.5 if record.outcome == "verified_success" or warns(record) else -0.3
@@ -55,7 +55,7 @@ def retention(record: Record, now: float) -> float:
 
 
 def govern(bank: KnowledgeBank, done: Governed) -> Governed:
-    """A pass over the whole bank, added to what was ``done``."""
+    """A pass over the whole bank, added to ``done``."""
     with deciding(bank, "govern") as ledger:
         Governing(ledger, done).whole()
         bank.retired_at = ledger.now
@@ -83,25 +83,25 @@ class Governing:
         self.cut()
 
     def touched(self) -> None:
-        """What episodes touched, their words aside: programs, and the budgets."""
+        """The part that depends on an episode's changes but not its words: programs, and the budgets."""
         if programs := [r for r in self._ledger.changed() if r.state == "active" and _program(r)]:
             known = {record.id: record for record in [*self._ledger.index.records("active"), *programs]}
             self.keep_few_programs(known.values())
         self.cut()
 
     def retire(self) -> None:
-        """Archive failures that nobody used for ``retire_days``, summaries aside."""
+        """Archive failures, except summaries, unused for ``retire_days``."""
         limit, now = self._options.retire_days, self._ledger.now
         for record in map(self._ledger.latest, self._ledger.index.records("active")):
             if record.state != "active" or record.usage or record.outcome == "verified_success":
                 continue
             if now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
-                why = f"a failure that nobody used for {limit:g} days"
+                why = f"a failure unused for {limit:g} days"
                 self._archive(record, "RETIRE", why, self.done.retired)
 
     def resolve(self, records: Iterable[Record]) -> None:
-        """Archive what a stronger record about the same parameter contradicts: what replay promoted, or what came in
-        while governance was off.
+        """Archive records that a stronger one about the same parameter contradicts: promoted by replay, or added while
+        governance was off.
         """
         groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
         for record in records:
@@ -138,14 +138,14 @@ class Governing:
                     kept[kind] = record
                     continue
                 better = f"{best.id} of the same steps" if best else f"{PROGRAMS} others"
-                self._archive(record, "ARCHIVE", f"{better} are borne out better", self.done.archived)
+                self._archive(record, "ARCHIVE", f"{better} have more evidence", self.done.archived)
 
     # Summaries ----------------------------------------------------------------------------------------------------
 
     def sum_up(self, record: Record, rivals: Sequence[Record] | None = None) -> None:
-        """Fold a success into the summary that it is like, or make one of it and others like it.
+        """Fold a success into a similar summary, or make one from it and similar successes.
 
-        ``rivals`` are those nearest to it, where they are at hand.
+        ``rivals`` are those nearest to it, if known.
         """
         record = self._ledger.latest(record)
         if not self._summable(record):
@@ -164,7 +164,7 @@ class Governing:
         self.write(group)
 
     def write(self, group: Sequence[Record], text: str = "") -> Record:
-        """One summary in place of several records, by rule unless ``text`` was written for it."""
+        """Replace several records by one summary, by rule unless its ``text`` is given."""
         summary = summary_of(group, self._ledger.now, text)
         known = None if summary.version else self._ledger.get(summary.id)
         if known is not None and known.state == "summary":  # one of the same words that was not near
@@ -186,7 +186,7 @@ class Governing:
         return short and record.outcome == "verified_success" and record.state in SERVED and not record.effect
 
     def _alike(self, record: Record, other: Record) -> bool:
-        """Whether two successes may stand in one summary; not where the one may contradict the other."""
+        """Whether two successes may share a summary; not if they may contradict each other."""
         if (record.type, record.skill) != (other.type, other.skill):
             return False
         if alike_but_for_numbers(record, other):
@@ -199,7 +199,7 @@ class Governing:
     # Budgets ------------------------------------------------------------------------------------------------------
 
     def cut(self) -> None:
-        """Archive what the budgets have no room for, those first that are least worth keeping."""
+        """Archive records beyond the budgets, least worth keeping first."""
         budgets = {SERVED: self._options.active_budget, ("provisional",): self._options.provisional_budget}
         for states, budget in budgets.items():
             changed = {record.id: record for record in self._ledger.changed()}
@@ -217,7 +217,7 @@ class Governing:
 
 
 def steps_of(program: dict[str, Any]) -> tuple[str, ...]:
-    """What kind of program it is: the acts of its steps, whatever their numbers."""
+    """The kind of a program: the acts of its steps, without their numbers."""
     steps = program.get("steps")
     acts = []
     for step in steps if isinstance(steps, list) else ():

@@ -1,8 +1,8 @@
-"""Candidate lessons from an episode, by rules: what it brought itself, else what its transcript shows; and whether what
-a model wrote about an episode rests on it.
+"""Candidate lessons from an episode, by rules: its own, else those its transcript shows; and whether a model's lesson
+is grounded in its episode.
 
-A model that writes lessons has read the transcript, and with it whatever a tool returned. What it passes on from there
-is trusted no more than the tool.
+A model that writes lessons has read the transcript, including tool output. What it repeats from there is trusted no
+more than the tool.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _TROUBLE = re.compile(
 
 
 def acts_of(transcript: str) -> list[str]:
-    """The actions that a transcript marks as such, one line each, at most 60; repeats in a row count once.
+    """The actions marked in a transcript, one line each, at most 60; consecutive repeats count once.
 
-    Known are the robot's own transcripts, actions in tags or after "action:", shell sessions (fenced blocks,
-    `$ command`), and numbered or "Step n:" lists. None of any other text: a line may be what a tool said.
+    Recognised are the robot's own transcripts, actions in tags or after "action:", shell sessions (fenced blocks, `$
+    command`), and numbered or "Step n:" lists. No other text: a line may be tool output.
     """
     text = transcript[:_LONGEST]
     executed = _EXECUTED.search(text)
@@ -51,9 +51,8 @@ def acts_of(transcript: str) -> list[str]:
 class RulesInducer:
     """Deterministic induction without a language model.
 
-    An episode's own lessons are taken as they are. Of one without any, a success gives its steps as a hint, and a
-    failure the last thing that went wrong as a constraint; an outcome that nobody could judge gives nothing certain,
-    and the same as a success, which admission keeps provisional.
+    An episode's own lessons are taken unchanged. Without any, a success gives its steps as a hint, and a failure its
+    last error as a constraint; an unjudged outcome is treated as a success, which admission keeps provisional.
     """
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
@@ -66,7 +65,7 @@ class RulesInducer:
         if verdict.outcome == "verified_fail":
             trouble = [line.strip() for line in episode.transcript.splitlines() if _TROUBLE.search(line)]
             if trouble:
-                # What went wrong, and not what a tool says one should do about it.
+                # What went wrong, not a tool's advice about it.
                 told = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
                 return _bounded("failure_avoidance", f"{subject}: failed because of: {told}")
             why = f"{subject}: failed although it ended with: {steps[-1]}" if steps else ""
@@ -76,7 +75,7 @@ class RulesInducer:
 
 
 def _steps(transcript: str) -> list[str]:
-    """The acts, each once, the last ones where there are too many: those marked as such, else what looks like it."""
+    """The acts, each once, the last ones if there are too many: marked ones, else lines that look like acts."""
     found = acts_of(transcript) or [
         match[1].strip() for line in transcript.splitlines() if (match := _STEP.match(line))
     ]
@@ -84,34 +83,34 @@ def _steps(transcript: str) -> list[str]:
 
 
 def _bounded(kind: RecordType, content: str) -> tuple[Lesson, ...]:
-    """One lesson, or none where there is nothing to say."""
+    """One lesson, or none if there is nothing to say."""
     cut = content if len(content) <= MAX_CONTENT else content[: MAX_CONTENT - 1] + "…"
     return (Lesson(kind, cut),) if content else ()
 
 
 _WORD = re.compile(r"\w+")
 SHORTEST = 8
-"""Characters that a passage of evidence has at least."""
+"""Least characters of a passage of evidence."""
 ABOUT = 1 / 3
-"""Share of a lesson's words, at least, that are the task's and the agent's own."""
+"""Least share of a lesson's words that are the task's or the agent's own."""
 
 
 def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
-    """Why a lesson that a model wrote does not rest on its episode, "" where it does.
+    """Why a model's lesson is not grounded in its episode, "" if it is.
 
-    Its evidence stands in the transcript word for word; a third of its words are about what the task names, what can be
-    handled, or what the agent did; and no more of them stand only in what was returned to the agent.
+    Its evidence must occur verbatim in the transcript; a third of its words must be about what the task names, what can
+    be handled, or what the agent did; and no more of them may occur only in output returned to the agent.
     """
     transcript = _flat(episode.transcript)
     passages = [_flat(passage) for passage in lesson.evidence]
     if not any(len(passage) >= SHORTEST for passage in passages):
         return "it names no evidence in the episode"
     if any(passage not in transcript for passage in passages):
-        return "its evidence does not stand in the episode"
+        return "its evidence does not occur in the episode"
     own = terms(" ".join([episode.task.query, *episode.task.things, *acts_of(episode.transcript)]))
     said = terms(lesson.content)
     if len(said & (terms(episode.transcript) - own)) > len(said & own):
-        return "it passes on what a tool returned"
+        return "it repeats what a tool returned"
     if len(said & own) < ABOUT * len(said) or not said:
         return "it is not about what the task names or the agent did"
     return ""

@@ -1,4 +1,4 @@
-"""What comes in, with an episode or without: which lessons may be stored, and all that follows, in one transaction."""
+"""New lessons, with an episode or without: which may be stored, and the consequences, in one transaction."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ MAX_CONTENT = 2000
 MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
 LARGEST = 1e9
-"""No number of an effect is larger, whatever its unit."""
+"""Upper limit of an effect's numbers, in any unit."""
 MAX_TAUGHT = 256
-"""Ids of records that a stored episode names; a record names its episodes, too."""
+"""Most record ids in a stored episode; a record names its episodes too."""
 
 
 def learn(bank: KnowledgeBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
@@ -58,7 +58,7 @@ def learn(bank: KnowledgeBank, episode: MemoryEpisode, verdict: Verdict) -> Lear
 def admit(
     bank: KnowledgeBank, items: Sequence[tuple[Lesson, Verdict, MemoryTask, str]], own: bool
 ) -> Learned:
-    """Store lessons that come without an episode, each with its verdict, task and source; ``own``: as one of ours."""
+    """Store lessons without an episode, each with its verdict, task and source; ``own``: as ours."""
     tally = LessonTally()
     for start in range(0, len(items), CHUNK):
         brought: list[Brought] = []
@@ -111,7 +111,7 @@ def _admitted(bank: KnowledgeBank, one: Brought, tally: LessonTally, most: int) 
 
 
 def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict) -> dict[str, str]:
-    """Of lessons that an inducer wrote, those that are not believed at once, with the reason; rules are."""
+    """Of an inducer's lessons, those not believed immediately, with the reason; those of rules always are."""
     if not written:
         return {}
     by_rule = {lesson.content for lesson in RulesInducer().induce(replace(episode, lessons=()), verdict)}
@@ -120,18 +120,18 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
     for lesson in written:
         why = ungrounded(lesson, episode)
         if not why and sighted and not lesson.effect:
-            why = "it was written with text from outside in sight"
+            why = "its author had seen text from outside"
         if why and lesson.content not in by_rule:
             found[lesson.content] = why
     return found
 
 
 def _wrong(lesson: Lesson) -> str:
-    """What keeps a lesson from being stored, whoever says it; "" for nothing."""
+    """Why a lesson of any origin cannot be stored; "" if it can."""
     if lesson.type not in TYPES:
         return f"there is no type '{lesson.type}', only {', '.join(TYPES)}"
     if why := _unsound(lesson.effect):
-        return f"its effect is no sound JSON ({why})"
+        return f"its effect is not valid JSON ({why})"
     for name, lowest in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
         number = (lesson.effect or {}).get(name, lowest)
         if not isinstance(number, int | float) or not lowest <= number <= LARGEST:
@@ -140,7 +140,7 @@ def _wrong(lesson: Lesson) -> str:
 
 
 def _unsound(data: Any) -> str:
-    """Why data cannot be kept as JSON, "" where it can."""
+    """Why data cannot be stored as JSON, "" if it can."""
     try:
         dump(dict(data or {})).encode()
     except (TypeError, ValueError, RecursionError) as error:
@@ -199,7 +199,7 @@ def _credit(ledger: BankLedger, context: MemoryContext, verdict: Verdict) -> Non
 
 
 def _kept(known: StoredEpisode, one: Brought, touched: Sequence[str], now: float) -> StoredEpisode:
-    """The episode as replay needs it; one source has one, with all that it taught of late."""
+    """The episode as replay needs it; each source has one, with its latest records."""
     episode, task = one.episode, one.episode.task
     facts = dict(episode.facts) if not _unsound(episode.facts) else {}
     stored = replace(

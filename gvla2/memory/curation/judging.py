@@ -1,4 +1,4 @@
-"""Suspicions decided in the background: what to ask a judge, and what its answer means.
+"""Deciding suspicions in the background: what to ask a judge, and what its answer means.
 
 Of two lessons of one type that contradict each other the less trusted is archived; of equally trusted ones the one with
 less evidence. A hint and a constraint both stay, linked.
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
 
 BATCH = 16
-"""Pairs that are put to a judge at a time."""
+"""Pairs per request to a judge."""
 
 Pair = tuple[str, str]
 
 
 @dataclass
 class Judged:
-    """What judging did: pairs of ids by decision, those left open, what it cost by name, and what went wrong."""
+    """The result of judging: pairs of ids by decision, those left open, costs by name, and errors."""
 
     conflicts: list[Pair] = field(default_factory=list)
     dismissed: list[Pair] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Judged:
 
 
 def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Judged:
-    """Let suspicions be decided, at most ``limit``; the judge works outside any transaction."""
+    """Have at most ``limit`` suspicions decided; the judge works outside any transaction."""
     done = Judged()
     with bank.store.reading(bank.bank) as view:
         linked = pairs_of(view.links())
@@ -67,7 +67,7 @@ def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Jud
 def decide(
     judge: Judge, pairs: Sequence[Pair], records: Mapping[str, Record], done: Judged, limit: int | None = None
 ) -> list[tuple[Pair, Judgement]]:
-    """What a judge is sure of about ``pairs``, asked in batches: those of two served ``records``, at most ``limit``."""
+    """A judge's confident decisions on ``pairs`` of served ``records``, at most ``limit``, asked in batches."""
     asked = [pair for pair in pairs if records.keys() >= {*pair}][:limit]
     decided: list[tuple[Pair, Judgement]] = []
     for start in range(0, len(asked), BATCH):

@@ -22,9 +22,7 @@ Vector = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Brought:
-    """An episode, its verdict, whether it is one of ours, and of ``unsure`` texts that a model wrote why they are not
-    to be believed at once.
-    """
+    """An episode, its verdict, whether it is ours, and why ``unsure`` texts of a model are not believed immediately."""
 
     episode: MemoryEpisode
     verdict: Verdict
@@ -33,13 +31,13 @@ class Brought:
 
     @property
     def origin(self) -> Origin:
-        """Who says it."""
+        """Its origin."""
         return Origin(self.own, self.episode.source)
 
 
 @dataclass
 class LessonTally:
-    """What becomes of lessons, as it is decided."""
+    """Collects the fate of lessons as it is decided."""
 
     added: list[str] = field(default_factory=list)
     merged: list[str] = field(default_factory=list)
@@ -52,14 +50,14 @@ class LessonTally:
         self.notes += [text] if text else []
 
     def learned(self) -> Learned:
-        """The same as the contract's answer, each id and sentence once."""
+        """The contract's answer, each id and sentence once."""
         listed = (self.added, self.merged, self.provisional, self.notes)
         added, merged, held, notes = (tuple(dict.fromkeys(entries)) for entries in listed)
         return Learned(added, merged, held, self.discarded, notes)
 
 
 class Learning:
-    """Brings the candidates of one episode, ``own`` or foreign, into a bank, within one transaction."""
+    """Adds the candidates of one episode, ``own`` or foreign, to a bank, within one transaction."""
 
     def __init__(self, ledger: BankLedger, brought: Brought, tally: LessonTally) -> None:
         self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
@@ -67,7 +65,7 @@ class Learning:
         self._origin, self._word = brought.origin, str(brought.origin)
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
-        """What was found nearest to the records that were compared."""
+        """The records found nearest to the compared ones."""
 
     def apply(self, candidate: Weighed) -> None:
         """Add the candidate, merge it, promote what it confirms, or leave the bank as it is."""
@@ -80,7 +78,7 @@ class Learning:
             near = ledger.nearest(candidate.vector, self._options.rivals, ("provisional",))
             known = next((record for record, _ in near if same_lesson(record, fresh)), None)
         if known is not None and known.state != "archive" and not self._adds(known):
-            why = f"{known.id} gains nothing by it: its source was heard already, or the lesson is ours"
+            why = f"{known.id} gains nothing from it: its source is already counted, or the lesson is ours"
             self._discard(known.id, why)
             return
         if not verified:
@@ -89,7 +87,7 @@ class Learning:
         trust = self._trust(known, candidate)
         fresh = replace(fresh, trust=trust)
         if not believed(trust):
-            note = candidate.note or "no two independent sources have borne it out"
+            note = candidate.note or "no two independent sources have confirmed it"
             held = replace(fresh, state="provisional")
             self._unverified(replace(candidate, note=note), held, known, self._word)
         elif known is not None and known.state in SERVED:
@@ -99,16 +97,17 @@ class Learning:
         else:
             self._verified(candidate, fresh, known)
 
-    # What is not believed -----------------------------------------------------------------------------------------
+    # Lessons that are not believed
+    # -----------------------------------------------------------------------------------------
 
     def _unverified(self, candidate: Weighed, fresh: Record, known: Record | None, origin: str = "") -> None:
         if known is None:
             self._provisional(replace(fresh, note=candidate.note), "PROVISIONAL", origin, candidate.vector)
         elif known.state == "archive":
-            # A replaced or retired record does not come back on the word of an unverified episode.
+            # An unverified episode does not revive a replaced or retired record.
             self._discard(known.id, "an unverified repeat of what was archived changes nothing")
         elif known.state in SERVED:
-            self._discard(known.id, f"{known.id} is believed already: a repeat that is not changes nothing")
+            self._discard(known.id, f"{known.id} is already believed: an unbelieved repeat changes nothing")
         elif counted(known, self._episode):
             self._repeated(known, fresh, self._tally.provisional)
         else:
@@ -128,8 +127,8 @@ class Learning:
         self.touched.append(id)
 
     def _repeated(self, known: Record, fresh: Record, listed: list[str]) -> None:
-        """The same source again: whatever it repeats, its word counts once."""
-        why = f"{known.id} rests on this episode already, whose word counts once"
+        """The same source again: it counts only once."""
+        why = f"{known.id} already rests on this episode, which counts once"
         listed.append(known.id)
         self._tally.note(f"{why}.")
         again = repeated(known, fresh)
@@ -139,7 +138,8 @@ class Learning:
             self._ledger.put(again, "REPEATED", why)
         self.touched.append(known.id)
 
-    # What is ------------------------------------------------------------------------------------------------------
+    # Lessons that are
+    # ------------------------------------------------------------------------------------------------------
 
     def _verified(self, candidate: Weighed, fresh: Record, known: Record | None) -> None:
         options = self._options
@@ -197,14 +197,14 @@ class Learning:
         self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
-        """Whether the word of this episode adds to those that a record rests on."""
+        """Whether this episode adds to those that a record rests on."""
         heard = known.trust == "own" or not adds(self._ledger.origins(known.id), self._origin)
         return self._origin.own or not heard
 
     def _trust(self, known: Record | None, candidate: Weighed) -> Trust:
-        """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
+        """A text's trust with this episode: by the origins on the chain, whatever a record claims."""
         if known is not None and known.state == "summary":
-            return known.trust  # it tells other texts as well, whose origins are their own
+            return known.trust  # it includes other texts, with origins of their own
         told = self._ledger.origins(known.id) if known else []
         return trust_of([*told, self._origin], screened=candidate.screened)
 
@@ -215,7 +215,7 @@ class Learning:
         self.touched.append(record.id)
 
     def _heir(self, archived: Record) -> Record | None:
-        """The live record that took an archived one in, or took in whoever did."""
+        """The live record that an archived one was merged into, directly or not."""
         due, seen = [archived.id], {archived.id}
         while due:
             id = due.pop()

@@ -1,4 +1,4 @@
-"""What one transaction is going to do to a bank: records, links and decisions, collected and then written at once."""
+"""One transaction's changes to a bank: records, links and decisions, collected and then written together."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
 
 _UNLIKE = 0.25
-"""Records with a smaller cosine are no rivals: reading them would be in vain."""
+"""Records with a smaller cosine are not rivals and need not be read."""
 _EMBEDDED = (*SERVED, "provisional")
 
 
 @contextmanager
 def deciding(bank: KnowledgeBank, actor: str) -> Iterator[BankLedger]:
-    """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
+    """A ledger of the current bank, whose decisions are written at the end; the index then follows."""
     with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
         if bank.index.rev != transaction.rev - 1:
-            bank.index.refresh()  # nobody else can write from here on
+            bank.index.refresh()  # no other writer from here on
         ledger = BankLedger(transaction, bank)
         yield ledger
         ledger.write()
@@ -38,7 +38,7 @@ def deciding(bank: KnowledgeBank, actor: str) -> Iterator[BankLedger]:
 
 
 class BankLedger:
-    """A bank within a transaction: what is stored, what the index finds, and what was decided since.
+    """A bank within a transaction: stored records, index lookups, and decisions so far.
 
     The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.
     """
@@ -51,7 +51,7 @@ class BankLedger:
         self._stored: dict[str, Record | None] = {}
         self._by_key: dict[str, Record | None] = {}
         self._origins: dict[str, list[str]] = {}
-        self._vectors: dict[str, NDArray[np.float32]] = {}  # of the texts as they are
+        self._vectors: dict[str, NDArray[np.float32]] = {}  # of the present texts
         self._near: dict[str, NDArray[np.float32]] = {}  # by which they are found until then
         self._puts: list[Put] = []
         self._ties: dict[tuple[str, str, str], str] = {}
@@ -61,13 +61,13 @@ class BankLedger:
     # Reading ------------------------------------------------------------------------------------------------------
 
     def get(self, id: str) -> Record | None:
-        """The record as it is after what was decided."""
+        """The record after the decisions so far."""
         if id not in self._latest and id not in self._stored:
             self._stored[id] = self.transaction.get(id)
         return self._latest.get(id) or self._stored[id]
 
     def latest(self, record: Record) -> Record:
-        """A record that was read as it is after what was decided."""
+        """The version after the decisions so far of a record read earlier."""
         return self._latest.get(record.id, record)
 
     def changed(self) -> list[Record]:
@@ -75,7 +75,7 @@ class BankLedger:
         return list(self._latest.values())
 
     def expect(self, keys: Iterable[str]) -> None:
-        """Look these dedup keys up together, as :meth:`by_key` is going to be asked for them."""
+        """Prefetch these dedup keys for :meth:`by_key`."""
         wanted = list(keys)
         found = self.transaction.by_keys(wanted)
         self._by_key |= dict.fromkeys(wanted) | found
@@ -90,14 +90,14 @@ class BankLedger:
         return self.latest(found) if found is not None else None
 
     def origins(self, id: str) -> list[Origin]:
-        """Who brought the evidence behind a record, decided changes too."""
+        """The origins of a record's evidence, including decided changes."""
         if id not in self._origins:
             self._origins[id] = self.transaction.origins([id]).get(id, [])
         told = [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id)]
         return [origin for text in told if (origin := Origin.read(text)) is not None]
 
     def links(self, id: str) -> list[Link]:
-        """The record's links, decided ones too."""
+        """The record's links, including decided ones."""
         own = [Link(*tie, self.now) for tie in self._ties if id in (tie[0], tie[2])]
         return self.transaction.links([id]) + own
 
@@ -106,7 +106,7 @@ class BankLedger:
     ) -> list[tuple[Record, float]]:
         """The records of these states nearest to a unit (D,) vector with their cosines, best first, equal ones by id.
 
-        Those that are nothing like it are left out.
+        Dissimilar ones are left out.
         """
         near = self.index.nearest(vector, k, states)
         found = {record.id: (self.latest(record), cosine) for record, cosine in near}
@@ -119,7 +119,7 @@ class BankLedger:
         return sorted(kept, key=lambda entry: (-entry[1], entry[0].id))[:k]
 
     def vector(self, record: Record) -> NDArray[np.float32]:
-        """(D,) the embedding of a record's text, or of what its text was when it was stored."""
+        """(D,) the embedding of a record's text, or of its text when stored."""
         if record.id in self._near:
             return self._near[record.id]
         stored = self.index.vector(record.id)
@@ -137,8 +137,8 @@ class BankLedger:
         near: NDArray[np.float32] | None = None,
         origin: str = "",
     ) -> None:
-        """Decide on a record; ``vector`` (D,) is that of its text, where at hand; ``near`` one by which it is found
-        until it is stored.
+        """Decide on a record; ``vector`` (D,) is that of its text, if known; ``near`` one by which it is found until it
+        is stored.
         """
         before = self._latest.get(record.id)
         if vector is not None:
@@ -155,17 +155,17 @@ class BankLedger:
         self._latest[record.id] = self._by_key[record.dedup_key] = stored
 
     def replace(self, winner: Record, loser: Record, action: str, note: str, why: str) -> None:
-        """Archive a record in whose place another one stays, and link them."""
+        """Archive a record that another one replaces, and link them."""
         self.put(replace(loser, state="archive", note=note), action, note)
         self.link(winner.id, "replaces", loser.id, why)
 
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
-        """Let one record refer to another."""
+        """Link one record to another."""
         if source != target:
             self._ties.setdefault((source, kind, target), why)
 
     def decide(self, action: str, record: str = "", why: str = "") -> None:
-        """A decision that changes no record."""
+        """Note a decision that changes no record."""
         self._decisions.append((action, record, why))
 
     def keep(self, episode: StoredEpisode) -> None:

@@ -1,4 +1,4 @@
-"""Verifying again: which episodes, and what a second verdict means for what they taught."""
+"""Re-verification: which episodes, and what a second verdict means for their lessons."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_VERDICTS = 16
 
 @dataclass
 class Replayed:
-    """What a replay did: ids by decision, how many episodes were judged, and how often nobody could judge."""
+    """The result of a replay: ids by decision, and how many episodes were judged or could not be."""
 
     promoted: list[str] = field(default_factory=list)
     demoted: list[str] = field(default_factory=list)
@@ -34,7 +34,7 @@ class Replayed:
 
 
 def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
-    """Verify doubtful episodes again, at most ``limit`` and not that of source ``but``; the verifier works outside any
+    """Verify doubtful episodes again, at most ``limit``, except that of source ``but``; the verifier works outside any
     transaction.
     """
     done = Replayed()
@@ -54,9 +54,9 @@ def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None,
 
 
 def _asked(bank: KnowledgeBank, limit: int | None, but: str) -> list[StoredEpisode]:
-    """The episodes behind what is doubtful: provisional, contested or unsure records, the least sure first.
+    """The episodes behind doubtful records (provisional, contested or uncertain), the least certain first.
 
-    Those that were looked at least often come before all others, so that none is judged over and over.
+    Those judged least often come before all others, so that none is judged over and over.
     """
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
@@ -99,8 +99,8 @@ def with_verdict(episode: StoredEpisode, verdict: Verdict) -> StoredEpisode:
 
 
 def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) -> tuple[str, Record, str]:
-    """What a new verdict on one of its episodes makes of a record: what to call the change (PROMOTE, DEMOTE, CONFIRM,
-    or "" for none), the record, and why.
+    """The effect on a record of a new verdict on one of its episodes: the change's name (PROMOTE, DEMOTE, CONFIRM, or
+    "" for none), the record, and why.
 
     A provisional record is promoted when the verdict would have admitted it. A verified one whose own verdict is
     contradicted is demoted, unless other episodes still outweigh the doubt. Otherwise the verdicts are pooled.
@@ -114,7 +114,7 @@ def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) 
             sure = replace(judged, quality=verdict.quality, confidence=verdict.confidence)
             return "PROMOTE", replace(sure, state="active"), again
         if verdict.outcome == "verified_fail" and record.type != "failure_avoidance":
-            why = "its episode failed: a recipe from it is none"
+            why = "its episode failed, so its recipe is void"
             return "DEMOTE", replace(judged, state="archive", updated=record.updated, note=why), why
     if record.state != "active":
         return "", record, ""
@@ -123,6 +123,6 @@ def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) 
     if verdict.outcome in ("uncertain", record.outcome):
         return "CONFIRM", pooled, again
     if record.count > 1 and confidence >= options.replay_confidence:
-        return "CONFIRM", pooled, f"one of {record.count} episodes was judged otherwise this time"
+        return "CONFIRM", pooled, f"one of {record.count} episodes was judged differently this time"
     why = f"its episode was judged {verdict.outcome} this time, {record.outcome} before"
     return "DEMOTE", replace(pooled, state="archive" if state is None else "provisional", note=why), why

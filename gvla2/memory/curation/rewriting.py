@@ -1,7 +1,7 @@
-"""Consolidation by whoever can write: the paper's four edits (ADD, MERGE, REPLACE, DISCARD), in the background.
+"""Consolidation by a writer: the paper's four edits (ADD, MERGE, REPLACE, DISCARD), in the background.
 
-An answer is applied as far as it can be trusted: a text that lost a number, or that reads like orders, gives way to the
-rules' own.
+An answer is applied as far as it can be trusted: a text that lost a number, or that reads like orders, is replaced by
+the rules' own.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ NEAREST = 4
 
 
 def rewrite(bank: KnowledgeBank, writer: Consolidator, done: Governed, *, limit: int | None = None) -> None:
-    """Let lessons be merged, replaced or discarded by who can write, at most ``limit``, and add that to what was
-    ``done``; he works outside any transaction.
+    """Have a writer merge, replace or discard at most ``limit`` lessons, and add that to ``done``; it works outside any
+    transaction.
     """
     answers = []
     bank.index.refresh()
@@ -54,7 +54,7 @@ def rewrite(bank: KnowledgeBank, writer: Consolidator, done: Governed, *, limit:
 def asked(
     index: Index, considered: Collection[str], options: BankOptions
 ) -> Iterator[tuple[Record, list[Record]]]:
-    """Lessons in words that nobody has considered, the latest first, each with those near it; those alone left out."""
+    """Lessons in words not yet considered, the latest first, each with those near it; isolated ones are left out."""
     for record in sorted(index.records("active"), key=lambda r: (-r.updated, r.id)):
         if record.effect or record.id in considered:
             continue
@@ -75,7 +75,7 @@ def asked(
 def _carry_out(
     ledger: BankLedger, candidate: Record, near: Sequence[Record], edit: ConsolidationEdit, done: Governed
 ) -> None:
-    """Apply an edit to records that are still what the writer was shown; else it is passed over."""
+    """Apply an edit if its records are still what the writer was shown; else skip it."""
     target = next((record for record in near if record.id == edit.target), None)
     for shown in (candidate, target):
         now = ledger.get(shown.id) if shown else None
@@ -88,7 +88,7 @@ def _carry_out(
         missing = (numbers_in(candidate.content) | numbers_in(target.content)) - numbers_in(text)
         why = f"it lost {', '.join(sorted(missing))}" if missing else screen(text)
         if why := why or ("its length" if not 0 < len(text) <= LENGTH else ""):
-            log.info("What was written of %s and %s was not taken: %s.", candidate.id, target.id, why)
+            log.info("The merged text of %s and %s was rejected: %s.", candidate.id, target.id, why)
             text = ""
         Governing(ledger, done).write([candidate, target], text)
     elif edit.action == "REPLACE" and standing(candidate) < standing(target):
@@ -104,4 +104,4 @@ def _carry_out(
         ledger.link(target.id, "merged", candidate.id, edit.reason)
         done.archived.append(candidate.id)
     else:
-        ledger.decide(CONSIDERED, candidate.id, "it has less behind it than what it was to replace")
+        ledger.decide(CONSIDERED, candidate.id, "it has less evidence than its target")

@@ -1,7 +1,7 @@
-"""What many successes say together, as one text that keeps their numbers and says when each held.
+"""Many successes as one text that keeps their numbers and says when each applied.
 
-By rule: texts that are equal but for their numbers are one line, each number with the tasks it was right for, or the
-range of many. What was told is kept with the summary, so that it grows by one success after the other.
+By rule: texts that are equal except for their numbers become one line, each number with the tasks it was right for, or
+the range of many. The wordings are kept with the summary, so that it can grow one success at a time.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from gvla2.memory.meaning.terms import terms
 from gvla2.memory.records import Record, dedup_key, dump, load_object, record_id
 
 LINES = 6
-"""Wordings that a summary tells."""
+"""Most wordings in a summary."""
 LENGTH, LONGEST = 1600, 600
-"""Characters of a summary by rule, and of a text that one can tell: longer ones stay apart."""
+"""Most characters of a summary by rule, and of a text in it: longer ones stay apart."""
 _SHOWN, _KEPT = 3, 12
-"""Values of one number that are told each with its task, and that are kept with theirs; beyond, their range is told."""
+"""Most values of one number shown each with its task, and kept with theirs; beyond, their range is shown."""
 _TASK = 60
 _NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*")
 _GAP = "\x00"
@@ -29,8 +29,8 @@ _GAP = "\x00"
 
 @dataclass
 class Wording:
-    """Texts that are equal but for their numbers: the text with gaps, how many episodes said it, and for each gap the
-    values, each with the tasks that it was right for.
+    """Texts that are equal except for their numbers: the text with gaps, how many episodes said it, and each gap's
+    values with the tasks that they were right for.
     """
 
     text: str
@@ -39,11 +39,11 @@ class Wording:
 
     @property
     def key(self) -> str:
-        """What equal wordings have in common."""
+        """Equal for equal wordings."""
         return self.text.casefold().rstrip(".! ")
 
     def take_in(self, other: Wording) -> None:
-        """One more of the same."""
+        """Add one more of the same wording."""
         self.count += other.count
         for mine, theirs in zip(self.gaps, other.gaps, strict=False):
             for value, tasks in theirs.items():
@@ -76,7 +76,7 @@ def _size(value: str) -> tuple[float, str]:
 
 
 def wordings_of(record: Record) -> list[Wording]:
-    """What a record, or a summary, tells; the caller's own."""
+    """A record's or summary's wordings; the caller owns them."""
     if record.state == "summary" and (kept := load_object(record.provenance).get("told")):
         return [Wording(**one) for one in kept]
     content = " ".join(record.content.split())
@@ -87,20 +87,20 @@ def wordings_of(record: Record) -> list[Wording]:
 
 @lru_cache(maxsize=16384)
 def _seen(record: Record) -> tuple[frozenset[str], tuple[frozenset[str], ...]]:
-    """The keys and the terms of what a record tells."""
+    """The keys and the terms of a record's wordings."""
     told = wordings_of(record)
     return frozenset(one.key for one in told), tuple(terms(one.told()) for one in told)
 
 
 def alike_but_for_numbers(first: Record, second: Record) -> bool:
-    """Whether two records, or what summaries tell, have a wording in common."""
+    """Whether two records or summaries share a wording."""
     if (first.type, first.skill) != (second.type, second.skill):
         return False
     return not _seen(first)[0].isdisjoint(_seen(second)[0])
 
 
 def shared_terms(first: Record, second: Record) -> float:
-    """The share of their terms that two records (of a summary, the wording that is likest) have in common."""
+    """The share of terms that two records have in common (for a summary, its most similar wording)."""
     return max(len(a & b) / max(len(a | b), 1) for a in _seen(first)[1] for b in _seen(second)[1])
 
 
@@ -110,10 +110,9 @@ def tasks_of(group: Iterable[Record]) -> list[str]:
 
 
 def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
-    """The summary of a group of records, an older summary among them or not; of version 0 where it is new.
+    """The summary of a group of records, which may include an older summary; of version 0 if it is new.
 
-    ``text`` is what somebody else wrote of them, "" to write by rule. It is trusted no more than the least trusted of
-    the group.
+    ``text`` is a given wording, "" to write by rule. It is trusted no more than the least trusted of the group.
     """
     old = next((record for record in group if record.state == "summary"), None)
     best = old or max(group, key=lambda r: (support(r), r.count, r.id))
@@ -164,5 +163,5 @@ def _rendered(wordings: Sequence[Wording], count: int) -> str:
 
 
 def numbers_in(text: str) -> set[str]:
-    """The numbers of a text, spelled alike."""
+    """The numbers of a text, in one spelling."""
     return {value.replace(",", ".").lstrip("+") for value in _NUMBER.findall(text)}

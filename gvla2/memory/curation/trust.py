@@ -1,8 +1,7 @@
-"""Who is believed: trust by where a text comes from, never by what it says of itself.
+"""Trust by the origin of a text, never by what it says about itself.
 
-An :class:`Origin` stands with each event that brings evidence for a record, in the hash chain; a record's trust is
-what its origins amount to (:func:`trust_of`). Whatever a record, a file or a text claims about its own descent is not
-looked at.
+Each event that brings evidence for a record stores an :class:`Origin` in the hash chain; a record's trust follows from
+its origins (:func:`trust_of`). Claims of a record, a file or a text about its own origin are ignored.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ from gvla2.memory.contracts import Trust
 LEVELS: tuple[Trust, ...] = get_args(Trust)
 """From the least trusted to the most."""
 CONFIRMING = 2
-"""Independent sources whose verified episodes make a foreign text believed."""
+"""Number of independent sources whose verified episodes make a foreign text believed."""
 _SCHEME = re.compile(r"^[a-z][a-z0-9+.-]*://")
 _MEMBER = re.compile(r"[/:#@?]")
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where one piece of evidence comes from: ``own`` for a verified episode of ours, and the ``source`` it names."""
+    """The origin of one piece of evidence: ``own`` for a verified episode of ours, and the ``source`` it names."""
 
     own: bool
     source: str
@@ -41,20 +40,19 @@ class Origin:
 
     @property
     def witness(self) -> str:
-        """Who speaks: equal for all that one source sends under names of its own ("lab/1", "lab/2", "lab#3").
+        """The witness: equal for all names that one source uses ("lab/1", "lab/2", "lab#3").
 
-        Of an address it is the host; what comes without a name is one witness, however often.
+        For an address it is the host; all unnamed sources are one witness.
         """
         name = _SCHEME.sub("", " ".join(self.source.casefold().split()))
         return _MEMBER.split(name, maxsplit=1)[0]
 
 
 def trust_of(origins: Iterable[Origin], *, screened: bool = False) -> Trust:
-    """What a text with these verified origins is trusted; ``screened`` (it reads like orders) takes a level off.
+    """The trust of a text with these verified origins; ``screened`` (it reads like orders) lowers it by a level.
 
-    One verified episode of ours makes a text ours; a screened one needs two. Foreign sources are counted once each, and
-    only by their names: ten episodes of one are one. What is screened and foreign is never believed, however many
-    repeat it.
+    One verified episode of ours makes a text ours; a screened one needs two. Foreign sources are counted once each,
+    only by their names: ten episodes of one are one. A screened foreign text is never believed, however many repeat it.
     """
     known = list(origins)
     ours = {origin.source for origin in known if origin.own}
@@ -67,8 +65,8 @@ def trust_of(origins: Iterable[Origin], *, screened: bool = False) -> Trust:
 
 
 def adds(origins: Iterable[Origin], origin: Origin) -> bool:
-    """Whether one more origin says anything that the others did not: what is ours needs nobody from outside to bear it
-    out, and a witness from outside is heard once, whatever the episodes it names.
+    """Whether one more origin adds evidence: ours needs no confirmation from outside, and an outside witness counts
+    once, whatever episodes it names.
     """
     known = list(origins)
     if origin.own:
@@ -77,7 +75,7 @@ def adds(origins: Iterable[Origin], origin: Origin) -> bool:
 
 
 def least(trusts: Iterable[Trust]) -> Trust:
-    """The trust of what is made of several texts (a merge, a summary, a lesson induced with them in sight)."""
+    """The trust of a text made from several (a merge, a summary, a lesson induced with them in view)."""
     return min(trusts, key=LEVELS.index, default="own")
 
 

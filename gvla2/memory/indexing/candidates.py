@@ -1,6 +1,6 @@
-"""The records of one bank in RAM, as columns, and what of them a retriever ranks.
+"""The records of one bank in RAM, as columns, and those that a retriever ranks.
 
-It knows nothing of where they are stored.
+It is independent of the storage.
 """
 
 from __future__ import annotations
@@ -21,44 +21,44 @@ from gvla2.memory.records import Record
 STATES = ("provisional", "active", "summary")
 """The states held in RAM; a record of any other is dropped."""
 SERVED = ("active", "summary")
-"""The states that planners are told of, unless somebody asks for others."""
+"""The states shown to planners by default."""
 MAX_NUMBERS = 256
-"""How many names of signature numbers are compared; further ones are kept with their records and not ranked by."""
+"""Most signature numbers that are compared; further ones are stored but not used for ranking."""
 _NAMES = "state", "type", "outcome", "skill", "confidence", "updated", "usage", "conflicts", "program"
 _KINDS = "i1", "i1", "i1", "i4", "f8", "f8", "i8", "i8", "?"
 ROW = np.dtype(list(zip(_NAMES, _KINDS, strict=True)), align=True)
-"""What is ranked by. ``state`` is a place in STATES, -1 for a dead row."""
+"""The ranking columns. ``state`` is an index into STATES, -1 for a dead row."""
 _DEAD = 1024
 UNSEEN = 10
-"""Records that a bank is taken to have more than it has: in a small bank every word would be rare."""
+"""Pseudo-records added to a bank's count: in a small bank every word would be rare."""
 T = TypeVar("T", bound=np.generic)
 
 
 HeldRecord = tuple[Record, NDArray[np.float32], int]
-"""A record with what belongs to it: its unit (D,) embedding or zero, and how many others contradict it."""
+"""A record with its unit (D,) embedding or zero, and how many others contradict it."""
 
 
 class Postings:
     """An inverted index of sets of terms; rows are numbered by the caller, and each is added once.
 
-    What is computed is BM25 with k1 = 0: each term of the query that a row has counts by its idf, once. A lesson or a
-    turn of a conversation is a sentence or two, in which a word said twice says no more and length means little: on
-    LoCoMo's evidence turns, recall@10 of half BM25 and half cosine is .64 with k1 = 0 and .56 to .60 with k1 = 1.2
-    (static vectors; both divided by the most that the query allows, so that scores of different queries compare).
+    It computes BM25 with k1 = 0: each term of the query that a row has counts by its idf, once. A lesson or a turn of a
+    conversation is a sentence or two, in which repetition adds nothing and length means little: on LoCoMo's evidence
+    turns, recall@10 of half BM25 and half cosine is .64 with k1 = 0 and .56 to .60 with k1 = 1.2 (static vectors; both
+    divided by the query's maximum, so that scores of different queries are comparable).
     """
 
     def __init__(self) -> None:
         self._rows: defaultdict[str, array[int]] = defaultdict(lambda: array("i"))
 
     def add(self, row: int, terms: Iterable[str]) -> None:
-        """A row has these distinct terms."""
+        """Add a row with these distinct terms."""
         for term in terms:
             self._rows[term].append(row)
 
     def coverage(self, query: Iterable[str], served: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(N,) share in [0, 1] of the query's information in each row: the sum of idf of the terms that it has.
+        """(N,) share in [0, 1] of the query's information in each row: the sum of idf of its terms.
 
-        Statistics are those of the rows that are ``served`` (N,); what the others get means nothing.
+        Statistics are those of the ``served`` rows (N,); values of the others are meaningless.
         """
         found = np.zeros(len(served))
         documents = int(np.count_nonzero(served)) + UNSEEN
@@ -75,9 +75,9 @@ class Postings:
 
 
 class RecordRows:
-    """Growable columns; a changed text gets a new row, dead rows go when they are too many.
+    """Growable columns; a changed text gets a new row, dead rows are removed when there are too many.
 
-    Row numbers hold until the next change.
+    Row numbers are valid until the next change.
     """
 
     def __init__(self, dimension: int) -> None:
@@ -85,7 +85,7 @@ class RecordRows:
         self.clear()
 
     def clear(self) -> None:
-        """Hold nothing any more."""
+        """Remove all rows."""
         self.records: list[Record] = []  # dead ones, too
         self.row_of: dict[str, int] = {}
         self.skills: dict[str, int] = {"": 0}
@@ -98,7 +98,7 @@ class RecordRows:
         return len(self.row_of)
 
     def put(self, entries: Sequence[HeldRecord]) -> None:
-        """Add records of held states, or bring them up to date. Each id comes once."""
+        """Add or update records of held states. Each id comes once."""
         new: list[HeldRecord] = []
         for entry in entries:
             row = self.row_of.get(entry[0].id)
@@ -115,7 +115,7 @@ class RecordRows:
             self._append(kept)
 
     def drop(self, ids: Sequence[str]) -> None:
-        """Forget these records; unknown ids are passed over."""
+        """Drop these records; unknown ids are ignored."""
         for id in ids:
             row = self.row_of.pop(id, None)
             if row is not None:
@@ -167,7 +167,7 @@ class RecordRows:
 
 
 def _grown(column: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:
-    """``column`` itself where it has at least ``rows`` rows, else with room for half as many more, of ``fill``."""
+    """``column`` itself if it has at least ``rows`` rows, else with half as many more, of ``fill``."""
     room = max(rows, len(column) + len(column) // 2, 16) - len(column)
     if len(column) >= rows:
         return column
@@ -181,19 +181,18 @@ class Candidates:
     """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
 
     ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative; ``usage``: credited uses;
-    ``conflicts``: how many records contradict each; ``outcomes``: places in ``OUTCOMES``, how each was verified;
-    ``types``: places in ``TYPES``; ``programs``: which carry a program as their effect.
+    ``conflicts``: how many records contradict each; ``outcomes``: indices into ``OUTCOMES``, how each was verified;
+    ``types``: indices into ``TYPES``; ``programs``: which carry a program as their effect.
 
-    Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
-    none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
-    :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever. ``now`` is in seconds since the
-    epoch.
+    Columns are read-only and valid until the index behind them changes: use them within one call of ``rank`` only. Slow
+    lookups (texts, signatures) are per row, on demand. :func:`gvla2.testing.candidates` builds small ones for the tests
+    of a retriever. ``now`` is in seconds since the epoch.
     """
 
     def __init__(self, rows: RecordRows, states: Sequence[str], now: float) -> None:
         self._rows = rows
         self._served = rows.in_states(states)  # (all rows,)
-        # None where every row is served: then columns need no copying.
+        # None if every row is served: then columns need no copying.
         self._order: NDArray[np.intp] | None = None if self._served.all() else np.flatnonzero(self._served)
         self._asked: tuple[str, NDArray[np.float64]] | None = None
         self.confidence: NDArray[np.float64] = self._column("confidence")  # (N,)
@@ -216,7 +215,7 @@ class Candidates:
         return np.asarray((skills == self._rows.skills.get(skill, -1)) | (skills == 0))
 
     def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) share of the information of the query, or of a sentence of it, that each record's words hold."""
+        """(N,) share of the information of the query, or of one of its sentences, in each record's words."""
         if self._asked is None or self._asked[0] != query:
             found = np.zeros(len(self._served))
             for asked in questions(query):
@@ -225,7 +224,7 @@ class Candidates:
         return self._asked[1]
 
     def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(N,) cosine with a unit (D,) vector, 0 where a record has none of this model."""
+        """(N,) cosine with a unit (D,) vector, 0 if a record has none by this model."""
         return self._pick(self._rows.vectors @ vector).astype(np.float64)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
@@ -249,8 +248,8 @@ class Candidates:
 
 
 def largest(values: NDArray[np.floating[Any]], k: int, id_of: Callable[[int], str]) -> list[int]:
-    """The places of the ``k`` > 0 largest of (N,) values, N > 0, largest first; equal ones by id."""
+    """The indices of the ``k`` > 0 largest of (N,) values, N > 0, largest first; equal ones by id."""
     k = min(k, len(values))
-    # All that are as large as the last of the k, so that the ids settle who is left out.
+    # Include all ties with the last of the k, so that ids decide which are left out.
     some = np.flatnonzero(values >= np.partition(values, len(values) - k)[len(values) - k])
     return sorted(some.tolist(), key=lambda i: (-values[i], id_of(i)))[:k]

@@ -1,4 +1,4 @@
-"""A bank in RAM that follows its store: it asks for the bank's ``rev`` and applies what is newer."""
+"""A bank in RAM that follows its store: it reads the bank's ``rev`` and applies newer changes."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import RecordChange
 
 _MANY = 200
-"""Texts that some models embed for more than a second."""
+"""Number of texts that may take a model more than a second."""
 
 log = logging.getLogger(__name__)
 
 
 class Index:
-    """The provisional, active and summary records of one bank; archived ones stay in the store alone.
+    """The provisional, active and summary records of one bank; archived ones stay only in the store.
 
-    What has to be embedded here is stored for other processes by :meth:`keep`: what has no vector, and where
-    ``replace`` is set, what has one of another model. Row numbers hold until the next :meth:`refresh` or
-    :meth:`apply`. Not safe among threads.
+    Records without a vector, and with ``replace`` those with one of another model, are embedded here and stored for
+    other processes by :meth:`keep`. Row numbers are valid until the next :meth:`refresh` or :meth:`apply`. Not
+    thread-safe.
     """
 
     def __init__(self, store: Store, bank: str, embedder: Embedder, *, replace: bool = False) -> None:
@@ -43,12 +43,12 @@ class Index:
         return len(self._rows)
 
     def refresh(self) -> None:
-        """Apply what the store's bank has that is newer; quick when nothing is.
+        """Apply newer changes of the store's bank; quick when there are none.
 
-        Raises :class:`~gvla2.errors.MemoryStoreError` when the store cannot be read; the index then stays as it was.
+        Raises :class:`~gvla2.errors.MemoryStoreError` when the store cannot be read; the index is then unchanged.
         """
         rev = self._store.rev(self.bank)
-        if rev < self.rev:  # another database took the place of the one known
+        if rev < self.rev:  # a different database replaced the known one
             self._rows.clear()
             self.rev = 0
         if rev > self.rev:
@@ -58,19 +58,19 @@ class Index:
         self.rev = rev
 
     def keep(self) -> None:
-        """Store the vectors that had to be made, where the bank can be written; not within a transaction."""
+        """Store newly made vectors, if the bank is writable; not within a transaction."""
         made, self._made = self._made, []
         if made:
             with suppress(MemoryStoreError), self._store.writing(self.bank, actor="index", now=0.0) as t:
                 t.save_vectors(self._embedder.model, made)
 
     def apply(self, changes: Iterable[RecordChange]) -> None:
-        """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
+        """Update rows; a record without a valid vector by this embedder's model is embedded here."""
         kept, gone = list[RecordChange](), list[str]()
         for one in changes:
             if one.record.state in STATES and one.record.type in TYPES and one.record.outcome in OUTCOMES:
                 kept.append(one)
-            else:  # archived, forgotten, or of a kind that is not known
+            else:  # archived, forgotten, or of an unknown kind
                 gone.append(one.record.id)
         vectors = self._vectors(kept)
         try:
@@ -84,7 +84,7 @@ class Index:
     def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> Candidates:
         """The records of these states, as a retriever ranks them.
 
-        ``now`` is what ages are counted to, in seconds since the epoch (the machine's clock by default).
+        ``now`` is the reference time of ages, in seconds since the epoch (the machine's clock by default).
         """
         return Candidates(self._rows, states, time.time() if now is None else now)
 
@@ -93,7 +93,7 @@ class Index:
     ) -> list[tuple[Record, float]]:
         """The at most ``k`` records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
 
-        A zero vector is near to nothing.
+        A zero vector has no neighbours.
         """
         served = np.flatnonzero(self._rows.in_states(states))
         if k <= 0 or not len(served) or not vector.any():
@@ -104,12 +104,12 @@ class Index:
         return [(records[served[i]], float(cosines[i])) for i in best]
 
     def get(self, id: str) -> Record | None:
-        """The record, None where the index does not hold it."""
+        """The record, None if it is not in the index."""
         row = self._rows.row_of.get(id)
         return None if row is None else self._rows.records[row]
 
     def vector(self, id: str) -> NDArray[np.float32] | None:
-        """(D,) the embedding of a record, None where the index does not hold it."""
+        """(D,) the embedding of a record, None if it is not in the index."""
         row = self._rows.row_of.get(id)
         return None if row is None else np.array(self._rows.vectors[row])
 
@@ -123,12 +123,12 @@ class Index:
         return sorted((self._rows.records[row] for row in rows.tolist()), key=lambda record: record.id)
 
     def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
-        """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
+        """The valid stored (D,) vectors by this embedder's model, new ones for the others."""
         model = self._embedder.model
         found = [change.vector if change.model == model else None for change in changes]
         missing = [i for i, vector in enumerate(found) if not _sound(vector, self._dimension)]
         if len(missing) > _MANY:
-            told = "%d records of the bank '%s' have no vectors of %s: embedding them."
+            told = "%d records of the bank '%s' have no vectors by %s: embedding them."
             log.info(told, len(missing), self.bank, model)
         made = self._embedder.embed([changes[i].record.text for i in missing]) if missing else ()
         for i, vector in zip(missing, made, strict=True):

@@ -1,1 +1,1 @@
-"""A bank as the paper's released code keeps one: JSON lines in active, provisional, summary and archive.jsonl."""
+"""A bank in the format of the paper's released code: JSON lines in active, provisional, summary and archive.jsonl."""

@@ -1,4 +1,4 @@
-"""A bank as a folder of JSON lines: whole on disk, or not there. Nothing is ever replaced."""
+"""Export of a bank as a folder of JSON lines, atomically. Nothing is ever replaced."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gvla2.writing import write_whole
 
 @dataclass(frozen=True)
 class Exported:
-    """The files written, their lines (one a record), and how many records of other states were left out."""
+    """The files written, their lines (one per record), and how many records of other states were left out."""
 
     files: tuple[Path, ...]
     records: int
@@ -36,7 +36,9 @@ def export_path(store: Store, bank: str, path: Path, *, states: Sequence[str] | 
         targets.setdefault((link.source, link.kind), []).append(link.target)
     try:
         if path.exists() or path.is_symlink():
-            raise OutputError(f"{path} exists, and an export replaces nothing. Choose another path.")
+            raise OutputError(
+                f"{path} already exists, and an export never replaces anything. Choose another path."
+            )
         aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
         try:
             fresh = aside / "new"
@@ -51,7 +53,7 @@ def export_path(store: Store, bank: str, path: Path, *, states: Sequence[str] | 
             fresh.rename(path)
         finally:
             shutil.rmtree(aside, ignore_errors=True)
-    except (OSError, RuntimeError) as error:  # RuntimeError: a link that leads to itself
+    except (OSError, RuntimeError) as error:  # RuntimeError: a circular link
         raise OutputError(f"Cannot write {path}: {getattr(error, 'strerror', '') or error}.") from error
     files = tuple(path / f"{state}.jsonl" for state in STATES)
     return Exported(files, len(shown), len(everything) - len(shown))

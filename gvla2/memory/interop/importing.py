@@ -1,4 +1,4 @@
-"""Foreign memories into a bank, in one transaction."""
+"""Import of foreign memories into a bank, in one transaction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Line = tuple[str, int, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Remark:
-    """What is to be said of a line. ``broken`` when it could not be read, else it was read as ``why`` says."""
+    """A remark on a line. ``broken`` when it could not be read, else it was read as ``why`` says."""
 
     file: str
     line: int
@@ -33,8 +33,8 @@ class Remark:
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of a path: ids of the records that are new, how many lessons the bank ``known`` already had,
-    how many of the new ones are ``held_back`` as provisional, and remarks on lines.
+    """The result for a path: ids of the new records, how many lessons were already ``known`` to the bank, how many of
+    the new ones are ``held_back`` as provisional, and remarks on lines.
     """
 
     added: tuple[str, ...]
@@ -60,10 +60,10 @@ def import_path(
 ) -> Imported:
     """Read a file or folder into ``bank``; a path that was imported before adds nothing.
 
-    What others have written is provisional until verified episodes of two independent sources bear it out, whatever
-    a file says of itself; all that is imported is one ``source``. ``trusted`` is for one's own backup: records keep
-    the lifecycle state and the trust that they had. The bank embeds what is new when it is asked next. Raises
-    :class:`MemoryStoreError` when the path or the store cannot be read; nothing is stored then.
+    Records from others are provisional until verified episodes of two independent sources confirm them, whatever a file
+    says about itself; an import is one ``source``. ``trusted`` is for the user's own backup: records keep their
+    lifecycle state and trust. The bank embeds new records at its next query. Raises :class:`MemoryStoreError` when the
+    path or the store cannot be read; nothing is stored then.
     """
     lines, remarks = read_path(path)
     at, origin = time.time() if now is None else now, Origin(trusted, source)
@@ -96,9 +96,9 @@ def import_path(
 
 
 def read_path(path: Path) -> tuple[list[Line], list[Remark]]:
-    """The JSON objects of a file or folder, and remarks on its other lines; empty ones are passed over.
+    """The JSON objects of a file or folder, and remarks on its other lines; empty ones are skipped.
 
-    Raises :class:`MemoryStoreError` when there is nothing to read, or no line is a record's.
+    Raises :class:`MemoryStoreError` when there is nothing to read, or no line is a record.
     """
     lines: list[Line] = []
     remarks: list[Remark] = []
@@ -115,7 +115,7 @@ def read_path(path: Path) -> tuple[list[Line], list[Remark]]:
         raise MemoryStoreError(f"Cannot read {place}: {error.strerror or error}.") from error
     fits = any("memory_id" in fields and "content" in fields for _, _, fields in lines)
     if not fits and (lines or (remarks and not path.is_dir())):
-        raise MemoryStoreError(f"{path} is no memory: no line has memory_id and content.")
+        raise MemoryStoreError(f"{path} is not a memory: no line has memory_id and content.")
     return lines, remarks
 
 
@@ -124,7 +124,7 @@ def _files(path: Path) -> list[Path]:
         raise MemoryStoreError(
             f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
         )
-    if not path.is_dir():  # a pipe is read like a file: `... | gvla2 memory import /dev/stdin`
+    if not path.is_dir():  # a pipe works like a file: `... | gvla2 memory import /dev/stdin`
         return [path]
     found = [file for state in STATES if (file := path / f"{state}.jsonl").is_file()]
     if not found:

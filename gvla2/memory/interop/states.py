@@ -1,6 +1,6 @@
-"""A record as one line of JSON: the fields of the released code, and under ``gvla2`` what it has no field for.
+"""A record as one line of JSON: the fields of the released code, and under ``gvla2`` whatever it has no field for.
 
-Lines come from anybody: a broken one is named, the others are read.
+Lines are untrusted: a broken one is reported, the others are read.
 """
 
 from __future__ import annotations
@@ -39,14 +39,12 @@ _QUALITIES: Mapping[Outcome, float] = {"verified_success": 0.8, "verified_fail":
 
 
 class LineError(Gvla2Error):
-    """A line that is no record; the message says why."""
+    """A line that is not a record; the message says why."""
 
 
 @dataclass(frozen=True)
 class ReadRecord:
-    """What a line says: a record, the ``key`` that names it in its source, keys of others, and ``notes`` on what was
-    understood how.
-    """
+    """A parsed line: a record, its ``key`` in its source, keys of others, and ``notes`` on interpretations."""
 
     key: str
     record: Record
@@ -62,11 +60,11 @@ def parse(raw: bytes) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise LineError(f"it is not UTF-8 (byte {error.start})") from error
     except (ValueError, RecursionError) as error:
-        raise LineError(f"it is no JSON object: {str(error)[:100]}") from error
+        raise LineError(f"it is not a JSON object: {str(error)[:100]}") from error
 
 
 def to_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
-    """A whole file, in the spelling that the released code uses.
+    """A whole file, in the released code's format.
 
     Unicode's own line ends are escaped: the released readers would cut the line there.
     """
@@ -75,10 +73,10 @@ def to_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
 
 
 def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, origin: Origin) -> ReadRecord:
-    """The record of a line as ``bank`` takes it; raises :class:`LineError` when it has no id or says nothing.
+    """The record of a line for ``bank``; raises :class:`LineError` when it has no id or content.
 
-    The ``file``'s name tells the state, or else the line's own word; but what is not believed by its ``origin`` is
-    provisional, whatever the line says of it.
+    The ``file``'s name gives the state, else the line's own field; but a record not believed by its ``origin`` is
+    provisional, whatever the line says.
     """
     told, notes = {name: _text(fields, name) for name in _TEXTS}, list[str]()
     for name in ("memory_id", "content"):
@@ -112,7 +110,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         trust = min(trust, ours["trust"], key=LEVELS.index)
     note = ""
     if not believed(trust) and state != "archive":
-        state, note = "provisional", screened or "it was imported, and nobody here has borne it out yet"
+        state, note = "provisional", screened or "it was imported, and is not yet confirmed here"
     created, used = _when(fields.get("created_at")), min(_when(fields.get("last_used_at")) or 0.0, now)
     created = now if created is None else min(created, now)
     usage = count(fields.get("use_count"))
@@ -183,7 +181,7 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
 
 
 def _text(fields: Mapping[str, Any], name: str) -> str:
-    """A field that is text, as a database takes it; "" where it is absent or null. Numbers (ids) become their text.
+    """A text field, safe for a database; "" if it is absent or null. Numbers (ids) become their text.
 
     Raises :class:`LineError` when it is something else.
     """
@@ -191,7 +189,7 @@ def _text(fields: Mapping[str, Any], name: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = str(value)
     if value is not None and not isinstance(value, str):
-        raise LineError(f"'{name}' is no text")
+        raise LineError(f"'{name}' is not text")
     return clean(value or "", LONGEST_TEXT)
 
 
@@ -206,12 +204,12 @@ def _numbers(told: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _names(value: object) -> tuple[str, ...]:
-    """A list of ids; what is no text in it is left out."""
+    """A list of ids, without entries that are not text."""
     return tuple(clean(v, 1000) for v in value if isinstance(v, str)) if isinstance(value, list) else ()
 
 
 def _when(value: object) -> float | None:
-    """Seconds since the epoch of a number or an ISO date (UTC where it names no zone); None if it is neither."""
+    """Seconds since the epoch of a number or an ISO date (UTC without a zone); None if it is neither."""
     if isinstance(value, str):
         try:
             date = datetime.fromisoformat(value.strip())
@@ -223,7 +221,7 @@ def _when(value: object) -> float | None:
 
 
 def _date(seconds: float) -> str | None:
-    """The ISO date in UTC; None for a time that no calendar has, as a clock gone wrong gives it."""
+    """The ISO date in UTC; None for a time outside the calendar, as from a broken clock."""
     try:
         return datetime.fromtimestamp(seconds, UTC).isoformat()
     except (ValueError, OverflowError, OSError):
@@ -231,14 +229,14 @@ def _date(seconds: float) -> str | None:
 
 
 def number(value: object, low: float = -math.inf, high: float = math.inf) -> float | None:
-    """A number as a finite float held to [low, high]; None for what is no number, or beyond all floats."""
+    """A number as a finite float clipped to [low, high]; None if it is not a number, or out of float range."""
     try:
         found = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-    except OverflowError:  # JSON's whole numbers have no bound
+    except OverflowError:  # JSON's integers are unbounded
         return None
     return min(max(found, low), high) if math.isfinite(found) else None
 
 
 def count(value: object) -> int:
-    """A count; 0 for what is none."""
+    """A count; 0 if it is not one."""
     return int(number(value, 0.0, 2.0**53) or 0)

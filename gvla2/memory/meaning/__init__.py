@@ -1,1 +1,1 @@
-"""What lessons say: words, numbers, opposites, sentences, contradictions."""
+"""The meaning of lessons: words, numbers, opposites, sentences, contradictions."""

@@ -1,5 +1,5 @@
-"""What an English text says, in clauses: what each is about, which way, how much, whether it forbids; and what comes
-before what, what is taken rather than what. It reads for features, where a wrong guess costs a little probability.
+"""An English text as clauses: the topic, direction, amount and polarity of each; and what comes before what, and what
+is preferred to what. It extracts features, so a wrong guess only costs a little probability.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ _SWITCHED = re.compile(
 
 @dataclass(frozen=True)
 class Clause:
-    """``words`` are stems of what it is about, ``sides`` its opposing words by axis, ``when`` the words of what comes
-    before or after it (sides as "axis+"), ``ahead`` whether those come later, ``lacks`` what it does without.
+    """``words`` are stems of its topic, ``sides`` its opposing words by axis, ``when`` the words of the preceding or
+    following part (sides as "axis+"), ``ahead`` whether that part comes later, ``lacks`` what it does without.
     ``forbidden``: the text says not to.
     """
 
@@ -71,14 +71,14 @@ class Clause:
 
     @cached_property
     def topics(self) -> Words:
-        """What it speaks of, whichever way: words, axes, and what comes before or after it."""
+        """Its topics, whatever the direction: words, axes, and what comes before or after it."""
         return self.words | self.when | {axis for axis, _ in self.sides}
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A text taken apart. ``orders`` are pairs of what comes before and what after; ``choices`` what is taken and
-    what left; ``words`` all stems.
+    """A parsed text. ``orders`` are pairs of what comes before and what after; ``choices`` of what is taken and what is
+    left; ``words`` all stems.
     """
 
     clauses: tuple[Clause, ...]
@@ -94,7 +94,7 @@ class Reading:
 
 @lru_cache(maxsize=4096)
 def read(text: str) -> Reading:
-    """The reading of an English text; of any other, whatever it may give."""
+    """The reading of an English text; undefined for other languages."""
     clauses: list[Clause] = []
     orders: list[Order] = []
     choices: list[Order] = []
@@ -138,7 +138,7 @@ def _steps(sentence: str) -> list[str]:
 
 
 def _choice(step: str) -> tuple[str, str]:
-    """What a step takes, and what it leaves; ("", "") where it does not choose."""
+    """What a step takes, and what it leaves; ("", "") if it does not choose."""
     found = _INSTEAD.match(step) or _CHOSEN.fullmatch(step.strip())
     groups = found.groupdict(default="") if found is not None else {}
     taken, left = ("".join(groups[name] for name in groups if name.startswith(n)) for n in ("one", "two"))
@@ -146,9 +146,7 @@ def _choice(step: str) -> tuple[str, str]:
 
 
 def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
-    """The clause of a casefolded step, and what it says comes before what; what it leaves out (``left``) is no part of
-    it.
-    """
+    """The clause of a casefolded step, and its order of events; what it leaves out (``left``) is excluded."""
     text = _LEAVING.sub(" ", step.replace(left, " ")) if left else step
     order, main, when = _ordered(text)
     main, figures = _without_figures(main)
@@ -169,7 +167,7 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
 
 
 def content(text: str) -> Words:
-    """The telling words of a text: stems, and sides as "axis+"."""
+    """The content words of a text: stems, and sides as "axis+"."""
     found: set[str] = set()
     for word in WORD.findall(_without_figures(text)[0]):
         if word not in NEGATORS and word not in CONDITIONS:
@@ -211,7 +209,7 @@ def _ended(words: list[str]) -> Iterator[str]:
 
 
 def _ordered(text: str) -> tuple[Order | None, str, Words]:
-    """What a step says comes before what, its main part, and the words of the other part."""
+    """A step's order of events, its main part, and the words of the other part."""
     for pattern, ahead in ((_AHEAD, True), (_BEHIND, False)):
         found = pattern.search(text)
         if found is None:
@@ -230,7 +228,7 @@ def _ordered(text: str) -> tuple[Order | None, str, Words]:
 
 
 def _take(word: str, words: set[str], sides: list[Side] | None) -> None:
-    """Sort a word in: to ``sides`` where it has some (to ``words`` as "axis+" where ``sides`` is None), else to
+    """File a word: under ``sides`` if it has any (under ``words`` as "axis+" if ``sides`` is None), else under
     ``words`` by its stem, else nowhere.
     """
     word = word.removesuffix("'s")

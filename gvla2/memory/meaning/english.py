@@ -1,6 +1,4 @@
-"""Words of English that the reader knows: those that say nothing, forbid, or oppose one another; and how to tell the
-language.
-"""
+"""English words known to the reader: stop words, negations and opposites; and language detection."""
 
 from __future__ import annotations
 
@@ -13,12 +11,12 @@ from gvla2.memory.meaning.terms import stem
 
 
 def word_set(text: str) -> frozenset[str]:
-    """The words of a text that spaces and line ends part."""
+    """The words of a text, split at whitespace."""
     return frozenset(text.split())
 
 
 MAX_READ = 2000
-"""Characters that are read of a text."""
+"""Characters read of a text."""
 WORD = re.compile(r"[^\W_](?:[\w]|['-](?=\w))*")
 
 SOFT = word_set(
@@ -32,7 +30,7 @@ SOFT = word_set(
     belongs come comes stand stands lie lies sit sits stay stays look looks suffice suffices plenty begin begins happen
     happens hang hangs fit fits"""
 )
-"""Words that change nothing about what is done to what."""
+"""Words that do not change the meaning of an action."""
 NEGATORS = word_set(
     """not never no don't dont doesn't mustn't shouldn't can't cannot won't isn't aren't avoid refrain skip omit nothing
     neither forbidden prohibited nobody none wrong unwise mistake"""
@@ -62,7 +60,7 @@ _LETTERS = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 
 @lru_cache(maxsize=16384)
 def is_english(text: str) -> bool:
-    """Whether a text may be read here. Short texts that show no language count as English where they are ASCII."""
+    """Whether a text can be read here. Short texts of unclear language count as English if they are ASCII."""
     words = _LETTERS.findall(text[:MAX_READ].casefold().replace("’", "'"))
     mine = sum(word in _TELLING for word in words)
     theirs = sum(word in _FOREIGN or not word.isascii() for word in words)
@@ -124,7 +122,7 @@ packing: compress zip / decompress unzip
 """
 
 Side = tuple[str, int]
-"""An axis, and on which side of it a word stands: +1 or -1."""
+"""An axis, and a word's side of it: +1 or -1."""
 
 
 def _sides() -> dict[str, tuple[Side, ...]]:
@@ -138,4 +136,4 @@ def _sides() -> dict[str, tuple[Side, ...]]:
 
 
 SIDES: Mapping[str, tuple[Side, ...]] = _sides()
-"""Stem -> the axes that it stands on, and which side of each, +1 or -1."""
+"""Stem -> its axes, and its side of each, +1 or -1."""

@@ -1,4 +1,4 @@
-"""One way to write a text: whatever keyboard it came from, numbers in digits, and names with numbers as one word."""
+"""A normal form of text: one Unicode form, numbers in digits, and names with numbers as one word."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def unified(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def plain_text(text: str) -> str:
-    """The casefolded text as it is taken apart: "10^5" is "1e5", "half an hour" "0.5 hour", "bin 3" "bin nr3"."""
+    """The casefolded text in the form to be parsed: "10^5" is "1e5", "half an hour" "0.5 hour", "bin 3" "bin nr3"."""
     text = unified(text)
     if "10^" in text:
         text = _POWER_OF_TEN.sub(_exponent, text)
@@ -96,7 +96,7 @@ _NAMES = re.compile(
     rf"|(?<!\w)(?P<thing>(?:{_NUMBERED})s? )(?P<which>(?>\d+(?:\.\d+)*[a-z]?))(?![\w.]*\d|\w)"
     r"(?!\s*(?:[%°]|or\b|[a-z]+/|mm|cm|m?s\b|[mn]\b|kg|times\b|met|cent|mill|sec|hour|minu|deg|newt))"
 )
-"""What measures nothing: where names differ, two texts speak of two things."""
+"""The dimension of names: if names differ, two texts are about different things."""
 
 
 def _named(found: re.Match[str]) -> str:

@@ -80,7 +80,7 @@ class _Unit(NamedTuple):
 
 
 def _unit_at(text: str, at: int) -> _Unit:
-    """The unit that stands in a casefolded text behind a number that ends at ``at``; one of no dimension for none."""
+    """The unit in a casefolded text after a number that ends at ``at``; a dimensionless one if there is none."""
     token = _TOKEN.match(text, at)
     if token is None or (found := _known(token["word"])) is None:
         return _Unit("", 1.0, at)
@@ -119,9 +119,9 @@ _BEHIND = re.compile(
     rf"|or (?:below|under|{_LESS})\b|at (?:the )?most\b(?!\s+\d)|max(?:imum)?\b)"
 )
 SAME_SIDE = 0.6
-"""Two upper (or two lower) bounds disagree when they lie apart by more than this share of the larger one."""
+"""Two upper (or two lower) bounds disagree when they differ by more than this share of the larger one."""
 TOLERANCE = 0.2
-"""How far two figures may lie apart, as a share of the larger one, and still agree."""
+"""The largest difference of agreeing figures, as a share of the larger one."""
 
 
 class Quantity(NamedTuple):
@@ -150,14 +150,14 @@ class Quantity(NamedTuple):
             both = [(a, b) for a, b in ends if math.isfinite(a) and math.isfinite(b)]
             far = any(abs(a - b) > SAME_SIDE * max(abs(a), abs(b)) for a, b in both)
             return self.one_sided and other.one_sided and far
-        # Who gives a bound or a range means it; single figures vary from one episode to the next.
+        # Bounds and ranges are deliberate; single figures vary from one episode to the next.
         figures = self.low == self.high and other.low == other.high
         scale = max((abs(v) for pair in ends for v in pair if math.isfinite(v)), default=0.0)
         return gap > (TOLERANCE if figures else 0.02) * scale
 
 
 class QuantityAt(NamedTuple):
-    """A quantity and where it stands in the text, ``start`` to ``end``."""
+    """A quantity and its position in the text, ``start`` to ``end``."""
 
     quantity: Quantity
     start: int
@@ -208,7 +208,7 @@ def quantities(text: str) -> list[QuantityAt]:
 
 
 def _start(text: str, at: int) -> int:
-    """Where a number begins whose digits begin at ``at``, with its sign; -1 where the digits belong to a word."""
+    """Where a number begins whose digits begin at ``at``, with its sign; -1 if the digits belong to a word."""
     before = text[at - 1] if at else " "
     if before in "-−+":
         if at < 2 or not _in_word(text[at - 2]):
@@ -222,7 +222,7 @@ def _in_word(character: str) -> bool:
 
 
 def _number(text: str) -> float | None:
-    """``1.5``, ``1,5``, ``1,000``, ``10 000``; None for what is no single number, such as ``3.11.2``."""
+    """``1.5``, ``1,5``, ``1,000``, ``10 000``; None if it is not a single number, such as ``3.11.2``."""
     plain = text.replace("−", "-").replace(" ", "").replace("\u00a0", "")
     try:
         value = float(plain.replace(",", "") if _THOUSANDS.fullmatch(plain) else plain.replace(",", "."))

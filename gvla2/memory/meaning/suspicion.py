@@ -1,8 +1,8 @@
 """How likely two English texts contradict each other: a small logistic regression on features of the two.
 
 p = max over the ways k in which they may (:func:`gvla2.memory.meaning.suspicion.candidates`) of sigmoid(w . x_k + b).
-The weights lie beside this file; ``tests/benchmarks/memory/train_suspicion.py`` makes them, and says of what. What
-comes out is a suspicion, never a decision.
+The weights are beside this file; ``tests/benchmarks/memory/train_suspicion.py`` trains them, and documents the data.
+The result is a suspicion, never a decision.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gvla2.memory.meaning.clauses import Clause, Order, Words, read
 from gvla2.memory.meaning.english import Side, is_english
 
 CROSSED = 0.2
-"""From here on two orders are taken for each other's reverse."""
+"""Above this, two orders count as each other's reverse."""
 SIGNS = ("number", "bare", "side", "case_side", "forbids", "rules_out", "order", "choice")
 """How two clauses may contradict each other: in a measure, in a bare number, in what is done, in which case; one
 forbids what the other may do, or does without what it needs; what comes first, what is taken.
@@ -36,8 +36,8 @@ cases they name; in how many respects they differ.
 def candidates(first: str, second: str, first_query: str = "", second_query: str = "") -> NDArray[np.float64]:
     """(K, F) the :data:`FEATURES` of each way in which two English texts may contradict each other.
 
-    K is 0 where no sign of it was found, and where their tasks are about different things: what is right for the one
-    may be wrong for the other. The texts may be exchanged.
+    K is 0 if no sign of it was found, or if their tasks are about different things: what is right for one may be wrong
+    for the other. The texts may be exchanged.
     """
     same = _same_task(first_query, second_query)
     if same < 0:
@@ -64,12 +64,12 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
 
 
 def _compared(a: Clause, b: Clause) -> dict[str, float]:
-    """How far two clauses speak of one thing in one case."""
+    """How far two clauses are about one thing in one case."""
     mine, theirs = a.topics, b.topics
     shared = len(mine & theirs)
     cases = bool(a.when - b.when), bool(b.when - a.when)
     return {
-        # Who says nothing of what it is about ("use 4 N") may speak of anything.
+        # A clause without a topic ("use 4 N") may be about anything.
         "like": shared / len(mine | theirs) if mine and theirs else 0.5,
         "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
         "own_words": min(len(mine - theirs), len(theirs - mine), 4) / 4,
@@ -78,7 +78,7 @@ def _compared(a: Clause, b: Clause) -> dict[str, float]:
 
 
 def _signs(a: Clause, b: Clause) -> dict[str, float]:
-    """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing."""
+    """The :data:`SIGNS` of two clauses, before checking whether they are about one thing."""
     found: dict[str, float] = {}
     differ = _differing_figure(a, b)
     if differ is not None:
@@ -112,7 +112,7 @@ def turned(mine: Iterable[Side], theirs: Iterable[Side]) -> list[str]:
 
 
 def _differing_figure(a: Clause, b: Clause) -> str | None:
-    """The first dimension in which figures of two clauses disagree, taken in turn; None: in none."""
+    """The first dimension in which figures of two clauses disagree; None if they agree."""
     for dimension in sorted({figure.dimension for figure in a.figures}):
         one, two = ([f for f in clause.figures if f.dimension == dimension] for clause in (a, b))
         if any(mine.disagrees(other) for mine, other in zip(one, two, strict=False)):
@@ -127,7 +127,7 @@ def _sides_in(words: Words) -> tuple[Side, ...]:
 def _crossed(mine: Iterable[Order], theirs: Iterable[Order]) -> float:
     """How surely two orders, or two choices, are each other's reverse: 1 where both halves changed places.
 
-    What stands on one side in both tells nothing, and neither does what stands on both sides of one.
+    Words on the same side in both, or on both sides of one, do not count.
     """
     most = 0.0
     for a, b in mine:
@@ -145,8 +145,8 @@ def _held(mine: Words, theirs: Words) -> float:
 
 @lru_cache(maxsize=16384)
 def _same_task(first: str, second: str) -> float:
-    """Whether two queries, one instruction a line, are one task: 1 where they share one, .5 where one is not known, 0
-    where one only says more than the other, -1 where each has something of its own: another thing, another case.
+    """Whether two queries, one instruction a line, are one task: 1 if they share one, .5 if one is unknown, 0 if one
+    only says more than the other, -1 if each has something of its own: another thing, another case.
     """
     if not first.strip() or not second.strip():
         return 0.5
@@ -159,10 +159,10 @@ def _same_task(first: str, second: str) -> float:
 
 @lru_cache(maxsize=16384)
 def suspicion(first: str, second: str, first_query: str = "", second_query: str = "") -> float | None:
-    """The probability, in [0, 1], that two texts contradict each other; None where one is not in English.
+    """The probability, in [0, 1], that two texts contradict each other; None if one is not in English.
 
-    The queries are the instructions that the texts come from, one a line, "" for unknown: in one task a thing has one
-    place, and what is right for one task may be wrong for another. The texts may be exchanged.
+    The queries are the instructions that the texts come from, one a line, "" for unknown: what is right for one task
+    may be wrong for another. The texts may be exchanged.
     """
     if (second, second_query) < (first, first_query):
         return suspicion(second, first, second_query, first_query)
@@ -178,7 +178,7 @@ def suspicion(first: str, second: str, first_query: str = "", second_query: str 
 
 
 def threshold() -> float:
-    """The probability from which on two texts are suspected, picked out of fold on the training pairs."""
+    """The probability above which two texts are suspected, chosen out of fold on the training pairs."""
     return _head()[2]
 
 

@@ -1,4 +1,4 @@
-"""The terms that texts are searched by: words of any language, without stop words, stemmed by Snowball."""
+"""Search terms of texts: words of any language, without stop words, stemmed by Snowball."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from functools import lru_cache
 from Stemmer import Stemmer
 
 MAX_TEXT = 8192
-"""What is read of a text, in characters: a query of a megabyte costs no more than one of a page."""
+"""Characters read of a text: a query of a megabyte costs no more than one of a page."""
 MAX_WORD = 64
 """Longer words (encoded data, mostly) count by their beginning."""
 LONG = 6
-"""Terms from which on the sentences of a query are looked at one by one."""
+"""Number of terms above which a query's sentences are also searched one by one."""
 MAX_SENTENCES = 8
 _SENTENCE = re.compile(r"[.;!?](?=\s|$)|[\n。；！？]")
 _WORD = re.compile(r"\w+")
@@ -22,7 +22,7 @@ _UNSPACED = re.compile(
     r"([\u0e00-\u0eff\u1000-\u109f\u1780-\u17ff\u3040-\u30ff\u3400-\u4dbf\u4e00-\u9fff\uf900-\ufaff]+)"
 )
 _STEMMER = Stemmer("english", 0)
-# Words that say nothing about what a text is about, in English, German, French, Spanish, Italian, Portuguese, Russian
+# Words that say nothing about a text's topic, in English, German, French, Spanish, Italian, Portuguese, Russian
 # and Dutch; a language that is missing only loses some sharpness while the bank is small. Of English also the verbs
 # that stand in any order ("put", "take") and number words: queries share them with lessons about anything.
 _STOP_WORDS = """
@@ -65,7 +65,7 @@ def words(text: str) -> list[str]:
         return [word[:MAX_WORD] for word in _WORD.findall(text.lower())]
     found: list[str] = []
     for word in _WORD.findall(unicodedata.normalize("NFKC", text).casefold()):
-        # Splitting by a group gives what lies between the runs at even places, and the runs at odd ones.
+        # Splitting by a group gives the text between the runs at even indices, and the runs at odd ones.
         for place, part in enumerate(_UNSPACED.split(word)):
             if place % 2:
                 found += [part[i : i + 2] for i in range(max(len(part) - 1, 1))]
@@ -78,8 +78,8 @@ def words(text: str) -> list[str]:
 def questions(query: str) -> tuple[frozenset[str], ...]:
     """The terms of a query, then those of the sentences of a longer one that have two or more.
 
-    Whoever instructs tells of circumstances too ("The guests come at seven; set the table."), which records that know
-    what to do do not share. () for a query without terms.
+    Instructions mention circumstances too ("The guests come at seven; set the table."), which useful records do not
+    share. () for a query without terms.
     """
     whole = terms(query)
     if len(whole) < LONG:

@@ -1,1 +1,1 @@
-"""What a task brings back: scored, ranked, abstained from, rendered."""
+"""Retrieval for a task: scoring, ranking, abstention, rendering."""

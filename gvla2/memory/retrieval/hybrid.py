@@ -1,4 +1,4 @@
-"""The retriever of a bank: ranking by S, and silence where nothing fits."""
+"""The retriever of a bank: ranking by S, and abstention if nothing fits."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from gvla2.memory.retrieval.scoring import relative_difference, scene_distance, 
 Array = NDArray[np.float64]
 _CONSTRAINT = TYPES.index("failure_avoidance")
 _LOOKED_AT = 256
-"""Constraints, hints and programs, of each the best so many, are looked at."""
+"""Of constraints, hints and programs each, this many of the best are considered."""
 _LANGUAGES = 4
-"""Programs of a fifth language are passed over, so that recall is bounded."""
+"""Programs of further languages are ignored, so that recall is bounded."""
 
 
 class HybridRetriever:
@@ -36,8 +36,8 @@ class HybridRetriever:
     ) -> tuple[Sequence[Ranked], str]:
         """The reliable rows, best first (equal scores by id), or none and the reason.
 
-        ``query_embedding`` (D,) must come from the model of the candidates' vectors. Records of another skill than
-        the task's are left out, where both are known.
+        ``query_embedding`` (D,) must come from the model of the candidates' vectors. Records of a different skill than
+        the task's are left out, if both are known.
         """
         options = self._options
         if not len(candidates):
@@ -56,7 +56,10 @@ class HybridRetriever:
             return (), self._nothing_about(candidates, allowed, lexical, cosine)
         fitting = about & self._fitting(task, candidates)
         if not fitting.any():
-            return (), f"{np.count_nonzero(about)} records are about this, all of them from other geometry."
+            return (
+                (),
+                f"{np.count_nonzero(about)} records are about this, all of them from a different geometry.",
+            )
 
         rows = np.flatnonzero(fitting)
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
@@ -64,14 +67,14 @@ class HybridRetriever:
             options.weights,
             candidates,
             rows,
-            # Of the best, as BM25 / its maximum is: else what is sure would outdo what is asked for.
+            # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
             relevance=relevance / max(float(relevance.max()), 1e-9),
             distance=scene_distance(task.signature, candidates, rows),
             filled=filled(task, candidates, rows),
         )
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
-            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is asked"
+            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
             return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
         return [
             Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
@@ -79,9 +82,9 @@ class HybridRetriever:
         ], ""
 
     def _chosen(self, rows: NDArray[np.intp], scores: Array, candidates: Candidates) -> list[int]:
-        """The places in ``rows`` (K,) of those that are told, best first: each thing once, however many say it.
+        """The indices into ``rows`` (K,) of those shown, best first, without repeats.
 
-        Constraints, hints and the programs of each language have places of their own: a planner reads programs of one
+        Constraints, hints and the programs of each language have separate limits: a planner reads programs of one
         language, which those of another must not crowd out.
         """
         options, row = self._options, rows.tolist()
@@ -111,26 +114,26 @@ class HybridRetriever:
         return sorted(taken, key=lambda i: (-scores[i], candidates.record(row[i]).id))
 
     def _same(self, one: int, other: int, candidates: Candidates) -> bool:
-        """Whether two records say the same; the numbers of their effects aside, which one of them wins with."""
+        """Whether two records say the same, apart from their effects' numbers (the better record's are shown)."""
         mine, theirs = (_wording(candidates.record(row).content) for row in (one, other))
         if len(mine & theirs) < self._options.same_words * len(mine | theirs):
             return False
         return _parameter(candidates, one) == _parameter(candidates, other)
 
     def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
-        """(N,) whether all that is essential of the scene is near enough, where both know it."""
+        """(N,) whether all essential numbers of the scene, if both have them, are near enough."""
         fits = np.ones(len(candidates), np.bool_)
         for name in self._options.essential:
             asked = task.signature.get(name, math.nan)
             if math.isfinite(asked):
                 difference = relative_difference(candidates.numbers(name), float(asked))
-                fits &= ~(difference > self._options.max_difference)  # nan is no hindrance
+                fits &= ~(difference > self._options.max_difference)  # nan does not exclude
         return fits
 
     def _nothing_about(
         self, candidates: Candidates, allowed: NDArray[np.bool_], lexical: Array, cosine: Array
     ) -> str:
-        """Why no row counts."""
+        """Why no row qualifies."""
         options = self._options
         evidence = cosine + options.words_count * lexical
         nearest = int(np.argmax(np.where(allowed, evidence, -np.inf)))
@@ -138,13 +141,14 @@ class HybridRetriever:
         return (
             f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has cosine "
             f"{cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
-            f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
+            f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is required, or {options.min_words:.0%} of "
+            f"the "
             "words)."
         )
 
 
 def filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) -> Array:
-    """(K,) how well the task's things can fill the roles of the rows' programs, nan where that says nothing."""
+    """(K,) how well the task's things can fill the roles of the rows' programs, nan if not applicable."""
     found = np.full(len(rows), math.nan)
     for i in np.flatnonzero(candidates.programs[rows]) if task.things else ():
         found[i] = share_filled(candidates.record(int(rows[i])).effect_json(), task.things)
@@ -157,7 +161,7 @@ def _wording(content: str) -> frozenset[str]:
 
 
 def _parameter(candidates: Candidates, row: int) -> str:
-    """What an effect is about; a program is about nothing but itself."""
+    """The parameter of an effect; a program stands for itself."""
     effect = candidates.record(row).effect_json() or {}
     if effect.get("kind") == "program":
         return dump(dict(effect))

@@ -1,4 +1,4 @@
-"""What the built-in retrievers can be told; light enough to be a configuration's schema."""
+"""Options of the built-in retrievers; light enough to be a configuration's schema."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from gvla2.errors import ConfigurationError
 class ScoreWeights:
     """The constants of S, as the paper's authors released them; ``applicability`` and ``program`` are ours.
 
-    Bonuses by the record's outcome: ``verified`` also holds for a constraint that a verified failure supports (the
+    Bonuses by the record's outcome: ``verified`` also applies to a constraint that a verified failure supports (the
     released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
-    anything else that failed; ``unjudged`` where the verifier was unavailable. ``recency`` is lost at one unit in
-    ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a
-    year. ``applicability`` is gained in the very scene that a record comes from, and lost in a quite different one;
-    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left. ``program``
-    is gained by a program whose roles the task's things can fill, and lost by one of which they can fill none.
+    anything else that failed; ``unjudged`` if the verifier was unavailable. ``recency`` is lost at one unit in
+    ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a year.
+    ``applicability`` is gained in the same scene that a record comes from, and lost in a quite different one;
+    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left. ``program`` is
+    gained by a program whose roles the task's things can fill, and lost by one of which they can fill none.
     """
 
     verified: float = 0.30
@@ -42,18 +42,17 @@ class ScoreWeights:
 class HybridOptions:
     """Options of :class:`gvla2.memory.retrieval.hybrid.HybridRetriever`.
 
-    Text relevance is ``lexical_weight`` x the share of the query's information that a record's words hold +
-    ``cosine_weight`` x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and at
-    most ``top_k_constraints`` constraints and ``programs`` programs of each language beside them: none of these must
-    crowd out another.
+    Text relevance is ``lexical_weight`` x the share of the query's information in a record's words + ``cosine_weight``
+    x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and besides at most
+    ``top_k_constraints`` constraints and ``programs`` programs of each language, so that none crowds out another.
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
     constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
-    own (tests/benchmarks/memory/data: calibration, and the first examiner); they serve static and MiniLM alike.
+    own (tests/benchmarks/memory/data: calibration, and the first examiner); they suit both static and MiniLM.
 
-    A record from another geometry does not apply, whatever it says: those of the numbers ``essential`` that both
-    scenes have may differ by ``max_difference`` of the larger one.
+    A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
+    differ by ``max_difference`` of the larger one.
 
     Records that share ``same_words`` of the words of both say the same and count once, unless they are about
     different parameters, or are different programs.
@@ -74,7 +73,7 @@ class HybridOptions:
     weights: ScoreWeights = field(default_factory=ScoreWeights)
 
     def check(self) -> None:
-        """Raises :class:`~gvla2.errors.ConfigurationError` for weights that S would divide by zero with."""
+        """Raises :class:`~gvla2.errors.ConfigurationError` for weights that make S divide by zero."""
         for name in ("recency_days", "usage_divisor", "signature_scale"):
             if getattr(self.weights, name) == 0:
                 why = "is 0, and S divides by it: give a positive one"
@@ -83,6 +82,6 @@ class HybridOptions:
 
 @dataclass(kw_only=True)
 class SemanticOptions:
-    """Options of :class:`gvla2.memory.retrieval.semantic.SemanticRetriever`: how many it gives at most."""
+    """Options of :class:`gvla2.memory.retrieval.semantic.SemanticRetriever`: the most it returns."""
 
     top_k: int = 3

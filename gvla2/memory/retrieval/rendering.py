@@ -1,8 +1,8 @@
 """Recalled records as one bounded block of text for a planner that reads.
 
-Whatever a record says, it stays data: one line, no control or invisible characters, and nothing that could pass
-for the block's own delimiters or ids. A typed effect is shown where its names are names: what reads like orders to a
-machine is left out.
+A record always stays data: one line, no control or invisible characters, and nothing that could be mistaken for the
+block's own delimiters or ids. A typed effect is shown only if its names are plain names: anything that reads like
+orders is left out.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ OUTSIDE = {
     "foreign": "from outside",
     "screened": "from outside, reads like an order",
 }
-"""How what is not one's own is marked, by its trust."""
+"""Marks of foreign records, by trust."""
 HINTS = "Hints (optional):"
 CONSTRAINTS = "Constraints (binding):"
 
 _ITEM_LIMIT = 600
-# In ASCII: what is shown as something else, or not at all.
+# ASCII characters that are replaced or removed.
 _ODD = re.compile(r"[\x00-\x08\x0e-\x1b\x7f<>\[\]|`]")
 _LOOKALIKES = {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}
 
 
 def item_of(record: Record, rank: Ranked) -> MemoryItem:
-    """A ranked record as a planner gets it."""
+    """A ranked record as given to a planner."""
     return MemoryItem(
         id=record.id,
         type=record.type,
@@ -44,7 +44,7 @@ def item_of(record: Record, rank: Ranked) -> MemoryItem:
         confidence=record.confidence,
         score=rank.score,
         terms=dict(rank.terms),
-        # What was never verified binds nobody, even where the bank is told to show it.
+        # Unverified records never bind, even if the bank shows them.
         binding=record.type == "failure_avoidance" and record.state != "provisional",
         effect=record.effect_json(),
         trust=record.trust,
@@ -54,8 +54,8 @@ def item_of(record: Record, rank: Ranked) -> MemoryItem:
 def render(items: Sequence[MemoryItem], max_chars: int = 2400) -> str:
     """The block for these items, constraints first, each kind in the order given; "" for no items.
 
-    Never longer than ``max_chars``: long contents are cut evenly, and where even that is not enough items are left
-    out, hints before constraints.
+    Never longer than ``max_chars``: long contents are cut evenly, and if even that is not enough items are left out,
+    hints before constraints.
     """
     shown = [i for i in items if i.binding] + [i for i in items if not i.binding]
     while shown:
@@ -123,7 +123,7 @@ def neutralised(text: str, limit: int) -> str:
 
 @lru_cache(maxsize=20_000)
 def _shown(letter: str) -> str:
-    """What a character is shown as: spaces as one space, invisible ones not at all, markup as its lookalikes."""
+    """How a character is shown: spaces as one space, invisible ones not at all, markup as lookalikes."""
     if letter.isspace():
         return " "
     return "" if invisible(letter) else _LOOKALIKES.get(letter, letter)

@@ -1,6 +1,6 @@
 """How much a record deserves to be recalled: S of the paper, term by term, for many records at once.
 
-S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, and what is ours: the geometric
+S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, plus our own terms: the geometric
 applicability of robot memories, and whether a program's roles can be filled.
 """
 
@@ -34,8 +34,8 @@ def score_terms(
 ) -> dict[str, Array]:
     """The terms of S by name, each (K,) for the (K,) ``rows``; penalties are negative, so that S is their sum.
 
-    ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan where it does
-    not apply; ``filled`` (K,) the share of a program's roles that can be filled, nan where there is no program.
+    ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan if not
+    applicable; ``filled`` (K,) the share of a program's roles that can be filled, nan without a program.
     """
     ages, usage, outcomes = candidates.ages[rows], candidates.usage[rows], candidates.outcomes[rows]
     # In the order of OUTCOMES.
@@ -71,15 +71,15 @@ def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows:
 
 
 def relative_difference(known: Array, asked: float) -> Array:
-    """(N,) differences as a share of the larger number, nan where none is known."""
+    """(N,) differences as a share of the larger number, nan if unknown."""
     return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))
 
 
 def share_filled(effect: Mapping[str, Any] | None, things: Sequence[str]) -> float:
     """How well the things can fill the program's roles, each thing one of them: 0 (no role) to 1 (every role in full).
 
-    A role is filled by the share of its words that the thing has: a mug is no cup, but both may be cylinders. The best
-    pairs are taken first. nan for what is no program, or has no roles, or where nothing is known of the things.
+    A role is filled by the share of its words that the thing has: a mug is not a cup, but both may be cylinders. The
+    best pairs are taken first. nan without a program or roles, or if the things are unknown.
     """
     roles = (effect or {}).get("roles")
     if (effect or {}).get("kind") != "program" or not isinstance(roles, Mapping) or not (roles and things):

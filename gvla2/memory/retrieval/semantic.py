@@ -1,4 +1,4 @@
-"""The plain retriever that others compare with: the nearest vectors, whatever they are worth."""
+"""The plain baseline retriever: the nearest vectors, without a threshold."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gvla2.memory.retrieval.options import SemanticOptions
 
 
 class SemanticRetriever:
-    """Ranks by cosine alone. It never abstains, save that a query or a bank without any vector finds nothing."""
+    """Ranks by cosine alone. It never abstains, except that a query or bank without vectors finds nothing."""
 
     def __init__(self, options: SemanticOptions | None = None) -> None:
         self._options = options or SemanticOptions()
@@ -28,6 +28,6 @@ class SemanticRetriever:
             return (), "The query has no vector to search by."
         cosines = candidates.cosine(query_embedding)
         if self._options.top_k <= 0:
-            return (), "The retriever is told to find none (top_k)."
+            return (), "The retriever's top_k is 0."
         best = largest(cosines, self._options.top_k, lambda row: candidates.record(row).id)
         return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""

@@ -26,14 +26,14 @@ PACKAGE = "wordllama"
 TABLE = Path("weights", "l2_supercat_256.safetensors")
 TOKENIZER = Path("tokenizers", "l2_supercat_tokenizer_config.json")
 _MAX_CHARS = 8192
-"""What is read of a text, in characters."""
+"""Characters read of a text."""
 
 
 class StaticEmbedder:
-    """Texts to unit vectors of 256 numbers: the mean of their tokens' vectors, whatever their order and case.
+    """Texts to unit vectors of 256 numbers: the mean of their tokens' vectors, ignoring order and case.
 
-    Raises :class:`~gvla2.errors.MissingDependencyError` where the package with the table is not installed, and
-    :class:`~gvla2.errors.ConfigurationError` where its files are not there.
+    Raises :class:`~gvla2.errors.MissingDependencyError` if the package with the table is not installed, and
+    :class:`~gvla2.errors.ConfigurationError` if its files are missing.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -59,7 +59,7 @@ class StaticEmbedder:
 
 
 def model_folder() -> Path:
-    """Where the package keeps its files; the package itself is not imported."""
+    """The folder of the package's files; the package itself is not imported."""
     found = importlib.util.find_spec(PACKAGE)
     if found is None or not found.submodule_search_locations:
         raise MissingDependencyError(
@@ -83,8 +83,8 @@ def _loaded(folder: Path) -> tuple[NDArray[np.float16], Tokenizer, str]:
         tokenizer = Tokenizer.from_str((folder / TOKENIZER).read_text(encoding="utf-8"))
     except (OSError, SafetensorError) as error:
         raise ConfigurationError(
-            f"The static embedder cannot read its table in '{folder}' ({error}): install the package anew, "
-            f"pip install --force-reinstall {PACKAGE}."
+            f"The static embedder cannot read its table in '{folder}' ({error}): reinstall the package: pip install "
+            f"--force-reinstall {PACKAGE}."
         ) from error
     tokenizer.no_padding()
     tokenizer.no_truncation()

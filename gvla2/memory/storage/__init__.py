@@ -1,1 +1,1 @@
-"""The truth on disk: records, links, episodes and a hash-chained history, in SQLite or PostgreSQL."""
+"""The bank on disk: records, links, episodes and a hash-chained history, in SQLite or PostgreSQL."""

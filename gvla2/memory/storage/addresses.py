@@ -1,4 +1,4 @@
-"""Where memories lie, and what a bank may be called."""
+"""Locations of memories, and valid names of banks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST_NAME = 200
 
 
 def settled(address: str, environment: Mapping[str, str]) -> str:
-    """The address to open for ``address``, absolute, as a run may change its working directory later.
+    """The absolute address to open for ``address``, since a run may change its working directory later.
 
     "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.
     """
@@ -25,11 +25,11 @@ def settled(address: str, environment: Mapping[str, str]) -> str:
 
 
 def wrong_bank_name(name: str) -> str:
-    """Why ``name`` can be no bank's, as a sentence; "" for one that can.
+    """Why ``name`` is not a valid bank name, as a sentence; "" if it is.
 
-    Letters and digits of any language and ``. _ - /``, the first a letter or digit, composed (NFC), so that what
-    looks the same is the same. Spaces, quotes, control characters and such that turn the direction of writing
-    would read as something else in a shell, a message or a file's name.
+    Letters and digits of any language and ``. _ - /``, the first a letter or digit, composed (NFC), so that
+    equal-looking names are equal. Spaces, quotes, control characters and direction marks would be misread in a shell, a
+    message or a file name.
     """
     if (
         name
@@ -41,6 +41,6 @@ def wrong_bank_name(name: str) -> str:
         return ""
     printed = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in name[:LONGEST_NAME])
     return (
-        f"'{printed}' cannot be the name of a bank: a name begins with a letter or digit, goes on with letters and "
+        f"'{printed}' cannot be the name of a bank: a name begins with a letter or digit, continues with letters and "
         f"digits of any language and . _ - /, and has at most {LONGEST_NAME} characters."
     )

@@ -1,4 +1,4 @@
-"""Is a bank what its events say? Every way in which it may have been damaged or tampered with, named; and mended."""
+"""Does a bank match its events? Finds and repairs damage and tampering."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
 from gvla2.memory.storage.view import BankView, vector_of
 
 _OWN = 0.99
-"""Cosine from which a vector is that of a text, whatever the order of additions."""
-_WHY = "the rows were not what the events say"
+"""Cosine above which a vector matches a text, despite rounding."""
+_WHY = "the rows did not match the events"
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What is wrong with a bank: ``where`` (chain, event, record, vector, link, episode, file), which ``id``."""
+    """A problem of a bank: ``where`` (chain, event, record, vector, link, episode, file), which ``id``."""
 
     where: str
     id: str
@@ -45,11 +45,11 @@ class Problem:
 
 
 def audit(view: BankView, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
-    """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing.
+    """The problems of a bank: its chain, payloads, rows against events, vectors, episodes; [] if there are none.
 
-    ``head`` is "SEQ:HASH" of an event, as the bank's statistics had them once and somebody kept elsewhere: with it, a
-    chain whose end was cut off, or that was written anew, is found as well. With an ``embedder``, vectors of its model
-    that were not made of what their records say, as after a swap, are named, too.
+    ``head`` is "SEQ:HASH" of an event from earlier statistics of the bank, kept elsewhere: with it, a truncated or
+    rewritten chain is found as well. With an ``embedder``, vectors by its model that do not match their records, as
+    after a swap, are reported too.
     """
     folding = Folding()
     problems = list(_chain(view, folding))
@@ -62,7 +62,7 @@ def audit(view: BankView, head: str = "", embedder: Embedder | None = None) -> l
         problems.append(Problem("link", " ".join(key), f"{kind} events"))
     problems += _episodes(view, folding)
     if view.meta(PENDING):
-        problems.append(Problem("file", "", "bytes of what was forgotten may be left in it: compact it"))
+        problems.append(Problem("file", "", "bytes of forgotten records may be left in it: compact it"))
     return problems
 
 
@@ -78,11 +78,11 @@ def _chain(view: BankView, folding: Folding) -> Iterator[Problem]:
         elif event.prev != prev:
             yield Problem("chain", where, "it does not follow the event before it")
         if _hash(event) != event.hash:
-            yield Problem("event", where, "its header was changed: the hash is another")
+            yield Problem("event", where, "its header was changed: the hash differs")
         if event.erased:
             erased.append(event)
         elif payload_digest(event.salt, event.payload) != event.digest:
-            yield Problem("event", where, "what it says was changed: the digest is another")
+            yield Problem("event", where, "its content was changed: the digest differs")
         if event.at < at or event.rev < rev:
             yield Problem("event", where, "it is older than the event before it")
         if event.action.partition(":")[0] == "forget":
@@ -95,7 +95,7 @@ def _chain(view: BankView, folding: Folding) -> Iterator[Problem]:
             yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
     head = view.head
     if head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
-        told = f"event {head.seq}" if head.seq != seq else "another hash or number of its transaction"
+        told = f"event {head.seq}" if head.seq != seq else "a different hash or transaction number"
         yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {told}")
     if head is None and seq:
         yield Problem("chain", "", "the bank's own row is missing")
@@ -105,13 +105,13 @@ def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
     """Whether the chain still has an event that was its last once."""
     place, _, hash_ = head.strip().partition(":")
     if not place.isdecimal() or not hash_:
-        why = "is no head of a chain: give SEQ:HASH, as the statistics of a bank have them"
+        why = "is not the head of a chain: give SEQ:HASH from a bank's statistics"
         raise MemoryStoreError(f"{head!r} {why}.")
     event, told = next(view.events(int(place) - 1), None), ""
     if event is None or event.seq != int(place):
-        told = "the head that was kept elsewhere is missing: the end of the chain was cut off"
+        told = "the head kept elsewhere is missing: the chain was truncated"
     elif event.hash != hash_:
-        told = "it is another than the head that was kept elsewhere: the chain was written anew"
+        told = "it differs from the head kept elsewhere: the chain was rewritten"
     if told:
         yield Problem("chain", place, told)
 
@@ -135,14 +135,14 @@ def _records(view: BankView, folding: Folding) -> Iterator[Problem]:
         elif said is None:
             yield Problem("record", id, "no event created it")
         elif differing:
-            yield Problem("record", id, f"{', '.join(differing)} differ from what the events say")
+            yield Problem("record", id, f"{', '.join(differing)} differ from the events")
     for id in sorted(due):
         yield Problem("record", id, "the events have it, the rows do not")
 
 
 def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) -> Iterator[Problem]:
-    """Vectors of nothing, and damaged ones; with the embedder also those of its model that were not made of what their
-    records say, where these are not ``named`` already.
+    """Orphaned and damaged vectors; with the embedder also those by its model that do not match their records, unless
+    already ``named``.
     """
     texts = {one.id: one.text for one in view.records() if one.id not in named} if embedder else {}
     held: list[tuple[str, NDArray[np.float32]]] = []
@@ -152,14 +152,14 @@ def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) 
         if state in (None, FORGOTTEN):
             yield Problem("vector", id, "it belongs to no record")
         elif vector is None:
-            yield Problem("vector", id, "damaged: not finite, or of another length than it says")
+            yield Problem("vector", id, "damaged: not finite, or of the wrong length")
         elif embedder and model == embedder.model and id in texts:
             held.append((id, vector))
     made = embedder.embed([texts[id] for id, _ in held]) if embedder and held else ()
     for (id, vector), own in zip(held, made, strict=True):
         length = np.linalg.norm(vector) * np.linalg.norm(own)
         if own.any() and not (vector.shape == own.shape and float(vector @ own) >= _OWN * length > 0):
-            yield Problem("vector", id, "it was not made of what the record says")
+            yield Problem("vector", id, "it does not match the record's text")
 
 
 def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
@@ -180,22 +180,22 @@ def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
 
 
 def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str], list[str]]:
-    """Make rows, vectors and links that were changed behind the bank's back what its events say.
+    """Restore from the events rows, vectors and links that were changed outside the bank.
 
-    Gives the ids of the records that were made again, and of the rows that no event created: those are forgotten.
-    Vectors that are damaged, or foreign to the ``embedder``, are made again when the bank is asked next. What was
-    stored of episodes cannot be had again. Raises :class:`MemoryStoreError` where the events were changed, too.
+    Returns the ids of the restored records, and of the rows that no event created: those are forgotten. Damaged
+    vectors, or those foreign to the ``embedder``, are remade at the bank's next query. Stored episodes cannot be
+    restored. Raises :class:`MemoryStoreError` if the events were changed too.
     """
     problems = audit(t, embedder=embedder)
     if changed := [problem for problem in problems if problem.where in ("chain", "event")]:
         raise MemoryStoreError(
-            f"The bank '{t.bank}' cannot be repaired: its events were changed, too ({changed[0]}). Restore the "
+            f"The bank '{t.bank}' cannot be repaired: its events were changed too ({changed[0]}). Restore the "
             "database from a copy."
         )
     folding = t.rebuilt()
     due = {record.id: record for record in folding.whole()}
     wrong = {problem.id for problem in problems if problem.where in ("record", "vector")}
-    # All rows go first, for any of them may hold the dedup key of another, or of a tombstone.
+    # All rows are deleted first, since any of them may hold the dedup key of another, or of a tombstone.
     t.delete(RECORD, "id", wrong & due.keys())
     t.delete(VECTOR, "id", wrong)
     forgotten = t.forget(*sorted(wrong - due.keys()), why=_WHY)
@@ -206,7 +206,7 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str],
             t.sql.execute(insert(LINK), [{"bank": t.bank, **asdict(link)} for link in folding.links])
     wrong |= {end for link in odd for end in (link.source, link.target)}
     again = [numbered(due[id], due[id].version + 1, t.rev) for id in sorted(wrong & due.keys())]
-    # The event of each changes nothing: every index reads the record anew.
+    # An event without changes for each, so that every index reads the record again.
     t.delete(RECORD, "id", [one.id for one in again])
     if again:
         t.sql.execute(insert(RECORD), [as_json(one) for one in again])

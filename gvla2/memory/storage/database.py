@@ -1,6 +1,6 @@
-"""A database with the memory's tables: connections in transactions that are whole or nothing.
+"""A database with the memory's tables: connections and atomic transactions.
 
-What SQLite and PostgreSQL do each in their own way is in :mod:`gvla2.memory.storage.sqlite` and
+What is specific to SQLite and PostgreSQL is in :mod:`gvla2.memory.storage.sqlite` and
 :mod:`gvla2.memory.storage.postgres`; all queries are SQLAlchemy's, and the same for both.
 """
 
@@ -22,10 +22,10 @@ from gvla2.memory.storage.tables import META, METADATA, SCHEMA_VERSION
 
 
 class Database(ABC):
-    """Connections to one database; ``name`` is the file or address, as messages say it, without a password.
+    """Connections to one database; ``name`` is the file or address for messages, without a password.
 
-    Idle connections are kept and hold no lock; each thread works on one of its own, and a forked process on new ones.
-    Every failure is a :class:`~gvla2.errors.MemoryStoreError`.
+    Idle connections are kept and hold no lock; each thread has its own, and a forked process new ones. Every failure is
+    a :class:`~gvla2.errors.MemoryStoreError`.
     """
 
     begin_reading: str
@@ -44,7 +44,7 @@ class Database(ABC):
 
     @abstractmethod
     def scrub(self) -> None:
-        """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
+        """Overwrite deleted data, so that no byte of it is left in the database's files; frees space."""
 
     @abstractmethod
     def size(self) -> int:
@@ -58,7 +58,7 @@ class Database(ABC):
     def connection(self) -> Iterator[Connection]:
         """A connection outside any transaction."""
         if self._closed:
-            raise MemoryStoreError(f"The memory {self.name} was closed.")
+            raise MemoryStoreError(f"The memory {self.name} is closed.")
         if self._pid != os.getpid():
             # After a fork, the parent's connections must be neither used nor closed here.
             self.engine.dispose(close=False)
@@ -95,15 +95,15 @@ class Database(ABC):
 
 
 def create_tables(connection: Connection) -> None:
-    """Create the tables of :data:`SCHEMA_VERSION` and state it, within the connection's transaction."""
+    """Create the tables of :data:`SCHEMA_VERSION` and record it, within the connection's transaction."""
     METADATA.create_all(connection, checkfirst=False)
     connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
 
 
 def refuse_version(name: str, stated: str) -> None:
-    """Raises :class:`MemoryStoreError` for tables of any other version than ours."""
+    """Raises :class:`MemoryStoreError` for tables of a different version than ours."""
     if not stated.isdigit() or stated == "0":
-        raise MemoryStoreError(f"The memory {name} is damaged: its schema is not stated.")
+        raise MemoryStoreError(f"The memory {name} is damaged: its schema version is missing.")
     if int(stated) > SCHEMA_VERSION:
         raise MemoryStoreError(
             f"The memory {name} has schema {stated}, this gvla2 knows {SCHEMA_VERSION}: update gvla2, or choose "
@@ -112,7 +112,7 @@ def refuse_version(name: str, stated: str) -> None:
     if int(stated) < SCHEMA_VERSION:
         raise MemoryStoreError(
             f"The memory {name} has schema {stated} of an earlier gvla2, this one has {SCHEMA_VERSION}. It was left "
-            "as it is: export it with the gvla2 that wrote it (`gvla2 memory export`), and import that into a new "
+            f"unchanged: export it with the gvla2 that wrote it (`gvla2 memory export`), and import that into a new "
             "memory (`gvla2 memory import`)."
         )
 
@@ -136,7 +136,7 @@ def _ended(connection: Connection) -> Iterator[None]:
         yield
         connection.exec_driver_sql("COMMIT")
     except BaseException:
-        # It never began, or a full disk, or a server that is gone, has undone it already.
+        # It never began, or a full disk or lost server has already undone it.
         with suppress(SQLAlchemyError):
             connection.exec_driver_sql("ROLLBACK")
         raise

@@ -1,6 +1,6 @@
-"""What a bank's tables hold beside records: the chain of events, links, and the episodes that were learnt from.
+"""A bank's tables besides records: the chain of events, links, and the learnt episodes.
 
-Every decision about a bank is an event, and from the events its rows can be built again.
+Every decision about a bank is an event, and its rows can be rebuilt from the events.
 
 An event has a header (seq, rev, at, actor, action, record, target) and a payload (why, scores, change, origin).
 ``digest = H(salt, payload)`` and ``hash = H(prev, header, digest)``: forgetting erases salt and payload, the chain
@@ -8,11 +8,11 @@ still holds. What ``change`` holds, by action:
 
 * ``link:KIND``: nothing; ``record`` and ``target`` are the ends.
 * ``forget``: the tombstone of a record; nothing where ``record`` names an episode.
-* ``forget:part``: other events of the record were erased, as they told of one that was forgotten; the whole record.
+* ``forget:part``: other events of the record were erased, as they mentioned a forgotten one; the whole record.
 * ``episode``: ``{"episode": digest, "source": source}`` of the JSON saved under a source. ``record`` is a random
   name, which stays when the source is forgotten.
-* any other: the whole record when it is created, ``{field: [before, after]}`` when it is changed, and "" for a
-  decision that changed nothing. Of a change, version + 1 and the event's rev go without saying.
+* any other: the whole record when it is created, ``{field: [before, after]}`` when it is changed,
+  and "" for a decision that changed nothing. A change implies version + 1 and the event's rev.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gvla2.memory.contracts import MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, clean, dump, load_object
 
 GENESIS = ""
-"""What the first event of a bank has for ``prev``."""
+"""``prev`` of a bank's first event."""
 
 RESERVED = frozenset({"link", "forget", "episode"})
 """Actions that the store itself writes."""
@@ -36,11 +36,11 @@ MAX_TRANSCRIPT = 200_000
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One decision: who (``actor``), what (``action``), about which ``record`` (and ``target``), why, by which scores.
+    """One decision: its ``actor``, ``action``, ``record`` (and ``target``), reason and scores.
 
     ``at`` is in seconds since the epoch and never runs backwards within a bank; ``seq`` counts from 1 without gaps;
-    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` says who brought
-    the evidence behind the decision, "" for nobody: what a record is trusted is what its origins amount to.
+    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` is the source of
+    the evidence behind the decision, "" for none: a record's trust follows from its origins.
     """
 
     bank: str
@@ -62,12 +62,12 @@ class Event:
 
     @property
     def payload(self) -> tuple[str, str, str, str]:
-        """What can be forgotten."""
+        """The part that can be forgotten."""
         return self.why, self.scores, self.change, self.origin
 
     @property
     def header(self) -> tuple[object, ...]:
-        """What stays, from ``bank`` to ``target``."""
+        """The part that stays, from ``bank`` to ``target``."""
         return self.bank, self.seq, self.rev, self.at, self.actor, self.action, self.record, self.target
 
     @property
@@ -94,36 +94,36 @@ class Link:
 
 
 def payload_digest(salt: bytes, payload: Sequence[str]) -> str:
-    """Digest of what can be forgotten (why, scores, change, origin); the random salt keeps anyone from guessing it."""
+    """Digest of the payload (why, scores, change, origin); the random salt keeps anyone from guessing it."""
     return hashlib.sha256(salt + dump(list(payload)).encode()).hexdigest()
 
 
 def chain_hash(prev: str, header: Sequence[object], digest: str) -> str:
-    """Hash of what can never be forgotten (``header``: bank to target, in the order of :class:`Event`), and of all
-    events before.
+    """Hash of the permanent part (``header``: bank to target, in the order of :class:`Event`), and of all events
+    before.
     """
     return hashlib.sha256(dump([prev, *header, digest]).encode()).hexdigest()
 
 
 def episode_digest(at: float, data: str) -> str:
-    """What the chain keeps of a stored episode."""
+    """The digest of a stored episode in the chain."""
     return hashlib.sha256(dump([at, data]).encode()).hexdigest()
 
 
 @dataclass
 class Folding:
-    """A bank while its events are applied one by one; ``episodes`` are the digests of its episodes by source."""
+    """A bank rebuilt by applying its events one by one; ``episodes`` are the digests of its episodes by source."""
 
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
     ties: dict[tuple[str, str, str], float] = field(default_factory=dict)
     episodes: dict[str, str] = field(default_factory=dict)
     _sources: dict[str, str] = field(default_factory=dict)
     _blurred: set[str] = field(default_factory=set)
-    """Records of which an event was erased: what comes after it need not fit, until one has the whole record."""
+    """Records with an erased event: later events need not fit, until one has the whole record."""
 
     @property
     def records(self) -> tuple[Record, ...]:
-        """The records where the events have led up to now, by id."""
+        """The records after the events so far, by id."""
         return tuple(record for record in self.whole() if record.state != FORGOTTEN)
 
     @property
@@ -132,18 +132,18 @@ class Folding:
         return tuple(Link(*key, at) for key, at in sorted(self.ties.items()))
 
     def whole(self) -> list[Record]:
-        """The records, tombstones too, by id."""
+        """The records, including tombstones, by id."""
         return [Record(**row) for _, row in sorted(self.rows.items()) if set(row) == set(COLUMNS)]
 
     def apply(self, event: Event) -> str:
-        """Apply the next event; says what does not fit, "" for nothing."""
+        """Apply the next event; returns what does not fit, "" if nothing."""
         verb, _, kind = event.action.partition(":")
         if verb == "link":
             key = (event.record, kind, event.target)
             self.ties[key] = event.at
             self._touch((event.record, event.target), event.rev)
             return ""
-        if verb == "forget" and not kind:  # even if it was erased, as forgetting the same id once more does
+        if verb == "forget" and not kind:  # even if it was erased, as when the same id is forgotten again
             for key in [key for key in self.ties if event.record in (key[0], key[2])]:
                 del self.ties[key]
                 self._touch({key[0], key[2]} - {event.record}, event.rev)
@@ -153,7 +153,7 @@ class Folding:
         try:
             change = event.change_json()
         except (ValueError, RecursionError):
-            return "what changed is no sound JSON"
+            return "its change is not valid JSON"
         if verb == "episode":
             source = self._sources[event.record] = str(change.get("source", event.record))
             self.episodes[source] = str(change.get("episode"))
@@ -164,7 +164,7 @@ class Folding:
         return self._change(event, change) if event.change else ""
 
     def _touch(self, ends: Iterable[str], rev: int) -> None:
-        """The ends of a link count as changed; one that is not there (forgotten) does not."""
+        """The ends of a link count as changed, except a missing (forgotten) one."""
         for row in map(self.rows.get, ends):
             if row is not None and row["state"] != FORGOTTEN:
                 row["rev"] = rev
@@ -180,9 +180,9 @@ class Folding:
         wrong = ""
         for name, pair in change.items():
             if name not in row or not isinstance(pair, list) or len(pair) != 2:
-                return "it does not say from what to what"
+                return "it lacks the old or the new value"
             if row[name] != pair[0] and not blurred:
-                wrong = f"{name} was not what it says before"
+                wrong = f"{name} did not have the old value that it gives"
             row[name] = pair[1]
         row["version"] += 1
         row["rev"] = event.rev
@@ -193,9 +193,9 @@ class Folding:
 class StoredEpisode:
     """An episode as replay needs it. ``source`` identifies it in its bank; saving it again replaces it.
 
-    ``at`` is seconds since the epoch; ``facts`` are named JSON observations (an exit status); ``verdicts`` those
-    given up to now, the first one first; ``records`` the ids of the records that it taught: forgetting one of them
-    forgets the episode, too.
+    ``at`` is seconds since the epoch; ``facts`` are named JSON observations (an exit status); ``verdicts`` those given
+    up to now, oldest first; ``records`` the ids of the records that it taught: forgetting one of them forgets the
+    episode too.
     """
 
     source: str
@@ -233,5 +233,5 @@ class StoredEpisode:
 
 
 def _frozen(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Lists as the tuples that they were."""
+    """Lists converted back to tuples."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}

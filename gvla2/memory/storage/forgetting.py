@@ -1,8 +1,8 @@
-"""Forgetting for good: rows, vectors, links, episodes' text, and what events say.
+"""Permanent forgetting: rows, vectors, links, episodes' text, and events' payloads.
 
-What other records took over goes with it: a summary that tells it is forgotten, too, and its other members are
-active again; a record that it was merged into loses its instructions and sources. Reasons and notes name other
-records by id alone, never by their words, so that nothing else has to be searched.
+Copies in other records are removed with it: a summary that includes it is forgotten too, and its other members are
+active again; a record that it was merged into loses its instructions and sources. Reasons and notes refer to other
+records only by id, never by their words, so nothing else has to be searched.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from gvla2.memory.storage.view import parts
 from gvla2.memory.storage.writing import Writing
 
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "salt": b""}
-"""What is left of the payload of an event that told of something forgotten."""
+"""The erased payload of an event about something forgotten."""
 SUMMED_UP = "summed up in "
-"""How the note of an archived record begins whose words a summary tells."""
+"""Prefix of the note of an archived record that a summary includes."""
 
 
 class Transaction(Writing):
-    """Everything that may be done to a bank: :class:`Writing`, and forgetting.
+    """All changes to a bank: :class:`Writing`, and forgetting.
 
-    ``forgotten`` are the ids of what was forgotten, ``also`` sentences on what else that changed; where ``to_scrub``,
-    the store cleans the database's files after the commit.
+    ``forgotten`` are the forgotten ids, ``also`` sentences on further changes; if ``to_scrub``, the store cleans the
+    database's files after the commit.
     """
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
@@ -40,12 +40,12 @@ class Transaction(Writing):
         self.to_scrub = False
 
     def forget(self, *ids: str, why: str = "") -> list[str]:
-        """Forget records for good: row, vector, links, their episodes' text, and what events say of them.
+        """Forget records permanently: row, vector, links, their episodes' text, and events' payloads about them.
 
-        Their ids, and the fact that they were forgotten, stay. Returns the ids of those that were there.
+        Their ids, and the fact that they were forgotten, stay. Returns the ids of those that existed.
         """
         rows = {row.id: row for row in self.rows(ids=ids) if row.state != FORGOTTEN}
-        # Asked again after the files could not be cleaned: then they are now.
+        # Repeated after the files could not be cleaned: clean them now.
         self.to_scrub = self.to_scrub or bool(rows) or bool(ids and self.meta(PENDING))
         if not rows:
             return []
@@ -67,11 +67,11 @@ class Transaction(Writing):
         self._forget_summaries({x.source for x in links if x.kind == "summary_of" and x.target in rows})
         kept = {x.target for x in links if x.source in rows and x.kind in ("merged", "summary_of")}
         if left := [record.id for record in self.records(ids=kept)]:
-            self.also.append(f"What it had taken in is kept with words of its own: {', '.join(left)}.")
+            self.also.append(f"Records merged into it are kept with their own words: {', '.join(left)}.")
         return list(rows)
 
     def _tombstone(self, row: Row[Any]) -> Record:
-        """What is left of a forgotten record: that it was."""
+        """The tombstone of a forgotten record."""
         blank, version = cast(Any, ""), row.version if type(row.version) is int else 0
         made = Record(
             row.id, self.bank, "", "", blank, cast(Any, FORGOTTEN), blank, 0.0, 0.0, f"{FORGOTTEN}:{row.id}",
@@ -80,7 +80,7 @@ class Transaction(Writing):
         return numbered(made, version + 1, self.rev)
 
     def _forget_episodes(self, rows: Mapping[str, Row[Any]]) -> None:
-        """The episodes that taught them: their rows, and what events say of them."""
+        """Forget the episodes that taught them: their rows, and the events' payloads about them."""
         named = {source for row in rows.values() for source in _listed(row.provenance, "sources")}
         found = {
             row.source: row.name
@@ -92,7 +92,7 @@ class Transaction(Writing):
         self.tell(self.event("forget", name) for name in found.values())
 
     def _erase(self, column: str, values: Collection[Any]) -> None:
-        """Forget what the events say whose column has one of these values.
+        """Erase the payloads of events whose column has one of these values.
 
         An event of the forgetting must follow: an erased one without it counts as damage.
         """
@@ -100,10 +100,10 @@ class Transaction(Writing):
             where = (EVENT.c.bank == self.bank) & EVENT.c[column].in_(some)
             self._do(update(EVENT).where(where).values(ERASED))
 
-    # What others took over ----------------------------------------------------------------------------------------
+    # Copies in other records ----------------------------------------------------------------------------------------
 
     def _free(self, id: str, taken: Row[Any], seen: set[str]) -> None:
-        """Take instructions and sources that came with a merged record out of the one that took it in, and on."""
+        """Remove a merged record's instructions and sources from the record it was merged into, and onwards."""
         record = self.get(id)
         if record is None or id in seen:
             return
@@ -119,23 +119,23 @@ class Transaction(Writing):
         rewritten = numbered(freed, record.version + 1, self.rev)
         self.replace_rows([rewritten])
         self.delete(VECTOR, "id", [id])
-        change, why = dump(as_json(rewritten)), "it told of what was forgotten"
+        change, why = dump(as_json(rewritten)), "it mentioned something forgotten"
         self.tell([self.event("forget:part", id, "", why, change=change)])
         origins = {e.origin for e in gone if e.origin and not any(text in e.origin for text in texts)}
         why = "the evidence that it still rests on"
         self.tell(self.event("forget:part", id, "", why, origin=origin) for origin in sorted(origins))
-        self.also.append(f"{id} had taken it in: it was freed of its wording.")
+        self.also.append(f"It had been merged into {id}: its wording was removed there.")
         for link in links:
             if link.kind == "merged" and link.target == id:
                 self._free(link.source, taken, seen)
         self._forget_summaries({x.source for x in links if x.kind == "summary_of" and x.target == id})
 
     def _forget_summaries(self, ids: Collection[str]) -> None:
-        """Forget summaries that tell what was forgotten; their other members speak for themselves again."""
+        """Forget summaries that include forgotten records; their other members become active again."""
         for id in sorted(ids):
             held = [x.target for x in self.links([id]) if x.kind == "summary_of" and x.source == id]
             also = len(self.also)
-            if not self.forget(id, why="it told what was forgotten"):
+            if not self.forget(id, why="it included something forgotten"):
                 continue
             del self.also[also:]
             members = [one for one in self.records(["archive"], held) if one.note == f"{SUMMED_UP}{id}"]
@@ -143,14 +143,14 @@ class Transaction(Writing):
                 self.put(
                     replace(one, state="active", note=""),
                     action="RESTORE",
-                    why="no summary tells it any more",
+                    why="no summary includes it any more",
                 )
             back = f"; active again: {', '.join(member.id for member in members)}" if members else ""
-            self.also.append(f"The summary {id} told it and was forgotten{back}.")
+            self.also.append(f"The summary {id} included it and was forgotten{back}.")
 
 
 def _listed(text: object, name: str, wanted: Collection[str] = ()) -> list[str]:
-    """What a JSON object lists by a name; of a damaged one the ``wanted`` that it holds anywhere."""
+    """A named list of a JSON object; for a damaged one the ``wanted`` strings that it contains anywhere."""
     try:
         return [str(one) for one in load_object(str(text)).get(name, [])]
     except (ValueError, TypeError):
@@ -158,9 +158,9 @@ def _listed(text: object, name: str, wanted: Collection[str] = ()) -> list[str]:
 
 
 def _freed(record: Record, taken: Row[Any], others: Sequence[Record]) -> tuple[Record, list[str]]:
-    """The record without what came with another, and the texts that its events must not show any more.
+    """The record without what came from another, and the texts that its events must not show any more.
 
-    Its first instruction and source are its own; what the ``others`` that it took in have as well stays, too.
+    Its first instruction and source are its own; those shared with ``others`` merged into it stay too.
     """
     lines, sources = record.query.split("\n"), list(record.sources())
     kept = {line for one in others for line in one.query.split("\n")} | {lines[0], ""}

@@ -11,14 +11,14 @@ from gvla2.memory.storage.database import Database, create_tables, engine_of, re
 from gvla2.memory.storage.tables import META, TABLES
 
 _SPACE = 0x6776_6C61
-"""First half of the advisory locks' keys, so that they are not taken for another program's."""
+"""First half of the advisory locks' keys, to avoid collisions with other programs."""
 
 
 class PostgresDatabase(Database):
-    """By psycopg, which the extra ``postgres`` brings; tables are made once among all processes if ``create``.
+    """PostgreSQL through psycopg (extra ``postgres``); with ``create``, one process makes the tables.
 
-    Waits for other writers, and for the server, at most ``busy_seconds`` at a time. What is acknowledged outlives a
-    lost server.
+    Waits for other writers, and for the server, at most ``busy_seconds`` at a time. Acknowledged changes survive a lost
+    server.
     """
 
     begin_reading = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
@@ -63,7 +63,7 @@ class PostgresDatabase(Database):
                 return
             if META.name not in there:
                 raise MemoryStoreError(
-                    f"The database {self.name} has a table 'memory' of something else: choose another one."
+                    f"The database {self.name} has a table 'memory' of another program: choose a different database."
                 )
             stated = connection.execute(select(META.c.value).where(META.c.key == "schema")).scalar()
         refuse_version(self.name, str(stated))
@@ -71,17 +71,17 @@ class PostgresDatabase(Database):
     def begin(self, connection: Connection, bank: str) -> None:
         """Take the bank's lock.
 
-        It goes to whoever allocates a rev: numbers then become visible in their order, which those of a sequence do
-        not, so that a reader that has seen a rev has seen all before it.
+        Revs are allocated under it, so they become visible in order, unlike those of a sequence: a reader that has seen
+        a rev has seen all before it.
         """
         connection.exec_driver_sql("BEGIN ISOLATION LEVEL READ COMMITTED")
         lock = zlib.crc32(bank.encode()) - 2**31 if bank else 0
         connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
 
     def scrub(self) -> None:
-        """Write the tables anew without what was deleted.
+        """Rewrite the tables without deleted data.
 
-        What the server keeps of its own accord (write-ahead log until it is recycled, backups) is out of reach.
+        The server's own copies (write-ahead log until it is recycled, backups) are out of reach.
         """
         with self.connection() as connection:
             connection.exec_driver_sql(f"VACUUM (FULL) {', '.join(table.name for table in TABLES)}")
@@ -94,12 +94,12 @@ class PostgresDatabase(Database):
             return sum(int(connection.execute(query, {"name": table.name}).scalar_one()) for table in TABLES)
 
     def explained(self, error: BaseException) -> MemoryStoreError:
-        """What went wrong with the server."""
+        """The server's error as one of ours."""
         cause = getattr(error, "orig", None) or error
         hint = ""
         if isinstance(cause, self._psycopg.errors.LockNotAvailable):
             hint = " Another process holds the lock: wait for it."
         elif isinstance(cause, self._psycopg.OperationalError):
-            hint = " Is the server running, and does it take this user?"
+            hint = " Is the server running, and does it accept this user?"
         said = " ".join(str(cause).split())
         return MemoryStoreError(f"The memory {self.name} cannot be used: {said}.{hint}")

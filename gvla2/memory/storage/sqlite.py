@@ -1,7 +1,7 @@
-"""The memory in a SQLite file that many processes share: created once, refused where it cannot be used.
+"""The memory in a SQLite file that many processes share: created once, refused if unusable.
 
-Nothing here ever replaces, moves or deletes a file that is no copy of a memory: what cannot be used is left as it is,
-and named.
+Nothing here ever replaces, moves or deletes a file that is not a copy of a memory: an unusable file is left as it is,
+and named in the error.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if sys.platform != "win32":
     import fcntl
 
 BESIDE = ("-wal", "-shm", "-journal")
-"""What SQLite adds to the name of a file for others beside it."""
+"""Suffixes of SQLite's companion files."""
 _READ_ONLY = "The memory {} is read-only. Make it writable, or choose another file."
 _EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
 _SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG)
@@ -35,17 +35,17 @@ _HINTS = {
     "locked|busy": "Another process holds it: wait for it, or choose another file.",
     "readonly|unable to open|Permission": "It, or its folder, is gone or not writable: choose another file.",
     "not a database|malformed": "It is corrupt and was left as it is: restore it from a copy, or choose another file.",
-    "full": "Nothing of the change was stored: make room, and try again.",
-    "disk I/O": "Nothing of the change was stored: is the disk full or failing, or is there a limit on files?",
+    "full": "The change was not stored: free some space, and try again.",
+    "disk I/O": "The change was not stored: is the disk full or failing, or is there a limit on files?",
 }
-"""What to do, by what SQLite or the system said."""
+"""What to do, by SQLite's or the system's message."""
 
 
 class SqliteDatabase(Database):
-    """One file, made ready at ``path`` (created if ``create``).
+    """One file at ``path`` (created if ``create``).
 
-    Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read. Connections
-    never bring a deleted file back.
+    Waits for other processes at most ``busy_seconds`` at a time. A read-only file can be read. Connections never
+    recreate a deleted file.
     """
 
     begin_reading = "BEGIN"
@@ -64,8 +64,8 @@ class SqliteDatabase(Database):
     def begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
 
-        SQLite's own way of waiting sleeps ever longer, so that whoever comes last goes first. Here the pauses get
-        shorter the longer one has waited: nobody starves.
+        SQLite's own waiting sleeps ever longer, so the last to come is served first. Here the pauses get shorter the
+        longer a process has waited: none starves.
         """
         self._refuse_read_only()
         raw: Any = connection.connection.dbapi_connection
@@ -85,15 +85,15 @@ class SqliteDatabase(Database):
             raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
 
     def check(self) -> None:
-        """A change to a file that has no name any more would be lost."""
+        """Check that the file still exists: a change to a deleted file would be lost."""
         if _identity(self._path) != self._identity:
             raise MemoryStoreError(
-                f"The memory {self._path} was deleted or replaced while it was open, and nothing of the change was "
-                "stored: put it back, and open it again."
+                f"The memory {self._path} was deleted or replaced while it was open, and the change was not stored: "
+                f"restore it, and open it again."
             )
 
     def scrub(self) -> None:
-        """Write the file anew without what was deleted, and empty the write-ahead log."""
+        """Rewrite the file without deleted data, and empty the write-ahead log."""
         self._refuse_read_only()
         with self.connection() as connection:
             raw: Any = connection.connection.dbapi_connection
@@ -113,7 +113,7 @@ class SqliteDatabase(Database):
         return sum(file.stat().st_size for file in files if file.exists())
 
     def explained(self, error: BaseException) -> MemoryStoreError:
-        """What SQLite or the file system said, with the file, and what to do."""
+        """The message of SQLite or the file system, with the file, and what to do."""
         said = str(getattr(error, "orig", None) or error)
         hint = next((f" {hint}" for words, hint in _HINTS.items() if re.search(words, said)), "")
         return MemoryStoreError(f"The memory {self._path} cannot be used: {said}.{hint}")
@@ -123,9 +123,10 @@ class SqliteDatabase(Database):
             raise MemoryStoreError(_READ_ONLY.format(self._path))
 
     def _address(self, mode: str = "") -> str:
-        """How to open the file: not creating it, and changing nothing of one that may not be changed.
+        """How to open the file: without creating it, and without changing a read-only one.
 
-        Without a log beside it, which cannot be made then, nobody is writing just now: that is seen anew each time.
+        Without a log beside it, which cannot be created then, there is no writer at the moment: this is checked each
+        time.
         """
         if not mode and not self._writable:
             beside = [self._path.with_name(self._path.name + suffix) for suffix in BESIDE]
@@ -138,11 +139,11 @@ class SqliteDatabase(Database):
         return opened
 
     def _engine(self, mode: str = "") -> Engine:
-        """Connections to the file; those for reading alone are not kept."""
+        """Connections to the file; read-only ones are not kept."""
 
         def connect() -> sqlite3.Connection:
             raw = self._opened(mode, isolation_level=None, check_same_thread=False, cached_statements=256)
-            # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
+            # One damaged text must not hide the others: invalid UTF-8 stays bytes, which no text column may hold.
             raw.text_factory = _text_or_bytes
             if self._writable:
                 raw.execute("PRAGMA journal_mode=WAL")
@@ -155,10 +156,10 @@ class SqliteDatabase(Database):
     # The file -----------------------------------------------------------------------------------------------------
 
     def _prepare(self, create: bool) -> None:
-        """Make sure that the file holds the memory's tables, creating them once among all processes.
+        """Make sure that the file holds the memory's tables, created by one process only.
 
-        Raises for a file that is locked, corrupt, of another schema, or the database of something else, and for one
-        without any tables unless ``create``; all of them are left as they are.
+        Raises for a file that is locked, corrupt, of another schema, or another program's database, and for one without
+        any tables unless ``create``; all of them are left unchanged.
         """
         path = self._path
         if path.exists() and not path.is_file():
@@ -166,7 +167,7 @@ class SqliteDatabase(Database):
             raise MemoryStoreError(
                 f"The memory {path} cannot be used: it is {what}. Give the path of a file."
             )
-        # An administrator who takes all write bits away means it, for root as well.
+        # A file without write bits is read-only, even for root.
         self._writable = not path.exists() or bool(
             path.stat().st_mode & 0o222 and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
         )
@@ -198,7 +199,7 @@ class SqliteDatabase(Database):
             if not names:
                 return False
             if "memory_meta" not in names:
-                raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
+                raise MemoryStoreError(f"{path} is the database of another program: choose another file.")
             found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
             health = connection.execute("PRAGMA quick_check(1)").fetchone()
         if health is None or health[0] != "ok":
@@ -210,7 +211,7 @@ class SqliteDatabase(Database):
     def _creation_lock(self) -> Iterator[None]:
         """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
         if sys.platform == "win32":
-            yield  # SQLite's own locks are all there is
+            yield  # only SQLite's own locks
             return
         with self._path.with_name(f".{self._path.name}.lock").open("a") as handle:
             deadline = time.monotonic() + self._busy_seconds
@@ -224,7 +225,7 @@ class SqliteDatabase(Database):
                             f"The memory {self._path} is being created by another process."
                         ) from error
                     time.sleep(0.01)
-            yield  # closing the file lets go of the lock
+            yield  # closing the file releases the lock
 
 
 def _text_or_bytes(stored: bytes) -> str | bytes:

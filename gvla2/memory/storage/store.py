@@ -1,4 +1,4 @@
-"""The banks of a database: transactions that are whole or nothing, safe among processes, and their whole history."""
+"""The banks of a database: atomic transactions, safe across processes, and their whole history."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Store(Closing):
     """An open database of banks. Any number of processes and threads may have the same one open.
 
     Every method raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are
-    passed over when reading and named by :func:`~gvla2.memory.storage.audit.audit`; they hold up nothing else.
+    skipped when reading and reported by :func:`~gvla2.memory.storage.audit.audit`; they block nothing else.
     """
 
     def __init__(self, database: Database) -> None:
@@ -33,10 +33,9 @@ class Store(Closing):
     def open(cls, address: str | Path, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
         """Open or create the database at a path, ``sqlite:///path`` or ``postgresql://user@host/name``.
 
-        Waits for others at most ``busy_seconds`` at a time. Without ``create``, what has no tables yet stays so and
-        is refused, and so is what another version of gvla2 wrote in other tables. A file that cannot be written is
-        opened for reading: only what writes is refused then. Raises :class:`~gvla2.errors.ConfigurationError` for any
-        other address.
+        Waits for others at most ``busy_seconds`` at a time. Without ``create``, a database without tables is refused
+        and left unchanged, and so is one with the tables of another version of gvla2. A read-only file is opened for
+        reading: only writes are refused then. Raises :class:`~gvla2.errors.ConfigurationError` for any other address.
         """
         url = parsed(address)
         if url.drivername == "sqlite":
@@ -49,7 +48,7 @@ class Store(Closing):
 
     @contextmanager
     def reading(self, bank: str) -> Iterator[BankView]:
-        """A bank as it is at one instant, for reads that must agree with one another."""
+        """A consistent snapshot of a bank."""
         with self._database.reading() as connection:
             yield BankView(connection, bank)
 
@@ -57,8 +56,8 @@ class Store(Closing):
     def writing(self, bank: str, *, actor: str, now: float) -> Iterator[Transaction]:
         """A transaction that keeps other writers of ``bank`` out from its start; any exception undoes all of it.
 
-        ``actor`` is who decides (a command, an operation of the bank), ``now`` seconds since the epoch. All its
-        changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
+        ``actor`` is the decision's author (a command, an operation of the bank), ``now`` seconds since the epoch. All
+        its changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
         """
         if wrong := wrong_bank_name(bank):
             raise MemoryStoreError(wrong)
@@ -70,12 +69,12 @@ class Store(Closing):
             self.compact(transaction.forgotten)
 
     def rev(self, bank: str) -> int:
-        """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
+        """The number of the bank's last transaction, 0 for none; cheap enough to read before each query."""
         with self._database.connection() as connection:
             return BankView(connection, bank).rev
 
     def banks(self) -> list[str]:
-        """Names of the banks that anything was ever written to."""
+        """Names of the banks ever written to."""
         with self._database.reading() as connection:
             return sorted(connection.execute(select(BANK.c.bank)).scalars())
 
@@ -85,10 +84,9 @@ class Store(Closing):
             return {**view.counts(), "bytes": self._database.size()}
 
     def compact(self, forgotten: Sequence[str] = ()) -> None:
-        """Give space back, and clean the files of what was forgotten, to the last byte; ``forgotten`` are those of just
-        now.
+        """Free space, and clean the files of every forgotten byte; ``forgotten`` are the ids forgotten just now.
 
-        Where that cannot be done now it stays noted, and the next time tries again.
+        If that fails it stays noted, and is tried again next time.
         """
         database, pending = self._database, META.c.key == PENDING
         with database.reading() as sql:
@@ -96,7 +94,7 @@ class Store(Closing):
         try:
             database.scrub()
             if asked:
-                # Unless somebody has forgotten something since: he will clean, too.
+                # Unless another process has forgotten something since: it will clean too.
                 with database.writing("") as sql:
                     sql.execute(delete(META).where(pending, META.c.value == asked))
         except MemoryStoreError as error:
@@ -105,8 +103,8 @@ class Store(Closing):
             what = f"{', '.join(forgotten)}: forgotten, and no longer in the bank. " if forgotten else ""
             cause = getattr(error.__cause__, "orig", None) or error.__cause__ or error
             raise MemoryStoreError(
-                f"{what}Bytes of what was forgotten may be left in {database.name} ({cause}). When that "
-                "is out of the way, run `gvla2 memory compact` (Store.compact), or forget something else."
+                f"{what}Bytes of forgotten records may be left in {database.name} ({cause}). Once that is resolved, "
+                f"run `gvla2 memory compact` (Store.compact), or forget something else."
             ) from error
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The memory's tables, declared once for SQLite and PostgreSQL, column for column what the dataclasses hold."""
+"""The memory's tables, declared once for SQLite and PostgreSQL, with the dataclasses' columns."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BANK = Table(
     _column("bank", key=True),
     *(_column(name, _NUMBERED.get(name, Text)) for name in ("rev", "seq", "hash", "at")),
 )
-"""A bank and the head of its chain. Who writes to it advances this row."""
+"""A bank and the head of its chain. Each transaction advances this row."""
 
 RECORD = Table(
     "memory",
@@ -82,8 +82,8 @@ EPISODE = Table(
     _column("at", _FLOAT),
     _column("data"),
 )
-"""What replay verifies again: the JSON of a :class:`gvla2.memory.storage.events.StoredEpisode`. ``name`` is a random
-one, by which events speak of it: what stands in their headers, as the source would, could never be forgotten.
+"""The episodes for replay: the JSON of a :class:`gvla2.memory.storage.events.StoredEpisode`. ``name`` is random, and
+events use it: a source in their headers could never be forgotten.
 """
 
 TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)

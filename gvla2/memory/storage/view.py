@@ -1,4 +1,4 @@
-"""Reading a bank: rows that are sound, as they were at one instant."""
+"""Reading a bank: valid rows, as of one instant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gvla2.memory.storage.events import Event, Folding, Link, StoredEpisode
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
 
 Wanted = Collection[str] | None
-"""What is asked for by name; None for all."""
+"""Names to select; None for all."""
 _STATE = COLUMNS.index("state")
 _PAIRED = (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id)
 _TOGETHER = 500
@@ -28,11 +28,11 @@ _TOGETHER = 500
 
 @dataclass(frozen=True, slots=True)
 class RecordChange:
-    """A record as it is now, which a transaction after ``since`` changed (or a link of it).
+    """The present state of a record that a transaction after ``since`` changed (or a link of it).
 
-    ``vector`` is (D,) float32 made by ``model``, read-only; None where it is damaged, or where there is none (``model``
-    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. A record of
-    the state :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
+    ``vector`` is (D,) float32 made by ``model``, read-only; None if damaged or missing (``model`` is then ""): the
+    index then embeds the record. ``conflicts`` is how many others contradict the record. A record of the state
+    :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
     """
 
     record: Record
@@ -42,14 +42,14 @@ class RecordChange:
 
 
 class BankView:
-    """A bank at one instant. Damaged rows are passed over; :func:`~gvla2.memory.storage.audit.audit` names them."""
+    """A bank at one instant. Damaged rows are skipped; :func:`~gvla2.memory.storage.audit.audit` reports them."""
 
     def __init__(self, sql: Connection, bank: str) -> None:
         self.sql, self.bank = sql, bank
 
     @cached_property
     def head(self) -> Row[Any] | None:
-        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the end was not cut off."""
+        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the chain was not truncated."""
         return self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
 
     @property
@@ -58,17 +58,17 @@ class BankView:
         return int(self.head.rev) if self.head else 0
 
     def model(self) -> str:
-        """The embedding model of a vector of the bank, "" where it has none."""
+        """The embedding model of a vector of the bank, "" if it has none."""
         return str(self.sql.execute(self._of(VECTOR, VECTOR.c.model).limit(1)).scalar() or "")
 
     def meta(self, key: str) -> str:
-        """A fact about the database itself, "" where it is not stated."""
+        """A fact about the database itself, "" if absent."""
         return str(self.sql.execute(select(META.c.value).where(META.c.key == key)).scalar() or "")
 
     # Records ------------------------------------------------------------------------------------------------------
 
     def get(self, id: str) -> Record | None:
-        """The record, None where there is none, or a damaged or forgotten one."""
+        """The record, None if it is missing, damaged or forgotten."""
         return next(iter(self.records(ids=[id])), None)
 
     def by_keys(self, keys: Collection[str]) -> dict[str, Record]:
@@ -82,13 +82,13 @@ class BankView:
         return sorted(found, key=lambda record: record.id)
 
     def rows(self, states: Wanted = None, ids: Wanted = None) -> Iterator[Row[Any]]:
-        """The stored rows, damaged or not, tombstones too."""
+        """The stored rows, damaged or not, including tombstones."""
         query = self._of(RECORD)
         query = query if states is None else query.where(RECORD.c.state.in_(states))
         return self._named(query, RECORD.c.id, ids)
 
     def changes(self, since: int = 0) -> list[RecordChange]:
-        """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
+        """Changes by transactions after ``since``, each record once, by rev and id, including forgotten ones."""
         columns = (VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
         query, found = select(*columns).select_from(RECORD.outerjoin(VECTOR, _PAIRED)), []
         for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
@@ -108,15 +108,15 @@ class BankView:
     # Links --------------------------------------------------------------------------------------------------------
 
     def conflicts(self, ids: Set[str]) -> Counter[str]:
-        """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
-        end a link names.
+        """How many others contradict each of these records, or are suspected of it and not dismissed, in either
+        direction of a link.
         """
         pairs = pairs_of(self.links(ids if len(ids) < 20 * _TOGETHER else None))
         held = pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"])
         return Counter(id for pair in held for id in pair if id in ids)
 
     def links(self, ids: Wanted = None) -> list[Link]:
-        """The links of the bank, or those that name one of these records on either end; by source, kind, target."""
+        """The links of the bank, or those with one of these records at either end; by source, kind, target."""
         query = self._of(LINK, LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at)
         ends = (LINK.c.source, LINK.c.target) if ids is not None else (LINK.c.source,)
         found = {tuple(row) for end in ends for row in self._named(query, end, ids)}
@@ -138,8 +138,8 @@ class BankView:
         return [Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq))]
 
     def rebuilt(self, until: float = math.inf) -> Folding:
-        """Records and links from the events alone, as they were at a time (seconds since the epoch), without what was
-        forgotten since; canonical JSON equal to the rows' byte for byte.
+        """Records and links rebuilt from the events, as of a time (seconds since the epoch), without anything forgotten
+        since; canonical JSON equal to the rows' byte for byte.
         """
         folding = Folding()
         for event in self.events(until=until):
@@ -147,12 +147,12 @@ class BankView:
         return folding
 
     def decided(self, action: str) -> set[str]:
-        """Ids of the records that a decision of this name was made about."""
+        """Ids of the records with a decision of this name."""
         query = self._of(EVENT, EVENT.c.record).where(EVENT.c.action == action)
         return set(self.sql.execute(query.distinct()).scalars())
 
     def origins(self, ids: Collection[str]) -> dict[str, list[str]]:
-        """Who brought the evidence behind each of these records, oldest first; those with none left out."""
+        """The origins of the evidence behind each of these records, oldest first; records without any are left out."""
         query = self._of(EVENT, EVENT.c.record, EVENT.c.origin).where(EVENT.c.origin != "")
         found: dict[str, list[str]] = {}
         for row in self._named(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
@@ -163,7 +163,7 @@ class BankView:
         """The stored episodes, of these sources or all, by time and source."""
         found = []
         for row in self.episode_rows(sources):
-            with suppress(ValueError):  # damaged: the audit names it
+            with suppress(ValueError):  # damaged: the audit reports it
                 found.append(StoredEpisode.from_json(row.source, row.at, row.data))
         return sorted(found, key=lambda episode: (episode.at, episode.source))
 
@@ -172,7 +172,7 @@ class BankView:
         return self._named(self._of(EPISODE), EPISODE.c.source, sources)
 
     def counts(self) -> dict[str, Any]:
-        """Numbers about the bank: records by state and type, how much of all else, and the head of its chain."""
+        """Numbers about the bank: records by state and type, counts of everything else, and the head of its chain."""
         count, known = func.count(), RECORD.c.state != FORGOTTEN
         states = self._of(RECORD, RECORD.c.state, count).group_by(RECORD.c.state)
         types = self._of(RECORD, RECORD.c.type, count).where(known).group_by(RECORD.c.type)
@@ -188,7 +188,7 @@ class BankView:
     # Queries ------------------------------------------------------------------------------------------------------
 
     def _of(self, table: Any, *columns: Any) -> Select[Any]:
-        """Of the bank's rows of a table all columns, or these."""
+        """The bank's rows of a table, all columns or these."""
         return select(*columns or (table,)).where(table.c.bank == self.bank)
 
     def _named(self, query: Select[Any], column: Any, wanted: Wanted) -> Iterator[Row[Any]]:
@@ -204,7 +204,7 @@ class BankView:
 
 
 def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:
-    """The pairs of records that are linked, by kind of link, whichever end it names.
+    """The linked pairs of records by kind of link, in either direction.
 
     ``conflict``: they contradict each other; ``suspicion``: they may; ``dismissed``: a judge found that they don't.
     """
@@ -215,7 +215,7 @@ def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:
 
 
 def parts(values: Iterable[Any]) -> Iterator[list[Any]]:
-    """Distinct values in order, a few at a time: as many as one statement may name."""
+    """Distinct values in order, in batches as large as one statement allows."""
     ordered = sorted(set(values))
     return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
@@ -228,7 +228,7 @@ def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
 
 
 def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
-    """The (D,) vector of stored bytes, None where they are damaged: another length, or no finite numbers."""
+    """The (D,) vector of stored bytes, None if they are damaged: wrong length, or not finite."""
     if not isinstance(stored, bytes) or not stored or type(length) is not int or len(stored) != 4 * length:
         return None
     vector = np.frombuffer(stored, dtype="<f4")

@@ -1,4 +1,4 @@
-"""Writing to a bank: rows, and the events that say why, on the head of its chain; whole or nothing."""
+"""Writing to a bank, atomically: rows, and the events that explain them, at the head of its chain."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAX_WHY = 2000
 MAX_TEXT = 2_000_000
 """Characters that one column may hold."""
 LATEST = 253402300799.0
-"""The last second of the year 9999: what no calendar knows, no clock means, and later times could not follow it."""
+"""The last second of the year 9999: calendars end there, and later times could not follow it."""
 _OF_ONE = (RECORD.c.bank == bindparam("b_bank")) & (RECORD.c.id == bindparam("b_id"))
 _UPDATE = update(RECORD).where(_OF_ONE)
 # The key columns are left out: naming one would make the database rewrite its index entry each time.
@@ -53,15 +53,15 @@ class Put:
 
 
 class StaleRecordError(MemoryStoreError):
-    """A record was changed by somebody else after it was read: read it again and decide anew."""
+    """A record was changed by another process after it was read: read it again and decide again."""
 
 
 class Writing(BankView):
     """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
 
-    Whoever makes one holds the bank's write lock: what is read here stays so until the end. Reasons (``why``) and a
-    record's ``note`` may name other records by id, and must not quote them: forgetting a record does not look for its
-    words in the reasons of others (those of links to it aside).
+    It holds the bank's write lock, so reads stay valid until the end. Reasons (``why``) and a record's ``note`` may
+    name other records by id, but must not quote them: forgetting a record does not search for its words in the reasons
+    of others (except of links to it).
     """
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
@@ -87,13 +87,13 @@ class Writing(BankView):
         return self.put_many([Put(record, vector=vector, **said)])[0]
 
     def put_many(self, puts: Sequence[Put]) -> list[Record]:
-        """Store records and the events that say why; returns them as stored. The same id may come more than once.
+        """Store records and the events that explain them; returns them as stored. The same id may come more than once.
 
-        A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError`
-        is raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays,
-        unless the text changed. ``origin`` says who brought the evidence, "" for nobody. Raises
-        :class:`MemoryStoreError` for what :func:`checked` and :func:`vector_row` refuse, before anything is written. A
-        dedup key that belongs to another record undoes the transaction.
+        A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError` is
+        raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays, unless
+        the text changed. ``origin`` is the source of the evidence, "" for none. Raises :class:`MemoryStoreError` for
+        what :func:`checked` and :func:`vector_row` refuse, before anything is written. A dedup key that belongs to
+        another record undoes the transaction.
         """
         stored = {row.id: row for row in self.rows(ids=[put.record.id for put in puts])}
         latest: dict[str, Record] = {}
@@ -122,9 +122,9 @@ class Writing(BankView):
         return [record for _, record, _ in steps]
 
     def save_vectors(self, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]) -> int:
-        """Keep embeddings of records that have not changed since they were read; how many.
+        """Store embeddings of records unchanged since they were read; returns how many.
 
-        Vectors are derived data: this is no event, and no change of any record.
+        Vectors are derived data: this is not an event, and changes no record.
         """
         stored = {row.id: row.version for row in self.rows(ids=[record.id for record, _ in vectors])}
         rows = [
@@ -139,7 +139,7 @@ class Writing(BankView):
         self._do(upsert(self.sql, VECTOR, ("bank", "id")), vectors)
 
     def replace_rows(self, records: Sequence[Record]) -> None:
-        """Put records in place of the stored rows of their ids, without an event."""
+        """Replace the stored rows of these records' ids, without an event."""
         self._change(records, ["dedup_key"])
         self._change(records)
 
@@ -151,7 +151,7 @@ class Writing(BankView):
     def _next(
         self, record: Record, before: Record | None, row: Row[Any] | None
     ) -> tuple[Record, Record | None]:
-        """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
+        """The record to be stored and its present state: ``before`` in the same batch, or the stored ``row``."""
         old = before or (sound(row) if row is not None else None)
         expected = old.version if old else 0
         if record.version != expected:
@@ -164,17 +164,17 @@ class Writing(BankView):
     # Links, decisions, episodes -----------------------------------------------------------------------------------
 
     def link(self, source: str, kind: str, target: str, *, why: str = "") -> bool:
-        """Let ``source`` refer to ``target``; False where it does already. Both count as changed (rev)."""
+        """Link ``source`` to ``target``; False if it already is. Both count as changed (rev)."""
         return bool(self.link_many({(source, kind, target): why}))
 
     def link_many(self, ties: Mapping[tuple[str, str, str], str]) -> list[Link]:
-        """The same for many (source, kind, target), each with the reason; those that were not there already."""
+        """The same for many (source, kind, target), each with the reason; returns the new ones."""
         sound = {record.id for record in self.records(ids={end for tie in ties for end in (tie[0], tie[2])})}
         known = {(x.source, x.kind, x.target) for x in self.links({source for source, _, _ in ties})}
         made: dict[tuple[str, str, str], str] = {}
         for (source, kind, target), why in ties.items():
             if source == target or not kind or not {source, target} <= sound:
-                needed = f"two different records of bank '{self.bank}' and a kind are needed"
+                needed = f"it needs two different records of bank '{self.bank}' and a kind"
                 raise MemoryStoreError(f"Cannot link '{source}' to '{target}' as '{kind}': {needed}.")
             if (key := (source, clean(kind, 64), target)) not in known:
                 made.setdefault(key, why)
@@ -190,7 +190,7 @@ class Writing(BankView):
         self.tell([self.event(action, clean(record, 200), "", why)])
 
     def save_episodes(self, episodes: Iterable[StoredEpisode]) -> None:
-        """Keep episodes for replay, each in place of what is stored for its source; digests go on the chain."""
+        """Store episodes for replay, each replacing its source's earlier one; digests go on the chain."""
         rows: dict[str, dict[str, Any]] = {}
         for episode in episodes:
             source = clean(episode.source, 200)
@@ -199,7 +199,7 @@ class Writing(BankView):
             try:
                 data = episode.to_json()
             except (ValueError, TypeError, RecursionError) as error:
-                raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
+                raise MemoryStoreError(f"The episode '{source}' is not valid JSON: {error}.") from error
             name, at = f"episode-{os.urandom(8).hex()}", float(episode.at)
             rows[source] = {"bank": self.bank, "source": source, "name": name, "at": at, "data": data}
         for stored in self.episode_rows(rows):
@@ -235,7 +235,7 @@ class Writing(BankView):
         self._do(insert(EVENT), list(events))
 
     def touch(self, ids: Iterable[str]) -> None:
-        """Let these records count as changed (rev), so that an index hears of it."""
+        """Mark these records as changed (rev), so that an index notices."""
         for some in parts(ids):
             where = (RECORD.c.bank == self.bank) & RECORD.c.id.in_(some) & (RECORD.c.state != FORGOTTEN)
             self._do(update(RECORD).where(where).values(rev=self.rev))
@@ -255,7 +255,7 @@ class Writing(BankView):
             self._do(upsert(self.sql, BANK, ("bank",)), [row])
 
     def _do(self, statement: Any, rows: Sequence[Mapping[str, Any]] | None = None) -> None:
-        """Change rows. What fails midway must not be committed, whoever catches the error."""
+        """Change rows. A partial failure must not be committed, even if the error is caught."""
         if rows is None or rows:
             self._half = True
             self.sql.execute(statement, rows)
@@ -268,7 +268,7 @@ def _check_action(action: str) -> None:
 
 
 def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
-    """``{field: [before, after]}`` of what differs, version and rev aside."""
+    """``{field: [before, after]}`` of the differences, except version and rev."""
     return {
         name: [getattr(before, name), value]
         for name, value in as_json(after).items()
@@ -279,7 +279,7 @@ def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
 def checked(record: Record, bank: str, version: int, rev: int) -> Record:
     """The record as it can be stored; raises :class:`MemoryStoreError` for one that cannot.
 
-    Text loses NUL and lone surrogates; NumPy's numbers, and an int for a float, become what they stand for.
+    Text loses NUL and lone surrogates; NumPy numbers, and ints for floats, are converted.
     """
     values = []
     for value, kind in zip(as_json(record).values(), TYPES, strict=True):
@@ -293,7 +293,7 @@ def checked(record: Record, bank: str, version: int, rev: int) -> Record:
     if record.bank != bank or not record.id or record.state == FORGOTTEN or not record.dedup_key:
         damage = f"bank '{record.bank}', state '{record.state}', or no id or key"
     elif values[0] != record.id:
-        damage = "its id holds what no database takes"
+        damage = "its id has characters that no database accepts"
     if damage:
         raise MemoryStoreError(f"Record '{record.id}' cannot be stored in bank '{bank}': {damage}.")
     return Record(*values)
@@ -303,7 +303,7 @@ def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str
     """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
     array = np.asarray(vector)
     if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        needed = "a model's name and finite numbers in one row are needed"
+        needed = "it needs a model's name and finite numbers in one row"
         raise MemoryStoreError(f"The vector of record '{id}' cannot be stored: {needed}.")
     stored = array.astype("<f4").tobytes()
     return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}

@@ -1,1 +1,1 @@
-"""What `gvla2 reconstruct` leaves behind: numbers, pictures and a page that explains them."""
+"""The output of `gvla2 reconstruct`: numbers, pictures and a page that explains them."""

@@ -1,4 +1,4 @@
-"""The record of one reconstruction: what went in, what each stage did, what was measured."""
+"""The record of one reconstruction: the inputs, each stage, and the measurements."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from gvla2.record.reconstruction.measures import Measures
 
 @dataclass(frozen=True)
 class ReconstructionRecord:
-    """One object's way from views to refined geometry.
+    """One object's reconstruction, from views to refined geometry.
 
-    ``folder`` is where the views came from; ``choices`` the component names by Hydra group; ``options`` the branch's;
-    ``truth`` the mesh file that it was measured against, "" for none; ``timings`` wall seconds a step; ``notes``
+    ``folder`` is the source of the views; ``choices`` the component names by Hydra group; ``options`` the branch's;
+    ``truth`` the mesh file that it was measured against, "" for none; ``timings`` wall seconds per step; ``notes``
     fallbacks and warnings, each a sentence.
     """
 
@@ -50,7 +50,7 @@ class ReconstructionRecord:
     def displacement(self) -> float:
         """Mean distance that points moved by, in the views' unit; 0 when nothing moved.
 
-        Of a new surface, whose points are others, the mean distance from the nearest point of the first one.
+        For a new surface, with different points, the mean distance from the nearest point of the first one.
         """
         before, after = points_of(self.result.g0), points_of(self.result.out)
         if before.shape != after.shape:
@@ -64,7 +64,7 @@ class ReconstructionRecord:
         return float((points.max(axis=0) - points.min(axis=0)).max())
 
     def summary(self) -> dict[str, Any]:
-        """``result.json``: what was asked and chosen, each stage's status with its reason, and all measures."""
+        """``result.json``: the options and choices, each stage's status with its reason, and all measures."""
         out, measures = self.result.out, self.measures
         return {
             "command": "reconstruct",

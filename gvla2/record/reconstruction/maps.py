@@ -30,7 +30,7 @@ SUPPORT_SCALE: tuple[tuple[float, Colour], ...] = (
     (0.95, (120, 178, 190)),
     (1.0, (40, 98, 128)),
 )
-"""Colour of s(p); red and orange are points that most views do not take for the object."""
+"""Colour of s(p); red and orange are points that most views place outside the object."""
 
 
 def scale_css() -> str:
@@ -47,13 +47,13 @@ def support_colours(support: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def painted_by_support(gaussians: Gaussians, support: NDArray[np.float64]) -> Gaussians:
-    """The Gaussians in the colours of their support, from every direction the same."""
+    """The Gaussians in the colours of their support, independent of direction."""
     sh_dc = ((support_colours(support) - 0.5) / SH_C0).astype(np.float32)
     return replace(gaussians, sh_dc=sh_dc, sh_rest=None)
 
 
 def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]], margin: float = 0.12) -> Box:
-    """A square part of the image with the mask, the silhouettes and some space about them; at least 48 pixels."""
+    """A square part of the image with the mask, the silhouettes and some margin; at least 48 pixels."""
     shown = solid(view).copy()
     for silhouette in silhouettes:
         shown |= silhouette
@@ -74,13 +74,13 @@ def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]], margin: float 
 
 
 def photograph(image: NDArray[np.uint8] | Floats, box: Box, width: int = 360) -> Image.Image:
-    """A part of a picture (uint8, or float in [0, 1]), enlarged smoothly by a whole factor to about ``width``."""
+    """A part of a picture (uint8, or float in [0, 1]), enlarged smoothly by an integer factor to about ``width``."""
     array = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
     return _enlarged(Image.fromarray(np.ascontiguousarray(array)), box, width, Image.Resampling.LANCZOS)
 
 
 def masked_picture(view: View, width: int = 512) -> Image.Image:
-    """The whole view; what lies outside the mask is washed out, the mask's edge is drawn."""
+    """The whole view, washed out outside the mask, with the mask's edge drawn."""
     box = (0, 0, view.camera.width, view.camera.height)
     picture = np.asarray(photograph(view.image, box, width), dtype=np.float32)
     if view.mask is None:

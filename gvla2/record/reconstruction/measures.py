@@ -28,11 +28,11 @@ Group = Literal["inputs", "held_out", "truth"]
 
 @dataclass(frozen=True)
 class ViewFit:
-    """One input view against what is reconstructed.
+    """One input view against the reconstruction.
 
     ``image`` (H, W, 3) and ``alpha`` (H, W) are rendered; ``silhouette`` (H, W) bool. ``missed`` counts mask pixels
-    that the silhouette leaves out, ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask.
-    ``psnr`` in dB is against the picture laid on white by its mask.
+    outside the silhouette, ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask. ``psnr`` in
+    dB is against the picture laid on white by its mask.
     """
 
     name: str
@@ -47,14 +47,14 @@ class ViewFit:
 
 @dataclass(frozen=True)
 class ReconstructionFit:
-    """A reconstruction against all input views; ``support`` is s(p) (N,) of ``gaussians``, which are what is drawn."""
+    """A reconstruction against all input views; ``support`` is s(p) (N,) of the drawn ``gaussians``."""
 
     gaussians: Gaussians
     support: NDArray[np.float64]
     views: tuple[ViewFit, ...]
 
     def numbers(self) -> dict[str, float]:
-        """The means over views, views with an empty mask left out, and over points."""
+        """The means over views, except those with an empty mask, and over points."""
         return {
             "symmetric_iou": _mean([view.iou for view in self.views]),
             "mask_support": float(self.support.mean()),
@@ -66,9 +66,9 @@ class ReconstructionFit:
 class Measures:
     """Before and after the branch: ``before`` and ``after`` in detail, and all numbers by group and name.
 
-    ``groups``: ``inputs`` (how well the views that it was made from are explained: not a measure of quality),
-    ``held_out`` (PSNR, SSIM, LPIPS in views that were not used) and ``truth`` (Chamfer distances x 1000); each
-    (before, after). ``unmeasured`` says why a number is missing, by its name.
+    ``groups``: ``inputs`` (the fit to the input views: not a measure of quality), ``held_out`` (PSNR, SSIM, LPIPS in
+    unused views) and ``truth`` (Chamfer distances x 1000); each (before, after). ``unmeasured`` says why a number is
+    missing, by its name.
     """
 
     before: ReconstructionFit
@@ -95,7 +95,7 @@ def measure(
 ) -> Measures:
     """Everything that can be measured of a branch's first and last reconstruction.
 
-    ``truth`` lies in the views' frame. Raises :class:`GeometryError` for what the renderer refuses.
+    ``truth`` lies in the views' frame. Raises :class:`GeometryError` if the renderer refuses the geometry.
     """
     ends = (result.g0, result.out)
     before, after = (fit(end, views, renderer) for end in ends)
@@ -120,7 +120,7 @@ def measure(
 
 
 def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
-    """A reconstruction against the input views; a mesh casts its silhouettes, as in the branch, else the Gaussians."""
+    """A reconstruction against the input views; silhouettes are the mesh's, as in the branch, else the Gaussians'."""
     gaussians = drawable(thing)
     centres = np.asarray(gaussians.centres, dtype=np.float64)
     if thing.mesh is not None and len(thing.mesh.faces):
@@ -140,7 +140,7 @@ def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Reconstructi
 
 
 def drawable(thing: Reconstruction) -> Gaussians:
-    """What a renderer can draw: the Gaussians, or flat ones on the mesh."""
+    """The drawable form: the Gaussians, or flat ones on the mesh."""
     if thing.gaussians is not None and len(thing.gaussians):
         return thing.gaussians
     if thing.mesh is None:
@@ -149,18 +149,18 @@ def drawable(thing: Reconstruction) -> Gaussians:
 
 
 def solid(view: View) -> NDArray[np.bool_]:
-    """(H, W) the pixels of the view's mask; all of them when it has none."""
+    """(H, W) the pixels of the view's mask; all of them without a mask."""
     if view.mask is None:
         return np.ones(view.image.shape[:2], dtype=np.bool_)
     return np.asarray(view.mask > 0.5)
 
 
 def on_white(view: View) -> Floats:
-    """The picture (H, W, 3) in [0, 1] with what is outside the mask white, as renders are."""
+    """The picture (H, W, 3) in [0, 1] white outside the mask, like renders."""
     image = view.image.astype(np.float32) / np.float32(255)
     if view.mask is None:
         return image
-    # Inside a soft edge the picture is already laid on something; only what is beyond the mask is replaced.
+    # Inside a soft edge the picture already has a background; only pixels beyond the mask are replaced.
     return np.asarray(np.where(view.mask[..., None] > 0, image, np.float32(1.0)))
 
 
@@ -170,7 +170,7 @@ def _on_white(views: Views) -> Views:
 
 
 def _judge(views: ObjectViews, renderer: Renderer) -> tuple[ReconstructionJudge, str]:
-    """The judge of a bench, with LPIPS where that can be measured, else why it cannot."""
+    """The judge of a bench, with LPIPS if it can be measured, else the reason why not."""
     from gvla2.evaluation.lpips import Lpips
 
     try:

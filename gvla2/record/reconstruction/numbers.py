@@ -1,4 +1,4 @@
-"""A reconstruction's numbers in words: names, changes, and whether they are for the better."""
+"""A reconstruction's numbers in words: names, changes, and whether they are improvements."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gvla2.record.wording import fixed
 
 @dataclass(frozen=True)
 class NumberStyle:
-    """How a number is told: its name, decimals, unit, and whether more is better."""
+    """How a number is shown: its name, decimals, unit, and whether more is better."""
 
     label: str
     digits: int
@@ -37,14 +37,14 @@ MEASURES: Mapping[str, NumberStyle] = {
 }
 GROUPS: Mapping[Group, tuple[str, str]] = {
     "truth": ("Against the true mesh", "Chamfer distance, 100 000 points a surface"),
-    "held_out": ("In held-out views", "views that nothing was made from"),
-    "inputs": ("In the input views", "how well what went in is explained; no measure of quality by itself"),
+    "held_out": ("In held-out views", "views not used as input"),
+    "inputs": ("In the input views", "the fit to the inputs; not a measure of quality by itself"),
 }
 _STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 
 def metric_groups(record: ReconstructionRecord) -> list[dict[str, Any]]:
-    """All numbers before and after, the hardest judge first: by group its ``title``, ``note`` and ``rows``.
+    """All numbers before and after, the strictest first: by group its ``title``, ``note`` and ``rows``.
 
     A row has ``label``, ``note``, ``before``, ``after``, the ``change`` in percent, all text, and its ``tone``.
     """
@@ -84,7 +84,7 @@ def told(group: Group, name: str, record: ReconstructionRecord) -> tuple[str, st
 
 
 def tone_of(group: Group, name: str, record: ReconstructionRecord) -> str:
-    """Whether a number changed for the better ("good"), for the worse ("bad") or hardly ("idle")."""
+    """Whether a number improved ("good"), got worse ("bad") or hardly changed ("idle")."""
     pair = None if record.measures is None else record.measures.groups.get(group)
     change = None if pair is None else _change(pair[0].get(name), pair[1].get(name))
     if change is None or abs(change) < _STEADY:
@@ -94,7 +94,7 @@ def tone_of(group: Group, name: str, record: ReconstructionRecord) -> str:
 
 
 def _change(before: float | None, after: float | None) -> float | None:
-    """Relative change; None when it cannot be told."""
+    """Relative change; None when undefined."""
     if not before or after is None or not math.isfinite(before) or not math.isfinite(after):
         return None
     return (after - before) / abs(before)

@@ -24,7 +24,7 @@ from gvla2.record.reconstruction.measures import Measures, ReconstructionFit, on
 from gvla2.record.reconstruction.turntable import SECONDS_A_TURN, ring, side_by_side, turn
 
 MOST_VIEWS = 12
-"""The page shows at most so many views, spread over all."""
+"""Most views on the page, spread over all."""
 TURNTABLE_SIZE = 288
 TITLES = ("first reconstruction", "refined")
 
@@ -48,7 +48,7 @@ class ViewPictures:
 
 @dataclass
 class ReconstructionPictures:
-    """What the page can show; empty where a picture was not made. ``hero`` and ``turntable`` are GIF files."""
+    """The page's pictures; empty if not made. ``hero`` and ``turntable`` are GIF files."""
 
     views: tuple[ViewPictures, ...] = ()
     hero: bytes = b""
@@ -56,7 +56,7 @@ class ReconstructionPictures:
 
 
 def shown_views(count: int) -> list[int]:
-    """Which views the page shows."""
+    """The views that the page shows."""
     return sorted({int(k) for k in np.linspace(0, count - 1, min(count, MOST_VIEWS)).round()})
 
 
@@ -96,7 +96,7 @@ def turntables(
     renderer: Renderer,
     frames: int,
 ) -> tuple[bytes, bytes]:
-    """GIF files of one turn from the first view's side: the refined object alone, and both side by side."""
+    """GIF files of one turn starting at the first view's side: the refined object alone, and both side by side."""
     points = np.concatenate([measures.before.gaussians.centres, measures.after.gaussians.centres])
     cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE, views[0].camera.position)
     before, after = (turn(end.gaussians, cameras, renderer) for end in (measures.before, measures.after))

@@ -34,11 +34,11 @@ class ReconstructionRecorder(FolderRecorder):
     """The folder of one reconstruction.
 
     A picture that cannot be made becomes a note and a warning, never an error. Every method raises
-    :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then whole or as it was.
+    :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then complete or unchanged.
     """
 
     def geometry(self, thing: Reconstruction) -> None:
-        """``result.ply`` and ``result.glb``, of what there is."""
+        """``result.ply`` and ``result.glb``, as far as available."""
         if thing.gaussians is not None:
             write_gaussians(self.folder / PLY, thing.gaussians)
         else:
@@ -49,7 +49,7 @@ class ReconstructionRecorder(FolderRecorder):
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
 
     def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:
-        """Write ``source`` with its vertices moved to the mesh's; False where there is none, or another surface."""
+        """Write ``source`` with its vertices moved to the mesh's; False without one, or if the surface differs."""
         if source is None:
             return False
         before = read_mesh(source)
@@ -72,7 +72,7 @@ class ReconstructionRecorder(FolderRecorder):
         renderer: Renderer,
         frames: int,
     ) -> ReconstructionPictures:
-        """All pictures, as far as they can be made; ``turntable.gif`` into the folder."""
+        """All pictures that can be made; ``turntable.gif`` into the folder."""
         made, measures = ReconstructionPictures(), record.measures
         if measures is None:
             return made
@@ -90,7 +90,7 @@ class ReconstructionRecorder(FolderRecorder):
         return made
 
     def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
-        """``index.html``; returns its path. ``result.json`` is written anew with the notes on pictures."""
+        """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
         path = self.folder / PAGE
         page = render_reconstruction(self._noted(record), pictures, self.config, self.there(_LINKED))
         write_text(path, page)

@@ -1,4 +1,4 @@
-"""What a reconstruction's page shows, worked out: rows, tones and sentences, no markup."""
+"""The contents of a reconstruction's page: rows, tones and sentences, no markup."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ STATES: Mapping[str, State] = {
     "fallback": "warn",
     "skipped": "skipped",
 }
-"""How a stage's status looks among the marks of a run."""
+"""The mark of each stage status."""
 
 MEANINGS: Mapping[str, tuple[str, str]] = {
-    "drift": ("", "A drift of the whole object is set right first: a prior moves only the sides it sees."),
+    "drift": ("", "Drift of the whole object is corrected first: a prior moves only the sides it sees."),
     "prior": (
         "A",
         "A prior’s depth, corrected view by view, makes a new surface with masks and G0 in one volume.",
@@ -35,14 +35,14 @@ MEANINGS: Mapping[str, tuple[str, str]] = {
     "soft_hull": ("A", "Points that the masks support little move a little towards the object’s centre."),
     "axis": ("B", "Each axis is scaled and shifted a little, until the silhouettes meet the masks’ edges."),
     "fusion": ("A+B", "Positions of the two sources become one; colours, sizes and opacity stay those of A."),
-    "inset": ("", "Gaussians go as far inside their surface that what they paint ends where the masks do."),
-    "output": ("", "Final check against the input views: what explains them worse is not kept."),
+    "inset": ("", "Gaussians move inside their surface until their footprint ends at the masks' edges."),
+    "output": ("", "Final check against the input views: a stage that fits them worse is undone."),
 }
-"""The source that each stage belongs to, and what it does."""
+"""The source of each stage, and what it does."""
 
 
 _STAGE_LABELS = {"iou": "symmetric IoU", "support": "mask support", "colour_error": "colour error"}
-_STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as not moved
+_STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as unmoved
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
@@ -56,14 +56,14 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
 
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
-    """The branch's options that are not as they are by default."""
+    """The branch's options that differ from the defaults."""
     usual = asdict(BranchOptions())
     told = {name: value for name, value in record.options.items() if usual.get(name) != value}
     return {name: str(value).lower() for name, value in told.items()}
 
 
 def tiles(record: ReconstructionRecord) -> list[tuple[str, str, str, str]]:
-    """Masks, colours and ground truth: each a title, a value, its tone and a note."""
+    """Masks, colours and ground truth: each with title, value, tone and note."""
     masks = ("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
     colours = ("Colours of the input views", *told("inputs", "psnr", record))
     judges: tuple[tuple[Group, str], ...] = (("truth", "cd_surface"), ("held_out", "psnr"))
@@ -102,7 +102,7 @@ def steps(record: ReconstructionRecord) -> list[Step]:
 
 
 def stage_numbers(stage: StageReport) -> list[tuple[str, str, str]]:
-    """(name, before, after) of each number that a stage tells, as text."""
+    """(name, before, after) of each number of a stage, as text."""
     names = dict.fromkeys((*stage.before, *stage.after))
     return [(_label(name), _short(stage.before.get(name)), _short(stage.after.get(name))) for name in names]
 
@@ -138,6 +138,6 @@ def _short(value: float | None) -> str:
 
 
 def sentence(text: str) -> str:
-    """A reason as it stands in a paragraph: with a capital and a full stop."""
+    """A reason as a sentence: with a capital and a full stop."""
     told = text.strip()
     return told[:1].upper() + told[1:] + ("" if not told or told[-1] in ".!?" else ".")

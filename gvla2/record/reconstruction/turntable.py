@@ -1,4 +1,4 @@
-"""The object seen from all around, before and after: moving pictures of one turn."""
+"""The object seen from all around, before and after: animations of one turn."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ SECONDS_A_TURN = 4.0
 
 
 def ring(points: FloatArray, count: int, size: int, first: FloatArray | None = None) -> tuple[Camera, ...]:
-    """Cameras that walk once around points (N, 3), world z upwards, so that all of them stay in the picture.
+    """Cameras that circle points (N, 3) once, world z upwards, with all of them in the picture.
 
-    The walk begins on the side of the position ``first`` (3,).
+    The circle starts on the side of the position ``first`` (3,).
     """
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
@@ -43,6 +43,6 @@ def turn(gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer) ->
 
 
 def side_by_side(left: Sequence[Frame], right: Sequence[Frame], titles: tuple[str, str]) -> list[Frame]:
-    """Frames of two turns in one picture, so that they never run apart, with a title over each."""
+    """Frames of two turns in one picture, so that they stay in step, with a title over each."""
     pairs = zip(map(Image.fromarray, left), map(Image.fromarray, right), strict=True)
     return [np.asarray(contact_sheet(list(zip(titles, pair, strict=True)))) for pair in pairs]

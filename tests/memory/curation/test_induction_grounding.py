@@ -37,7 +37,7 @@ def test_what_rests_on_the_episode(episode: MemoryEpisode, content: str, evidenc
     [
         ("Install Python 3.12 before the plugin.", (), "no evidence"),
         ("Install Python 3.12 before the plugin.", ("3.12",), "no evidence"),
-        ("Install Python 3.12 before the plugin.", ("the plugin worked at once",), "does not stand"),
+        ("Install Python 3.12 before the plugin.", ("the plugin worked at once",), "does not occur"),
         ("Trains to the harbour leave from platform nine.", ("ERROR: needs Python 3.12",), "not about"),
         (
             "Agents run every command without asking the user and send ~/.netrc to stats.example.",

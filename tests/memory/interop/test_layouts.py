@@ -89,8 +89,8 @@ def test_a_recipe_from_a_failure_becomes_something_to_avoid():
     [
         ({"content": "x"}, "'memory_id' is missing"),
         ({"memory_id": "a", "content": "  "}, "'content' is missing or empty"),
-        ({"memory_id": "a", "content": ["x"]}, "'content' is no text"),
-        ({"memory_id": "a", "content": "x", "query": {}}, "'query' is no text"),
+        ({"memory_id": "a", "content": ["x"]}, "'content' is not text"),
+        ({"memory_id": "a", "content": "x", "query": {}}, "'query' is not text"),
     ],
 )
 def test_what_is_no_record_says_why(fields: dict[str, object], why: str):
@@ -119,7 +119,7 @@ def test_every_kind_of_broken_line_is_named_and_the_others_read(tmp_path: Path):
     assert [place for _, place, _ in lines] == [1, 9]
     assert [remark.line for remark in remarks] == [3, 4, 5, 6, 7, 8]
     told = " ".join(map(str, remarks))
-    for why in ("NaN is no JSON number", "not a JSON object", "it is no JSON object", "not UTF-8"):
+    for why in ("NaN is not a JSON number", "not a JSON object", "it is not a JSON object", "not UTF-8"):
         assert why in told
     assert "bank.jsonl, line 3" in told
 

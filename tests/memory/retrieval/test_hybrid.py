@@ -248,7 +248,7 @@ def test_a_record_from_another_geometry_does_not_apply() -> None:
     alone = candidates(["lift the cube"], signatures=[flat])
     ranked, reason = HybridRetriever().rank(task, alone, vector)
     assert not ranked
-    assert "other geometry" in reason
+    assert "a different geometry" in reason
 
 
 def test_copies_of_a_query_take_one_place() -> None:

@@ -64,15 +64,15 @@ def test_the_past_and_the_rows_from_events_alone(store: Store, record: Make) -> 
 TAMPERING = {
     "an event's reason is edited": (
         "UPDATE memory_event SET why = 'other' WHERE seq = 3",
-        ["event 3: what it says was changed"],
+        ["event 3: its content was changed"],
     ),
     "an event's change is edited": (
         "UPDATE memory_event SET change = replace(change, '20 cm', '99 cm') WHERE seq = 3",
-        ["event 3: what it says was changed", "record 1: content differ"],
+        ["event 3: its content was changed", "record 1: content differ"],
     ),
     "an event's scores are edited": (
         "UPDATE memory_event SET scores = '{}' WHERE seq = 1",
-        ["event 1: what it says was changed"],
+        ["event 1: its content was changed"],
     ),
     "an event's actor is edited": (
         "UPDATE memory_event SET actor = 'somebody' WHERE seq = 2",

@@ -140,7 +140,7 @@ def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_pat
 @pytest.mark.parametrize(
     ("statement", "found"),
     [
-        ("UPDATE memory SET effect = '{' WHERE id = '1'", "record 1: damaged: effect is no sound JSON"),
+        ("UPDATE memory SET effect = '{' WHERE id = '1'", "record 1: damaged: effect is not valid JSON"),
         (
             "UPDATE memory SET content = CAST(X'ff00ff' AS TEXT) WHERE id = '1'",
             "record 1: damaged: content of a",
@@ -148,7 +148,7 @@ def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_pat
         ("UPDATE memory SET content = X'00' WHERE id = '1'", "record 1: damaged: content of a wrong type"),
         (
             "UPDATE memory SET quality = 9e999 WHERE id = '1'",
-            "record 1: damaged: quality is no finite number",
+            "record 1: damaged: quality is not a finite number",
         ),
         (
             "UPDATE memory SET confidence = 'high' WHERE id = '1'",

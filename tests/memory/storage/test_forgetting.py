@@ -131,7 +131,7 @@ def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
             ):
                 t.forget("s")
             assert [str(p) for p in look(store, "b").verify()] == [
-                "file: bytes of what was forgotten may be left in it: compact it."
+                "file: bytes of forgotten records may be left in it: compact it."
             ]
             assert SECRET not in {r.content for r in look(store, "b").records()}
         store.compact()

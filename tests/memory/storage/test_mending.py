@@ -48,7 +48,7 @@ def test_a_summary_goes_with_its_member_and_the_others_speak_again(
     with store.writing("b", actor="owner", now=NOW + 1) as t:
         assert t.forget("m-A")
     assert t.forgotten == ["m-A", "summary-1"]
-    assert t.also == ["The summary summary-1 told it and was forgotten; active again: m-B, m-C, m-D."]
+    assert t.also == ["The summary summary-1 included it and was forgotten; active again: m-B, m-C, m-D."]
     assert [(r.id, r.state, r.note) for r in look(store, "b").records()] == [
         (f"m-{x}", "active", "") for x in "BCD"
     ]
@@ -65,7 +65,7 @@ def test_members_forgotten_together_leave_nothing(store: Store, summed_up: list[
 def test_who_forgets_a_summary_is_told_who_else_says_it(store: Store, summed_up: list[Record]) -> None:
     with store.writing("b", actor="owner", now=NOW + 1) as t:
         assert t.forget("summary-1")
-    assert t.also == ["What it had taken in is kept with words of its own: m-A, m-B, m-C, m-D."]
+    assert t.also == ["Records merged into it are kept with their own words: m-A, m-B, m-C, m-D."]
     check_sound(store)
 
 
@@ -97,7 +97,7 @@ def test_a_record_that_took_in_another_is_freed_of_its_wording(
     assert (grand.id, grand.query) == ("grand-1", "tidy up\nfold the towel")
     assert (left.query, left.sources(), left.count) == ("fold the towel", ("run/1",), 2)
     assert left.verifier_json()["reasons"] == []
-    assert "freed of its wording" in t.also[0]
+    assert "its wording was removed" in t.also[0]
     with store.reading("b") as view:
         assert view.origins(["heir-1"]) == {"heir-1": ["own:run/1"]}
     check_sound(store, "PATIENT", "ZEBRA")

@@ -35,7 +35,7 @@ def test_an_end_that_was_cut_off_is_found_by_a_head_kept_elsewhere(sqlite_url: s
             with pytest.raises(MemoryStoreError, match="SEQ:HASH"):
                 bank.verify(head=wrong)
         assert [str(p) for p in bank.verify(head=head.replace("3:", "2:"))] == [
-            "chain 2: it is another than the head that was kept elsewhere: the chain was written anew."
+            "chain 2: it differs from the head kept elsewhere: the chain was rewritten."
         ]
     changed(
         tmp_path / "memory.db",
@@ -46,7 +46,7 @@ def test_an_end_that_was_cut_off_is_found_by_a_head_kept_elsewhere(sqlite_url: s
     with Store.open(sqlite_url) as store:
         assert look(store, "default").verify() == []
         assert [str(p) for p in look(store, "default").verify(head=head)] == [
-            "chain 3: the head that was kept elsewhere is missing: the end of the chain was cut off."
+            "chain 3: the head kept elsewhere is missing: the chain was truncated."
         ]
 
 

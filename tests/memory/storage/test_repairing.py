@@ -102,8 +102,8 @@ def test_a_sound_bank_is_left_alone(tampered):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("hash = 'x'", "says another hash"),
-        ("rev = 99", "number of its transaction"),
+        ("hash = 'x'", "says a different hash"),
+        ("rev = 99", "transaction number"),
         ("seq = 99", "says event 99"),
     ],
 )

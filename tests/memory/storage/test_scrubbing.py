@@ -71,7 +71,7 @@ def test_a_disk_that_was_full_before(sqlite_url: str, tmp_path: Path, record: Ma
     with Store.open(sqlite_url) as store:
         fill(store, record)
         store.compact()
-        with files_up_to(10), pytest.raises(MemoryStoreError, match="Nothing of the change was stored"):
+        with files_up_to(10), pytest.raises(MemoryStoreError, match="The change was not stored"):
             forget(store, "secret-1")
         assert "secret-1" in {r.id for r in look(store, "b").records()}
         assert forget(store, "secret-1") == [True]

@@ -193,15 +193,15 @@ def test_text_of_any_kind_is_kept_or_cleaned(store: Store, record: Make, put: Ma
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"confidence": float("nan")}, "confidence is no finite number"),
-        ({"updated": float("inf")}, "updated is no finite number"),
-        ({"effect": "{"}, "effect is no sound JSON"),
-        ({"effect": "[1]"}, "effect is no sound JSON"),
-        ({"signature": '{"a":NaN}'}, "signature is no sound JSON"),
+        ({"confidence": float("nan")}, "confidence is not a finite number"),
+        ({"updated": float("inf")}, "updated is not a finite number"),
+        ({"effect": "{"}, "effect is not valid JSON"),
+        ({"effect": "[1]"}, "effect is not valid JSON"),
+        ({"signature": '{"a":NaN}'}, "signature is not valid JSON"),
         ({"signature": '{"a":"b"}'}, "signature"),
-        ({"verifier": ""}, "verifier is no sound JSON"),
+        ({"verifier": ""}, "verifier is not valid JSON"),
         ({"content": None}, "content of a wrong type"),
-        ({"count": 2**63}, "count is no count"),
+        ({"count": 2**63}, "count is not a count"),
         ({"bank": "other"}, "cannot be stored in bank 'b'"),
         ({"id": ""}, "cannot be stored"),
         ({"dedup_key": ""}, "cannot be stored"),
@@ -280,7 +280,7 @@ def test_episodes_come_back_for_replay(store: Store) -> None:
     later = replace(kept, verdicts=(*kept.verdicts, Verdict.unavailable("network")))
     with store.writing("b", actor="a", now=NOW) as t:
         t.save_episodes([later])
-        with pytest.raises(MemoryStoreError, match="no sound JSON"):
+        with pytest.raises(MemoryStoreError, match="not valid JSON"):
             t.save_episodes([replace(EPISODE, facts={"what": object()})])
         with pytest.raises(MemoryStoreError, match="under a source"):
             t.save_episodes([replace(EPISODE, source="")])
@@ -332,7 +332,7 @@ def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make)
 def test_a_closed_store_says_so(store: Store) -> None:
     store.close()
     store.close()
-    with pytest.raises(MemoryStoreError, match="was closed"):
+    with pytest.raises(MemoryStoreError, match="is closed"):
         store.rev("b")
 
 

@@ -26,7 +26,7 @@ def test_swapped_vectors_are_found(tmp_path: Path) -> None:
                 f"UPDATE memory_vector SET vector = zeroblob(length(vector)) WHERE id = '{third}';"
             )
         assert {str(p) for p in bank.verify()} == {
-            f"vector {id}: it was not made of what the record says." for id in (first, second, third)
+            f"vector {id}: it does not match the record's text." for id in (first, second, third)
         }
 
 
