@@ -1,13 +1,7 @@
 """Colour, depth and identity images of rigid triangle surfaces, on the CPU.
 
-<<<<<<< HEAD
 A pixel shows the nearest triangle on the ray through its centre. Triangles are drawn one by one over the pixels they
 may cover, and a depth buffer keeps the nearest: an image takes milliseconds, and posing a surface rebuilds nothing.
-=======
-Each surface is put into an Embree tree of its own, in its own frame, once. Posing a surface then moves the rays, never
-the triangles, so nothing is rebuilt while a robot moves; a surface is only tested for the pixels that its bounding box
-covers, and a shared depth buffer both ends rays early and merges the answers.
->>>>>>> english
 """
 
 from __future__ import annotations
@@ -135,12 +129,7 @@ class RayCaster:
         size = (camera.height, camera.width)
         depth = np.full(size, np.inf, dtype=np.float32)
         hits = np.full(size, len(self._ids), dtype=np.int64)  # one past the last face: background
-<<<<<<< HEAD
         # Near surfaces first, so that what they hide is dropped early.
-=======
-        pixel_steps = np.linalg.inv(camera.K)
-        # Near surfaces first, so that hidden ones are dropped early.
->>>>>>> english
         for index in np.argsort([np.linalg.norm(pose[:3, 3] - camera.position) for pose in poses]):
             surface = self._surfaces[index]
             camera_from_surface = invert_rigid(camera.world_from_camera) @ poses[index]
@@ -187,7 +176,6 @@ class RayCaster:
         seen = surface.texture.at(faces, weights, distance / camera.K[0, 0])
         image[rows, columns] = _as_bytes(self._rgb[first + faces] * seen * shades[first + faces][:, None])
 
-<<<<<<< HEAD
     def _shades(
         self, camera: Camera, poses: Sequence[FloatArray], faces: NDArray[np.int64]
     ) -> NDArray[np.float32]:
@@ -202,23 +190,6 @@ class RayCaster:
             headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
             shades[some] = AMBIENT + (1 - AMBIENT) * (HEADLIGHT * headlight + SKY * sky)
         return shades
-=======
-    def _pose_planes(self, poses: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """The faces' planes in the world: unit normals n (F, 3) and offsets n . x (F,)."""
-        normals, offsets = np.empty_like(self._normals), np.empty_like(self._plane_offsets)
-        for pose, start, stop in zip(poses, self._first_faces[:-1], self._first_faces[1:], strict=True):
-            normals[start:stop] = self._normals[start:stop] @ pose[:3, :3].T
-            offsets[start:stop] = self._plane_offsets[start:stop] + normals[start:stop] @ pose[:3, 3]
-        return normals, offsets
-
-    def _shades(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.float32]:
-        """(F,) brightness of faces; the side that faces the camera counts, whatever the winding."""
-        seen_from_front = normals @ camera.position >= offsets
-        sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
-        headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
-        light = HEADLIGHT * headlight + SKY * sky
-        return np.asarray(AMBIENT + (1 - AMBIENT) * light, dtype=np.float32)
->>>>>>> english
 
 
 def _barycentric(surface: Surface, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
@@ -248,57 +219,11 @@ def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(normals), np.concatenate(offsets)
 
 
-<<<<<<< HEAD
 @compiled
 def _draw(
     corners: FloatArray,
     faces: NDArray[np.int64],
     first_face: int,
-=======
-def _window(camera: Camera, corners: FloatArray) -> tuple[slice, slice] | None:
-    """Rows and columns that may show a box of corners (8, 3) in the camera's frame; None when no pixel does."""
-    ends = corners[_EDGES]  # (12, 2, 3)
-    depth = ends[..., 2] - _NEAR
-    if (depth <= 0).all():
-        return None
-    # Where an edge passes the camera's plane, its part before the plane ends there.
-    crossing = depth[:, 0] * depth[:, 1] < 0
-    share = depth[crossing, 0] / (depth[crossing, 0] - depth[crossing, 1])
-    cuts = ends[crossing, 0] + share[:, None] * (ends[crossing, 1] - ends[crossing, 0])
-    seen = np.concatenate([ends[depth > 0], cuts]) @ camera.K.T
-    uv = seen[:, :2] / seen[:, 2:]
-    size = (camera.width, camera.height)
-    low = np.clip(np.floor(uv.min(axis=0) - 0.5), 0, size).astype(int)
-    high = np.clip(np.ceil(uv.max(axis=0) + 0.5), 0, size).astype(int)
-    if (low >= high).any():
-        return None
-    return slice(low[1], high[1]), slice(low[0], high[0])
-
-
-def _rays(
-    surface_from_pixel: FloatArray, window: tuple[slice, slice]
-) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-    """Ray directions (h, w, 3) in a surface's frame for some rows at a time of a window of pixels.
-
-    They have z = 1 in the camera's frame, so that a ray's length is its depth. A direction is linear in u and
-    v: one addition a pixel, no product. The rows are counted from the window's first.
-    """
-    rows, columns = window
-    across = np.arange(columns.start, columns.stop)[:, None] + 0.5
-    down = np.arange(rows.start, rows.stop)[:, None] + 0.5
-    along_row = (across * surface_from_pixel[:, 0] + surface_from_pixel[:, 2]).astype(np.float32)
-    along_column = (down * surface_from_pixel[:, 1]).astype(np.float32)
-    step = max(1, _CHUNK // len(along_row))
-    for start in range(0, len(along_column), step):
-        part = slice(start, start + step)
-        yield part, along_column[part, None] + along_row
-
-
-def _intersect(
-    tree: EmbreeScene,
-    origin: FloatArray,
-    rays: NDArray[np.float32],
->>>>>>> english
     depth: NDArray[np.float32],
     hits: NDArray[np.int64],
 ) -> None:
