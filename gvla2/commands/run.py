@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -248,6 +249,8 @@ def _run_one(
 
 def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
+    # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from gvla2.commands.hydra_job import launch
     from gvla2.commands.sweeps import conclude
 

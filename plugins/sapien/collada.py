@@ -72,7 +72,7 @@ def thin(mesh: PaintedMesh, cell: float) -> PaintedMesh:
 def _coded(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """(N,) one number for each row (N, 3), ordered as the rows are: numbers are sorted much faster."""
     low, high = rows.min(axis=0, initial=0), rows.max(axis=0, initial=0)
-    return np.ravel_multi_index(tuple((rows - low).T), tuple(high - low + 1))
+    return np.asarray(np.ravel_multi_index(tuple((rows - low).T), tuple(high - low + 1)))
 
 
 def _material_colours(root: ET.Element, space: dict[str, str]) -> dict[str, FloatArray]:
