@@ -1,6 +1,6 @@
-"""Reference plugins: they come through the same door as anybody else's, one entry point that names them all."""
+"""Reference plugins: loaded like any third party's, through one entry point that names them all."""
 
 from pkgutil import iter_modules
 
 PLUGINS = tuple(f"{__name__}.{module.name}" for module in iter_modules(__path__) if module.ispkg)
-"""Each folder is a plugin of its own, loaded and guarded by itself."""
+"""Each folder is a separate plugin, loaded and guarded on its own."""

@@ -19,11 +19,11 @@ FORMS = ("relative", "bare")
 class Agent3dConfig(ComponentConfig):
     """Options of the ``agent3d`` planner, which asks the run's ``language``.
 
-    ``waypoints``: ``relative`` to named objects, or ``bare`` (x, y, z, g) as in the paper. ``points`` > 0 lists so many
-    surface points of each object, the paper's X_t. ``tries`` bounds how often the model is asked, with the reasons when
-    an answer was no path; ``samples`` answers a try are drawn and the one that most agree on is taken. ``programs``
-    remembered successes at most are shown. ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
-    ``explore`` > 0 is the temperature of the first answer, to gather experience; ``explore_seed`` gives another one.
+    ``waypoints``: ``relative`` to named objects, or ``bare`` (x, y, z, g) as in the paper. ``points`` > 0 lists that
+    many surface points of each object, the paper's X_t. ``tries`` bounds how often the model is asked, with the reasons
+    when an answer was not a path; ``samples`` answers per try are drawn and the majority wins. At most ``programs``
+    remembered successes are shown. ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
+    ``explore`` > 0 is the temperature of the first answer, to gather experience; ``explore_seed`` varies it.
     """
 
     waypoints: str = "relative"

@@ -1,4 +1,4 @@
-"""The planner: brief the model, read its waypoints, lift them, and tell it what the checks found, twice at most."""
+"""The planner: brief the model, read its waypoints, lift them, and return the checks' findings to it, at most twice."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gvla2_plugins.agent3d import Agent3dConfig
 from gvla2_plugins.agent3d.prompt import Remembered, messages, rejected_path, remembered_paths, written
 
 BACK = 2
-"""So often the reasons why a path cannot be carried out go back to the model."""
+"""How often the reasons for an infeasible path go back to the model."""
 
 
 class Agent3d:
@@ -33,7 +33,7 @@ class Agent3d:
         self._options = SkillOptions(speed=config.speed, contact_speed=config.contact_speed)
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan along the model's waypoints, or an abstention with all that was said.
+        """A plan along the model's waypoints, or an abstention with the whole conversation.
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
@@ -53,7 +53,7 @@ class Agent3d:
                 steps, transcript = self._ask(asked, brief, held, turn)
             except UnusableAnswerError as error:
                 if not any(entry["answer"] for entry in error.transcript):
-                    raise  # nobody is there
+                    raise  # no server
                 refused = Abstention("other", f"The model wrote no path: {error}")
                 return replace(plan, abstention=refused, transcript=(*said, *error.transcript))
             said += transcript
@@ -64,8 +64,8 @@ class Agent3d:
         return replace(plan, transcript=said)
 
     def _held(self, request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered]) -> str:
-        """The grammar of the answer. A path begins at what the wish speaks of as moved; beside remembered paths it is
-        about their things and those that the wish names, and hardly longer than they are.
+        """The grammar of the answer. A path begins at the object to be moved; given remembered paths, it uses their
+        things and those that the instruction names, and is hardly longer than they are.
         """
         if self._bare:
             return grammar([], bare=True)

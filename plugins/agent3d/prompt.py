@@ -1,4 +1,4 @@
-"""What the model is told: how waypoints are written, one example of the form, what was remembered, what is there."""
+"""The model's prompt: the waypoint format, one example, remembered paths, the scene."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ EXAMPLE_PATH = {
 
 @dataclass(frozen=True)
 class Remembered:
-    """A path that succeeded before, with the ``names`` of now in their order, and the ``task`` that it was for."""
+    """A path that succeeded before, with the present ``names`` in order, and the ``task`` that it was for."""
 
     task: str
     steps: tuple[tuple[Any, ...], ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What it is about, first things first."""
+        """The names of its things, in order."""
         return tuple(dict.fromkeys(p for step in self.steps for p in step[:2] if isinstance(p, str)))
 
 
 def messages(
     request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered], *, bare: bool
 ) -> list[Message]:
-    """The question, after examples that were answered: one of the form, then remembered paths, with the names and
-    sizes of now. What memory says in words stands between marks, as data: the checks hold whatever it says.
+    """The question, after answered examples: one of the format, then remembered paths, with the present names and
+    sizes. Memory's text is between marks, as data: the checks apply regardless.
     """
     about = [name for path in known for name in path.names]
     things = _by_relevance(brief, request.instruction, about)
@@ -65,7 +65,7 @@ def messages(
 
 
 def written(steps: Sequence[Sequence[Any]]) -> str:
-    """A path as the model writes it."""
+    """A path in the model's format."""
     return json.dumps(steps, separators=(",", ":"))
 
 
@@ -74,10 +74,10 @@ def _question(things: str, task: str) -> str:
 
 
 def remembered_paths(request: PlanRequest, brief: SceneBrief, programs: int) -> list[Remembered]:
-    """What succeeded before in tasks worded most like this one, the likest last, next to the question.
+    """Successes in the most similarly worded tasks, the most similar last, next to the question.
 
-    Only paths of skills that the wish's verb may mean, whose roles things of the scene can play: those that the wish
-    speaks of as moved and as the goal, where it does. All that are shown are of one skill.
+    Only paths of skills that the instruction's verb may mean, whose roles things in the scene can fill: the moved
+    object and the goal that it names, if any. All those shown are of one skill.
     """
     wish, scene = request.instruction, request.scene
     said = roles_said(wish, scene)
@@ -94,14 +94,14 @@ def remembered_paths(request: PlanRequest, brief: SceneBrief, programs: int) -> 
 
 
 def _alike(wish: str, other: str) -> float:
-    """The share of the words of both that they have in common, colours aside."""
+    """The share of words that both have in common, ignoring colours."""
     mine, theirs = (set(re.findall(r"[a-z]+", text.casefold())) - set(FAMILIES) for text in (wish, other))
     return len(mine & theirs) / max(1, len(mine | theirs))
 
 
 def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:
-    """The lines of the brief, those first that remembered paths are about or the task names: small models begin with
-    what they read first.
+    """The lines of the brief, first those of things in remembered paths or the task: small models start with what they
+    read first.
     """
     said = instruction.casefold()
 
@@ -118,7 +118,7 @@ def _one_line(text: str) -> str:
 
 
 def rejected_path(reasons: Sequence[str], path: str) -> list[Message]:
-    """What the checks said of a path, to its author."""
+    """The checks' findings on a path, as a message to the model."""
     said = " ".join(_one_line(r) for r in reasons)[:1200]
     asked: list[Message] = [{"role": "assistant", "content": path}] if path else []
     why = f"That path cannot be carried out. {said}\nWrite a better path."

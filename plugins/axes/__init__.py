@@ -16,11 +16,11 @@ class ContoursConfig(ComponentConfig):
     """Options of ``contours``."""
 
     iterations: int = 10
-    """Gauss-Newton steps at most."""
+    """Most Gauss-Newton steps."""
     contour_points: int = 400
-    """Points of each mask's contour that are looked at."""
+    """Points used per mask contour."""
     least_gain: float = 5e-4
-    """Rise of the symmetric IoU below which the shape is left alone."""
+    """Gain in symmetric IoU below which the shape is left unchanged."""
 
 
 @dataclass
@@ -28,7 +28,7 @@ class MaskEnergyConfig(ComponentConfig):
     """Options of ``mask_energy``."""
 
     iterations: int = 10
-    """A fifth of the steps of L-BFGS-B at most."""
+    """L-BFGS-B takes up to five times as many steps."""
 
 
 def _contours(config: ContoursConfig) -> AxisCompensation:

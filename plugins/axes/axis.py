@@ -1,9 +1,9 @@
-"""Axis compensation: one scale an axis and one shift, so that the shape fills its masks (source B of the paper).
+"""Axis compensation: one scale per axis and one shift, so that the shape fills its masks (source B of the paper).
 
-T(p) = c + (p - c) * a + d along given axes, six numbers in all. The paper chooses them by E_mask, which only
-rewards shrinking (``mode="paper"``). By default they make the shape's outlines meet the masks' contours: where the
-nearest edge of the points' outline lies along the contour's normal, in pixels, is a residual, and Gauss-Newton
-with Huber weights brings the residuals to zero. The outcome is kept only when the symmetric IoU rises.
+T(p) = c + (p - c) * a + d along given axes, six numbers in all. The paper chooses them by E_mask, which only rewards
+shrinking (``mode="paper"``). By default they make the shape's outlines meet the masks' contours: the distance to the
+nearest edge of the points' outline along the contour's normal, in pixels, is a residual, and Gauss-Newton with Huber
+weights minimises the residuals. The result is kept only if the symmetric IoU rises.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ def compensate(
 ) -> AxisFit:
     """Find a and d for the world points (N, 3), metres, about ``centre`` (3,) (paper, axis compensation).
 
-    The denser the points lie on the surface, the better: from 30 thousand points the outline is some 0.3 %
-    too small, from 100 thousand 0.1 %. Sample a mesh where there is one.
-    Falls back to the identity with a reason; raises :class:`GeometryError` for malformed input and missing masks.
+    The denser the points lie on the surface, the better: from 30 thousand points the outline is some 0.3 % too small,
+    from 100 thousand 0.1 %. Sample a mesh if there is one. Falls back to the identity with a reason; raises
+    :class:`GeometryError` for malformed input and missing masks.
     """
     chosen = options or AxisOptions()
     array = as_points(points)

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from gvla2.geometry.transform import FloatArray
 
 LEVEL = 0.5
-_SMOOTHING = 2.0  # pixels; a binary mask's own gradient knows only eight directions
+_SMOOTHING = 2.0  # pixels; a binary mask's own gradient has only eight directions
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Contour:
 def mask_contour(mask: NDArray[np.float32], count: int | None = None) -> Contour:
     """The contour of a mask (H, W) in [0, 1]: every crossing between two neighbouring pixels' centres.
 
-    Where the mask meets the image's border nothing is known of the object's outline, so no point lies there.
-    ``count`` keeps about so many, evenly spread. M = 0 for an empty or a full mask.
+    Where the mask meets the image's border the object's outline is unknown, so no point lies there. About ``count``
+    points are kept, evenly spread. M = 0 for an empty or a full mask.
     """
     values = np.asarray(mask, dtype=np.float64)
     inside = values > LEVEL
@@ -50,7 +50,7 @@ def mask_contour(mask: NDArray[np.float32], count: int | None = None) -> Contour
     down, across = (np.asarray(slope, dtype=np.float64) for slope in np.gradient(smooth))
     normal = -np.stack([_sample(across, uv), _sample(down, uv)], axis=1)
     size = np.linalg.norm(normal, axis=1)
-    kept = size > 1e-6  # where nothing is left of a speck after smoothing, there is no direction
+    kept = size > 1e-6  # a speck that vanishes after smoothing has no direction
     uv, normal = uv[kept], normal[kept] / size[kept, None]
     # A slanted contour is crossed by rows and columns both.
     length = 1.0 / np.abs(normal).sum(axis=1)

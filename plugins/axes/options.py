@@ -1,4 +1,4 @@
-"""What an axis compensation is asked to do."""
+"""Options of an axis compensation."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class AxisOptions:
     on |a - 1|^2 and |d / side|^2; None means 1e-4 (against mean squared residuals in units of the object's size
     in the image), and 1 with ``mode="paper"`` (against E_mask).
 
-    ``points``: at most so many are looked at, drawn by chance with a fixed seed; by default 100 thousand, 20 thousand
-    with ``mode="paper"``. ``contour_points`` a view. ``axes`` (3, 3) has orthonormal columns in the world frame, along
-    which a and d are meant. ``least_gain`` is the rise of symmetric IoU below which the input is kept.
+    ``points``: at most so many are used, drawn with a fixed seed; by default 100 thousand, 20 thousand with
+    ``mode="paper"``. ``contour_points`` per view. ``axes`` (3, 3) has orthonormal columns in the world frame, along
+    which a and d apply. ``least_gain`` is the rise of symmetric IoU below which the input is kept.
     """
 
     mode: Literal["default", "paper"] = "default"
@@ -37,7 +37,7 @@ class AxisOptions:
     least_gain: float = 5e-4
 
     def bounds(self, side: float) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest (a, d / side), (6,) each; errors for bounds that leave out the identity."""
+        """Lowest and highest (a, d / side), (6,) each; errors for bounds that exclude the identity."""
         paper = self.mode == "paper"
         low, high = self.scale_bounds or ((0.98, 1.02) if paper else (0.9, 1.1))
         shift = self.shift_bound if self.shift_bound is not None else (0.008 if paper else 0.05)

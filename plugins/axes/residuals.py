@@ -1,4 +1,4 @@
-"""How far a shape's outline lies from a mask's contour, in pixels along the contour's normals."""
+"""Distances of a shape's outline from a mask's contour, in pixels along the contour's normals."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from gvla2.reconstruction.outline import Field, Outline
 from gvla2.reconstruction.support import projection
 from gvla2_plugins.axes.contour import Contour
 
-_STEP = 0.5  # pixels between two looks along a normal
+_STEP = 0.5  # pixels between two samples along a normal
 
 
 @dataclass(frozen=True)
 class Residuals:
     """M contour points that found the outline.
 
-    ``pixels`` (M,) from contour to outline, positive when the shape reaches too far out; ``index`` (M,) the point
-    that makes the outline there; ``gradient`` (M, 3) change of ``pixels`` per metre of that point in the world;
-    ``weight`` (M,).
+    ``pixels`` (M,) from contour to outline, positive when the shape reaches too far out; ``index`` (M,) the point that
+    forms the outline there; ``gradient`` (M, 3) change of ``pixels`` per metre of that point in the world; ``weight``
+    (M,).
     """
 
     pixels: FloatArray
@@ -50,8 +50,8 @@ def outline_residuals(
 ) -> Residuals:
     """Follow each normal both ways, up to ``reach`` pixels, to the nearest edge of the outline of the points (N, 3).
 
-    An edge counts only when the shape is on the inner side of it, as at the contour; contour points without
-    such an edge within reach (a part is missing, or another one begins) are left out.
+    An edge counts only if the shape is on its inner side, as at the contour; contour points without such an edge within
+    reach (a part is missing, or another one begins) are left out.
     """
     pixels = np.full(len(contour.uv), np.nan)
     index = np.full(len(contour.uv), -1, dtype=np.int64)
@@ -96,7 +96,7 @@ def _follow(
     steps = int(reach / _STEP)
     for k in range(len(uv)):
         here = _value(inside, uv[k, 0], uv[k, 1])
-        out, back = here, here  # the values last seen on either way
+        out, back = here, here  # the latest values in both directions
         at = np.nan
         for n in range(1, steps + 1):
             t = n * _STEP
@@ -112,7 +112,7 @@ def _follow(
             back = value
         if not np.isfinite(at):
             continue
-        # The point that makes the edge lies at it or just within.
+        # The point that forms the edge lies at it or just inside.
         for inward in range(4):
             u = uv[k, 0] + (at - 0.5 * inward) * normal[k, 0]
             v = uv[k, 1] + (at - 0.5 * inward) * normal[k, 1]

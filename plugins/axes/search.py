@@ -19,9 +19,9 @@ from gvla2_plugins.axes.options import AxisOptions
 from gvla2_plugins.axes.residuals import Residuals, outline_residuals
 
 LEAST_RESIDUALS = 30
-"""With fewer contour points that find an outline, six numbers are not estimated."""
+"""Least contour points with an outline for estimating six numbers."""
 _RESOLUTION = 0.2
-"""Share of the closing radius that an outline of scattered points lies within the true one, measured."""
+"""How far an outline of scattered points lies inside the true one, as a share of the closing radius, measured."""
 
 
 class AxisSearch:
@@ -38,7 +38,7 @@ class AxisSearch:
         self.points, self.views = points, views
         self.centre, self.axes, self.options = centre, axes, options
         local = (points - centre) @ axes
-        # Without the outermost half percent, so that a few stray points do not widen the bounds.
+        # Without the outermost half percent, so that a few strays do not widen the bounds.
         spread = np.ptp(np.quantile(local, [0.005, 0.995], axis=0), axis=0) if len(local) else np.ones(3)
         self.side = max(float(spread.max()), 1e-12)
         self.low, self.high = options.bounds(self.side)
@@ -47,11 +47,11 @@ class AxisSearch:
         self.radii: list[float | None] = [None] * len(views)  # one closing for all iterations
 
     def moved(self, x: FloatArray) -> FloatArray:
-        """The points as x puts them."""
+        """The points transformed by x."""
         return self.accepted(x, np.nan, np.nan, 0, "").apply(self.points)
 
     def iou(self, x: FloatArray) -> float:
-        """Symmetric IoU of the points as x puts them."""
+        """Symmetric IoU of the points transformed by x."""
         return mean_iou(self.moved(x), self.views)
 
     def rejected(
@@ -132,7 +132,7 @@ class AxisSearch:
         return float(view.camera.K[0, 0] * self.side / max(depth, 1e-6 + 0.5 * self.side))
 
     def _reach(self, view: View) -> float:
-        """Pixels along the normal in which the outline is looked for: as far as the bounds let it move."""
+        """Search range for the outline along the normal, pixels: as far as the bounds let it move."""
         widest = max(self.high[0] - 1, 1 - self.low[0]) + np.sqrt(3) * self.high[3]
         return float(np.clip(widest * self._pixels_a_side(view), 3.0, 40.0))
 
@@ -155,7 +155,7 @@ class AxisSearch:
         return cost, -self._solve_within(x, normal, slope), floor
 
     def _solve_within(self, x: FloatArray, normal: FloatArray, slope: FloatArray) -> FloatArray:
-        """Solve for the step with the unknowns that lie on a bound and push outwards held still."""
+        """Solve for the step with unknowns that lie on a bound and push outwards held fixed."""
         free = np.ones(6, dtype=np.bool_)
         step = np.zeros(6)
         for _ in range(6):

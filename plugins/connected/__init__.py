@@ -1,4 +1,4 @@
-"""The plainest perceiver: what is connected above the table is a thing. A baseline to be better than."""
+"""The plainest perceiver: each connected component above the table is a thing. A baseline."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class ConnectedConfig(ComponentConfig):
-    """Options of the ``connected`` perceiver. ``min_height``: what rises less above the table is table, metres."""
+    """Options of the ``connected`` perceiver. ``min_height``: points lower above the table belong to it, metres."""
 
     min_height: float = 0.004
 

@@ -1,4 +1,4 @@
-"""Connected components above the table, each with a box about it."""
+"""Connected components above the table, each with a box around it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class ConnectedPerceiver:
         self._config = config
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
-        """One object a cluster; the instruction is not used. Raises
-        :class:`~gvla2.errors.PerceptionError` when no camera delivers depth, or no level plane is found.
+        """One object per cluster; the instruction is not used. Raises :class:`~gvla2.errors.PerceptionError` when no
+        camera delivers depth, or no level plane is found.
         """
         del instruction
         frames, table, notes = frames_of(observation.views, workspace)

@@ -1,10 +1,10 @@
-"""Depth as sensors and networks give it: errors drawn on top of an exact depth map.
+"""Depth of simulated sensors and networks: errors added to an exact depth map.
 
-Sources of the defaults. VGGT (Wang et al., CVPR 2025, tables 2 and 3): the global scale is free, camera poses are
-right to about a degree, point maps to about a per cent of the scene. Monocular networks (Ranftl et al., TPAMI 2022;
-Yang et al., Depth Anything V2, 2024): depth up to a scale and shift of each picture, 4 to 8 per cent absolute relative
-error after both are fitted, most of it smooth. That depth does not agree between views, scale changes with direction,
-and confidence is right only on average, users report (facebookresearch/vggt, discussions 98, 208, 430, 436).
+Sources of the defaults. VGGT (Wang et al., CVPR 2025, tables 2 and 3): the global scale is free, camera poses are right
+to about a degree, point maps to about a per cent of the scene. Monocular networks (Ranftl et al., TPAMI 2022; Yang et
+al., Depth Anything V2, 2024): depth up to a scale and shift of each picture, 4 to 8 per cent absolute relative error
+after both are fitted, most of it smooth. Users report that depth is inconsistent between views, scale changes with
+direction, and confidence is right only on average (facebookresearch/vggt, discussions 98, 208, 430, 436).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def learned(
     """Depth (S, H, W), confidence (S, H, W) in (0, 1] and poses (S, 4, 4), None when they have no error.
 
     ``depth`` is exact, NaN where nothing is; ``poses`` are world_from_camera. The draws do not depend on which parts
-    are switched on, so that a sweep of one part keeps the others.
+    are enabled, so that a sweep of one part keeps the others.
     """
     whole = np.exp(rng.uniform(-1, 1) * np.log1p(noise.global_scale))
     found, sure = np.full_like(depth, np.nan), np.zeros_like(depth)
@@ -69,7 +69,7 @@ def _field(white: FloatArray, sigma: float) -> FloatArray:
 
 
 def _blurred(depth: FloatArray, sigma: float) -> FloatArray:
-    """Depth as a network with soft edges sees it: a blend with what lies behind, a wall at the object's far side."""
+    """Depth with a network's soft edges: blended with the background, a wall at the object's far side."""
     known = np.isfinite(depth)
     if sigma <= 0:
         return depth.copy()
@@ -99,7 +99,7 @@ def _patches(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> 
 
 
 def _moved(poses: FloatArray, whole: float, noise: LearnedNoise, rng: np.random.Generator) -> FloatArray:
-    """The poses in a world of another scale and orientation, each with an error of its own."""
+    """The poses in a world of different scale and orientation, each with its own error."""
     world = np.eye(4)
     world[:3, :3] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
     moved = np.array(poses)

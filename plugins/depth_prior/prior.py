@@ -1,4 +1,4 @@
-"""Measured depth, less the flying pixels on borders."""
+"""Measured depth without the flying pixels at borders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOISES = ("exact", "sensor", "learned")
 
 
 class DepthPrior:
-    """The views' own depth: metric and calibrated, so that the estimate has no poses.
+    """The views' own depth: metric and calibrated, so the estimate has no poses.
 
     Raises :class:`ConfigurationError` for a negative ``erode`` or ``slope`` or a ``confidence`` that is not above 0.
     """
@@ -49,7 +49,7 @@ class DepthPrior:
     def predict(self, views: Views) -> GeometryEstimate | None:
         """Depth (S, H, W) of the views, NaN where nothing was measured; None when no view measured any.
 
-        Views of different sizes are put into the largest's upper left corner, and guidance refuses them by name.
+        Views of different sizes are put into the largest one's upper left corner, and guidance rejects them by name.
         """
         if not any(view.depth is not None and _measured(view.depth).any() for view in views):
             return None
@@ -80,7 +80,7 @@ class DepthPrior:
         return GeometryEstimate(depth, sure.astype(np.float32), poses)
 
     def _rng(self, views: Views) -> np.random.Generator:
-        """One draw for one set of cameras and a seed, wherever it is made."""
+        """One reproducible draw per set of cameras and seed."""
         cameras = np.stack([view.camera.world_from_camera for view in views])
         return np.random.default_rng([self._config.seed, zlib.crc32(np.round(cameras, 6).tobytes())])
 
@@ -89,7 +89,7 @@ class DepthPrior:
         if view.mask is not None:
             keep &= view.mask > 0.5
         if self._erode:
-            # The picture's own border is no border of the object.
+            # The picture's own border is not the object's.
             core = binary_erosion(keep, np.ones((3, 3), dtype=bool), iterations=self._erode, border_value=1)
             keep &= core | self._continues(depth, core, view.camera.K[0, 0])
         return np.where(keep, depth, np.nan).astype(np.float32)
@@ -97,7 +97,7 @@ class DepthPrior:
     def _continues(
         self, depth: NDArray[np.float32], core: NDArray[np.bool_], focal: float
     ) -> NDArray[np.bool_]:
-        """Where the depth goes on from the nearest core pixel without a jump (H, W)."""
+        """Where the depth continues from the nearest core pixel without a jump (H, W)."""
         if not core.any():
             return np.zeros_like(core)
         apart, nearest = distance_transform_edt(~core, return_indices=True)

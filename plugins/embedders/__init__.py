@@ -1,4 +1,4 @@
-"""The built-in embedders: a static table of token vectors, MiniLM, and whichever of them is the better one here."""
+"""The built-in embedders: a static table of token vectors, MiniLM, and the better one available."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class StaticConfig(ComponentConfig):
 
 @dataclass
 class MiniLMConfig(ComponentConfig):
-    """Options of the ``minilm`` embedder: ``batch`` texts are worked on at a time."""
+    """Options of the ``minilm`` embedder: ``batch`` texts are processed at a time."""
 
     batch: int = 32
 
@@ -29,21 +29,21 @@ class AutoConfig(ComponentConfig):
 
 
 def _build_static(config: StaticConfig) -> Embedder:
-    """Averages token vectors of a table that pip installs: hears synonyms, loads at once, English mostly."""
+    """Averages token vectors of a pip-installed table: finds synonyms, loads fast, mostly English."""
     from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 
     return StaticEmbedder()
 
 
 def _build_minilm(config: MiniLMConfig) -> Embedder:
-    """Embeds sentences by all-MiniLM-L6-v2, offline, on the CPU, without torch: nearer to what is meant."""
+    """Embeds sentences by all-MiniLM-L6-v2, offline, on the CPU, without torch: closer to the meaning."""
     from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
     return MiniLMEmbedder(config.batch)
 
 
 def _build_auto(config: AutoConfig) -> Embedder:
-    """That of the bank's vectors; for a new one MiniLM where it is installed, else the static table."""
+    """That of the bank's vectors; for a new bank MiniLM if installed, else the static table."""
     from gvla2_plugins.embedders.choosing import BestInstalled
 
     return BestInstalled()

@@ -1,4 +1,4 @@
-"""A BERT encoder in numpy, float32: what six small layers need, and no more.
+"""A BERT encoder in numpy, float32: the minimum for six small layers.
 
 Devlin et al., "BERT" (2019), as ``transformers`` computes it in evaluation.
 """
@@ -20,7 +20,7 @@ class Encoder:
         self._layers = 1 + max(map(int, names))
 
     def __call__(self, tokens: NDArray[np.int64], mask: NDArray[np.bool_]) -> Array:
-        """(B, T, D) states of the last layer for (B, T) ``tokens``; those outside ``mask`` are not looked at."""
+        """(B, T, D) states of the last layer for (B, T) ``tokens``; those outside ``mask`` are ignored."""
         embedded = self._weights["embeddings.word_embeddings.weight"][tokens]
         embedded = embedded + self._weights["embeddings.position_embeddings.weight"][: tokens.shape[1]]
         state = self._normed(
@@ -52,7 +52,7 @@ class Encoder:
         return state.reshape(batch, length, self._heads, width // self._heads).swapaxes(1, 2)
 
     def _linear(self, name: str, state: Array) -> Array:
-        # One product of two matrices: numpy would go through a stack of them one by one.
+        # One product of two matrices: numpy would process a stack of them one by one.
         flat = state.reshape(-1, state.shape[-1]) @ self._weights[f"{name}.weight"].T
         flat += self._weights[f"{name}.bias"]
         return np.asarray(flat.reshape(*state.shape[:-1], -1))

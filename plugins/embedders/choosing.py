@@ -18,22 +18,22 @@ log = logging.getLogger(__name__)
 
 
 class BestInstalled:
-    """MiniLM where its package is installed, else the static table; a bank that has vectors stays with their model.
+    """MiniLM if its package is installed, else the static table; a bank with vectors keeps their model.
 
-    A package that is there and cannot be used is an error, as with ``embedder=minilm``: to fall back without a word
-    would make runs differ by what is broken on a machine.
+    An installed but broken package is an error, as with ``embedder=minilm``: a silent fallback would make runs differ
+    between machines.
     """
 
     def for_bank(self, model: str) -> Embedder:
-        """The embedder for a bank whose vectors are of ``model``, "" for one without any."""
+        """The embedder for a bank whose vectors are by ``model``, "" for a bank without any."""
         installed = importlib.util.find_spec(PACKAGE) is not None
         if installed and model == MODEL:
-            return self._taken(MiniLMEmbedder, "minilm", "the bank's vectors are of it")
+            return self._taken(MiniLMEmbedder, "minilm", "the bank's vectors are by it")
         static = StaticEmbedder()
         if model == static.model:
-            return self._taken(lambda: static, "static", "the bank's vectors are of it")
+            return self._taken(lambda: static, "static", "the bank's vectors are by it")
         if installed:
-            return self._taken(MiniLMEmbedder, "minilm", "it is installed, and hears paraphrases best")
+            return self._taken(MiniLMEmbedder, "minilm", "it is installed, and finds paraphrases best")
         return self._taken(lambda: static, "static", "MiniLM is not installed: pip install 'gvla2[embed]'")
 
     @property

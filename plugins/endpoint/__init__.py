@@ -1,4 +1,4 @@
-"""The ``endpoint`` language model: any OpenAI-compatible server that runs already."""
+"""The ``endpoint`` language model: any running OpenAI-compatible server."""
 
 from __future__ import annotations
 

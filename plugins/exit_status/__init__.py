@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 class ExitStatusConfig(ComponentConfig):
     """Options of the ``exit_status`` verifier.
 
-    ``fact`` is the observation that holds the status. 0 is a success and every other number a failure; of words,
-    which some agents end with, ``success`` are successes and ``failure`` failures, whatever their case; other words
-    (such as "Submitted", an agent's own opinion of its work) say nothing.
+    ``fact`` is the observation that holds the status. 0 is a success and every other number a failure; of words, which
+    some agents end with, ``success`` are successes and ``failure`` failures, ignoring case; other words (such as
+    "Submitted", an agent's own opinion of its work) are inconclusive.
     """
 
     fact: str = "exit_status"

@@ -21,8 +21,8 @@ _SHELL_SIGNALS = range(129, 129 + 64)
 class ExitStatusVerifier:
     """Reads ``Evidence.facts``: the status itself, and ``timed_out`` (true) or ``signal`` (its number or name).
 
-    A time-out or a signal is a failure whatever the status says. Without a status, or with one that says nothing,
-    the verdict is ``unavailable``.
+    A time-out or a signal is a failure regardless of the status. Without a status, or with an inconclusive one, the
+    verdict is ``unavailable``.
     """
 
     def __init__(self, config: ExitStatusConfig) -> None:
@@ -66,7 +66,7 @@ def _judged(quality: float, reason: str) -> Verdict:
 
 
 def _number(status: object) -> int | None:
-    """The status as a whole number; None for words, truth values (whose meaning is open) and anything else."""
+    """The status as a whole number; None for words, booleans (whose meaning is unclear) and anything else."""
     if isinstance(status, bool):
         return None
     if isinstance(status, int):

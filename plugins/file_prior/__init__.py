@@ -9,8 +9,8 @@ The file holds, for S views in the order of the run's views:
                                       the depth is metric and belongs to the calibrated cameras
     names               (S,)          optional names of the views: rows are then found by name, in any order
 
-The pictures may be of another size than the views, of the same shape within two percent: they are resized to the
-views by the nearest pixel, which never invents depth between two surfaces.
+The pictures may differ in size from the views, with the same aspect ratio within two percent: they are resized by the
+nearest pixel, which never invents depth between two surfaces.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FilePriorConfig(ComponentConfig):
 
 
 def _build(config: FilePriorConfig) -> GeometryPrior:
-    """Reads depth or a point map from an .npz file made elsewhere."""
+    """Reads depth or a point map from an external .npz file."""
     from gvla2_plugins.file_prior.prior import FilePrior
 
     return FilePrior(config)

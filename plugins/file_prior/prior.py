@@ -30,7 +30,7 @@ def _archive(file: BinaryIO) -> np.lib.npyio.NpzFile[Any]:
 
 
 class FilePrior:
-    """Depth from an .npz file; raises :class:`ConfigurationError` when no file is named or it is not there."""
+    """Depth from an .npz file; raises :class:`ConfigurationError` when no file is given or it does not exist."""
 
     def __init__(self, config: FilePriorConfig) -> None:
         if not config.path:
@@ -55,7 +55,7 @@ class FilePrior:
         depth, confidence = depth[rows], confidence[rows]
         sizes = {(view.camera.height, view.camera.width) for view in views}
         if len(sizes) > 1:
-            raise self._error(f"it holds pictures of one size, the views have several: {sorted(sizes)}")
+            raise self._error(f"it holds pictures of one size, but the views have several: {sorted(sizes)}")
         height, width = sizes.pop()
         depth, confidence = (self._resized(array, height, width) for array in (depth, confidence))
         known = np.isfinite(depth) & (depth > 0)
@@ -97,7 +97,7 @@ class FilePrior:
         )
 
     def _depth(self, stored: dict[str, NDArray[Any]], poses: NDArray[Any] | None) -> NDArray[np.float64]:
-        """(S, h, w); of a point map, the depth of its points in the prior's own cameras."""
+        """(S, h, w); for a point map, the depth of its points in the prior's own cameras."""
         if "depth" in stored:
             depth = stored["depth"].astype(np.float64)
             if depth.ndim != 3:
@@ -112,10 +112,10 @@ class FilePrior:
         return np.asarray(np.einsum("shwk,sk->shw", points - centre[:, None, None], forward))
 
     def _rows(self, stored: dict[str, NDArray[Any]], count: int, views: Views) -> list[int]:
-        """Which row belongs to each view: by name where the file has names, else by order."""
+        """Which row belongs to each view: by name if the file has names, else by order."""
         if "names" not in stored:
             if count != len(views):
-                raise self._error(f"it holds {count} pictures, there are {len(views)} views")
+                raise self._error(f"it holds {count} pictures, but there are {len(views)} views")
             return list(range(count))
         names = [str(name) for name in np.atleast_1d(stored["names"])]
         if len(names) != count:

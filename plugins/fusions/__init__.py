@@ -25,7 +25,7 @@ class BlendConfig(ComponentConfig):
 
 @dataclass
 class ResidualConfig(ComponentConfig):
-    """Options of ``residual``: ``alpha`` in [0, 1] is the share of the way to source B at full support."""
+    """Options of ``residual``: ``alpha`` in [0, 1] is the fraction of the way to source B at full support."""
 
     alpha: float = 0.5
 

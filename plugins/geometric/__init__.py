@@ -1,4 +1,4 @@
-"""The geometric verifier: what the robot itself could see and feel, judged by rules."""
+"""The geometric verifier: rules on what the robot itself could see and feel."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 class GeometricConfig(ComponentConfig):
     """Options of the ``geometric`` verifier, metres.
 
-    A thing that is found within ``same_place`` of where it was has not moved; one that is ``risen`` higher was
-    lifted; fingers further apart than ``empty_width`` hold something; ``margin`` is how far outside a goal's
-    footprint a centre may lie and still count as inside (perception is that coarse).
+    A thing found within ``same_place`` of its old place has not moved; one ``risen`` higher was lifted; fingers further
+    apart than ``empty_width`` hold something; ``margin`` is how far outside a goal's footprint a centre may lie and
+    still count as inside (perception is that coarse).
     """
 
     same_place: float = 0.02

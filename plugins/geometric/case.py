@@ -1,4 +1,4 @@
-"""One episode's evidence as the rules of the skills read it, and what several of them ask of two scenes."""
+"""One episode's evidence for the rules of the skills, with shared queries on two scenes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class CriterionScore:
 
 
 class Case:
-    """One episode's evidence with its objects looked up; lookups give None where there is nothing."""
+    """One episode's evidence with its objects looked up; lookups give None if nothing is found."""
 
     def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
         self.evidence, self.config = evidence, config
@@ -42,11 +42,11 @@ class Case:
         return next((ids[i] for name in names if (i := self.evidence.plan.roles.get(name, "")) in ids), None)
 
     def seen(self, object_id: str) -> SceneObject | None:
-        """The object before of that id."""
+        """The object of that id before the episode."""
         return next((o for o in self.before.objects if o.id == object_id), None)
 
     def later(self, thing: SceneObject) -> SceneObject | None:
-        """The same object after, None when it was not seen again."""
+        """The same object afterwards, None if it was not seen again."""
         return self.matched.of(thing.id) if self.matched is not None else None
 
     @property
@@ -56,7 +56,7 @@ class Case:
         return trajectory.waypoints if trajectory is not None else ()
 
     def way(self, object_id: str) -> FloatArray:
-        """(3,) from where the hand took hold of a thing to where it last had it, as planned; 0 where it never had."""
+        """(3,) from where the hand grasped a thing to where it last held it, as planned; 0 if it never did."""
         with_it = [i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0]
         if not with_it:
             return np.zeros(3)
@@ -74,7 +74,7 @@ class Case:
         return reports[-1].held if reports else None
 
     def in_hand(self, thing: SceneObject) -> bool:
-        """Whether the tool ended within a thing's box, give or take what perception misses."""
+        """Whether the tool ended within a thing's box, within perception's error."""
         reports = self.evidence.report.waypoints
         if not reports:
             return False
@@ -92,7 +92,7 @@ def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
 
 
 def goal_now(case: Case, goal: SceneObject) -> SceneObject:
-    """Where the goal is at the end: paint stays where it was seen unhidden, things may have been shifted."""
+    """The goal's place at the end: paint stays where it was seen unhidden, things may have moved."""
     if goal.shape == "region":
         return goal
     return case.later(goal) or goal

@@ -1,6 +1,6 @@
-"""Did the skill do what it is for? One rule a skill, from perceived scenes and the hand's own measurements.
+"""Did the skill reach its goal? One rule per skill, from perceived scenes and the hand's own measurements.
 
-Each rule answers with a score in [0, 1], or None where the evidence does not tell, and a sentence.
+Each rule gives a score in [0, 1], or None if the evidence is inconclusive, and a sentence.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from gvla2_plugins.geometric.placing import inside, place
 from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pulled, shut, twisted
 
 IN_IT = 0.012
-"""What reaches higher than a thing's foot by more has it inside, metres: perceived heights err by less."""
+"""A holder reaches higher than a thing's foot by more than this, metres: perceived heights err by less."""
 GROWN = 1.2
-"""Times its height before, from which a thing's height after is not believed."""
+"""Ratio of a thing's height after to before above which it is implausible."""
 CLEARED = 0.9
-"""Share of a holder's height by which a thing is lifted out of it."""
+"""Share of a holder's height that a thing must rise to be out of it."""
 
 
 def completion(case: Case) -> CriterionScore:
@@ -39,9 +39,9 @@ def completion(case: Case) -> CriterionScore:
 
 
 def _meant_another(case: Case) -> str:
-    """A colour that the sentence names, that something here has but nothing that was handled; "" for none.
+    """A named colour that some object has, but no handled one; "" for none.
 
-    Where what was handled has one of the colours named, another may be that of a landmark.
+    If a handled object has one of the named colours, another may be a landmark's.
     """
     handled: set[str] = set()
     for thing in filter(None, map(case.seen, case.evidence.plan.roles.values())):
@@ -53,7 +53,7 @@ def _meant_another(case: Case) -> str:
 
 
 def _pick(case: Case) -> CriterionScore:
-    """The theme is up and in the hand; or it is out of sight, gone from its place, and the hand holds something."""
+    """The theme is up and in the hand; or it is not visible, gone from its place, and the hand holds something."""
     theme = case.role("theme", "part")
     if theme is None:
         return CriterionScore(None, "The plan does not say what was to be picked.")
@@ -92,9 +92,9 @@ def _pick(case: Case) -> CriterionScore:
 
 
 def _rise(theme: SceneObject, later: SceneObject) -> float:
-    """By how much the thing's underside rose; its top tells where the thing seems to have grown, which no thing does.
+    """How far the thing's underside rose; its top's rise instead if its height seems to have grown.
 
-    Then the underside was hidden at one of the times, in a stand say, and was guessed.
+    Then the underside was hidden in one of the scenes, in a stand say, and was guessed.
     """
     before, after = float(theme.extents[2]), float(later.extents[2])
     if after > GROWN * before:
@@ -103,7 +103,7 @@ def _rise(theme: SceneObject, later: SceneObject) -> float:
 
 
 def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
-    """What the theme stood in: it is around the theme's foot, and less high than its top."""
+    """The holder that the theme stood in: around the theme's foot, and lower than its top."""
     own = {theme.id, theme.parent, *(p.id for p in case.before.parts_of(theme.id))}
     return next(
         (
@@ -118,9 +118,9 @@ def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
 
 
 def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
-    """Whether the hand, holding it, rose by the best part of the holder's height; or it is no longer over it.
+    """Whether the hand, holding it, rose by most of the holder's height; or it is no longer over it.
 
-    How far down in the holder a thing reaches is not seen: it is taken to stand on its floor.
+    A thing's depth in the holder is not visible: it is assumed to stand on its floor.
     """
     if outside_footprint(later.centre, holder) > 0.5 * float(later.extents[:2].max()):
         return True
@@ -129,7 +129,7 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
 
 
 def _push(case: Case) -> CriterionScore:
-    """The theme's centre ended inside the goal's footprint; against a solid goal it came to touch it."""
+    """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
     theme, goal = case.role("theme", "part"), case.role("goal")
     if theme is None:
         return CriterionScore(None, "The plan does not say what was to be pushed.")
@@ -152,7 +152,7 @@ def _push(case: Case) -> CriterionScore:
 
 
 def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> CriterionScore:
-    """A push without a goal: the theme went along with the hand's strokes, half of their way at least."""
+    """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
     plan = case.evidence.plan
     waypoints = plan.trajectory.waypoints if plan.trajectory else ()
     stroke = np.zeros(3)
@@ -183,7 +183,7 @@ def _press(case: Case) -> CriterionScore:
     planned = plan.parameters.get("press_depth", button.top - lowest.target[2])
     if planned <= 0:
         return CriterionScore(0.0, f"The plan does not go below the top of {button.label}.")
-    # How far short of its target the tool stayed is what is missing of the planned depth.
+    # The tool's shortfall is what is missing of the planned depth.
     depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
     aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
     said = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"

@@ -1,4 +1,4 @@
-"""Rules of what is put somewhere: on or in a goal, beside one, several things each in its own container."""
+"""Rules for placing: on or in a goal, beside one, or several things each in its own container."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 
 LEAST_GROWN = 0.4
-"""Share of a thing's height by which what it was put into has become higher where it lies."""
+"""Least rise of a container where a thing lies in it, as a share of the thing's height."""
 DOUBTFUL = 0.35
-"""What looks less like the thing than this is hardly it."""
+"""Look difference above which it is hardly the same thing."""
 FEWEST = 10
-"""Points by which a height is believed."""
+"""Least points for a reliable height."""
 
 
 def place(case: Case) -> CriterionScore:
-    """Everything that was to be put somewhere is there: one thing, or several one after the other."""
+    """Everything is at its target: one thing, or several in sequence."""
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
         return placed(case, case.role("theme", "part"), case.role("goal"))
@@ -32,19 +32,19 @@ def place(case: Case) -> CriterionScore:
     known = [f for f in findings if f.score is not None]
     worst = min(known, key=lambda f: f.score or 0.0, default=None)
     unknown = next((f for f in findings if f.score is None), None)
-    # One that is surely amiss decides; else one that is unknown leaves the whole unknown.
+    # One clear failure decides; else one unknown makes the whole unknown.
     if unknown is not None and (worst is None or (worst.score or 0.0) >= 0.5):
         return unknown
     assert worst is not None
     if (worst.score or 0.0) < 0.5:
         return worst
-    return CriterionScore(worst.score, f"All {len(findings)} things are where they were to be put.")
+    return CriterionScore(worst.score, f"All {len(findings)} things are at their targets.")
 
 
 def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> CriterionScore:
-    """The theme rests on the goal, in it, or beside it where the plan meant that, and the hand let go."""
+    """The theme rests on the goal, in it, or beside it if so planned, and the hand released it."""
     if theme is None or goal is None:
-        return CriterionScore(None, "The plan does not say what was to be put where.")
+        return CriterionScore(None, "The plan does not say what to put where.")
     if case.last_held:
         return CriterionScore(0.1, "The hand still holds something at the end.")
     if case.after is None:
@@ -57,13 +57,13 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> C
     if beside is not None:
         off = float(np.linalg.norm((later.centre - beside)[:2]))
         if off > max(0.03, 0.5 * reach):
-            return CriterionScore(0.1, f"{theme.label} lies {100 * off:.1f} cm from where it was to be put.")
+            return CriterionScore(0.1, f"{theme.label} lies {100 * off:.1f} cm from its target.")
         if later.bottom > case.before.table_height + slack:
             return CriterionScore(0.2, f"{theme.label} does not rest on the table.")
-        return CriterionScore(1.0, f"{theme.label} rests beside {goal.label}, where it was to be put.")
+        return CriterionScore(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
     found = inside(case, later, goal, reach)
     if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
-        taken = _taken_in(case, theme, goal)  # what it was taken for may be a piece of what it lies in
+        taken = _taken_in(case, theme, goal)  # its match may be a piece of the container
         if taken.score is not None:
             return taken
     now = goal_now(case, goal)
@@ -73,8 +73,8 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> C
 
 
 def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionScore:
-    """A thing that is seen as one with what it lies in, as things of one colour are: it is gone from its place, and
-    where the hand let go of it, the goal is higher than before by the best part of the thing.
+    """A thing seen as one with its container, as for equal colours: it is gone from its place, and where the hand
+    released it, the goal is higher than before by most of the thing's height.
     """
     spot = _let_go(case, theme)
     unknown = CriterionScore(None, f"{theme.label} was not seen again.")
@@ -82,7 +82,7 @@ def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionSco
     if spot is None or case.after is None or outside_footprint(spot, now) > 0.0 or goal.shape == "region":
         return unknown
     if something_at(theme, case.after, case.config.same_place):
-        return CriterionScore(0.2, f"Something still is where {theme.label} was.")
+        return CriterionScore(0.2, f"Something is still where {theme.label} was.")
     about = 0.5 * float(theme.extents[:2].max())
     was = _height(case.before, spot, about, frozenset({theme.id}))
     grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
@@ -94,14 +94,14 @@ def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionSco
 
 
 def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
-    """How high what is seen reaches within ``about`` metres of a spot (3,), strays aside; the table, if nothing is."""
+    """The highest seen point within ``about`` metres of a spot (3,), without strays, else the table's height."""
     seen = np.concatenate([np.zeros((0, 3)), *(o.points for o in scene.obstacles(but))])
     near = seen[np.linalg.norm(seen[:, :2] - spot[:2], axis=1) < about]
     return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
 
 
 def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> CriterionScore:
-    """The thing's centre in the goal's footprint; half a body's width off, the goal is touched, not reached."""
+    """The thing's centre in the goal's footprint; half a width outside, it only touches the goal."""
     outside = outside_footprint(thing.centre, goal_now(case, goal))
     if outside <= case.config.margin:
         return CriterionScore(1.0, f"{thing.label} lies within {goal.label}.")
@@ -110,20 +110,20 @@ def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> C
 
 
 def _meant_beside(case: Case, theme: SceneObject, goal: SceneObject, reach: float) -> FloatArray | None:
-    """(3,) where the hand was to let go, when that is clearly beside the goal; None when it is on or in it."""
+    """(3,) the planned release point if it is clearly beside the goal; None if it is on or in it."""
     spot = _let_go(case, theme)
     return spot if spot is not None and outside_footprint(spot, goal) > 0.5 * reach else None
 
 
 def _let_go(case: Case, theme: SceneObject) -> FloatArray | None:
-    """(3,) where the hand was to let go of the theme; of whatever it carried, where the plan does not name it."""
+    """(3,) the planned release point of the theme, or of any carried object if the plan does not name it."""
     carried = [w for w in case.planned if w.carries]
     own = [w for w in carried if w.carries == theme.id] or carried
     return np.asarray(own[-1].xyz, dtype=np.float64) if own else None
 
 
 def _under(case: Case, theme: SceneObject) -> SceneObject | None:
-    """What the theme was to be let go over: the smallest footprint there but its own."""
+    """The object under the planned release: the smallest footprint there except the theme's."""
     spot = _let_go(case, theme)
     if spot is None:
         return None

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 NAME = "geometric"
 DISTURBED = 0.03
-"""Metres by which a bystander must have moved to count as disturbed: perception alone moves things by less."""
+"""Metres that a bystander must have moved to count as disturbed: perception errs by less."""
 
 
 class GeometricVerifier:
@@ -24,9 +24,9 @@ class GeometricVerifier:
 
     The criteria are the paper's: task_completion, spatial_consistency, collision_safety, execution_validity,
     generalizability; R is their mean, with one gate. Completion below .5 caps R at .2 + completion, so that a tidy
-    motion that missed its goal is no success (and a clear miss is a failure, R <= .35). Unknown stays unknown: a
+    motion that missed its goal is not a success (and a clear miss is a failure, R <= .35). Unknown stays unknown: a
     criterion without evidence is left out, and without completion the verdict is ``uncertain`` with R = .5 and
-    confidence 0. So it is when nothing was executed, or the user interrupted.
+    confidence 0. The same applies when nothing was executed, or the user interrupted.
     """
 
     def __init__(self, config: GeometricConfig) -> None:
@@ -35,7 +35,7 @@ class GeometricVerifier:
     def verify(self, evidence: Evidence) -> Verdict:
         """A verdict; ``unavailable`` for evidence that is not a robot's."""
         if not isinstance(evidence, RobotEvidence):
-            return Verdict.unavailable(f"'{NAME}' judges robots' episodes alone.", NAME)
+            return Verdict.unavailable(f"'{NAME}' judges only robots' episodes.", NAME)
         if (reason := _not_executed(evidence)) is not None:
             return Verdict("uncertain", 0.5, 0.0, {}, (reason,), NAME)
         case = Case(evidence, self._config)
@@ -73,7 +73,7 @@ def _not_executed(evidence: RobotEvidence) -> str | None:
     if plan.trajectory is None:
         return "Nothing was executed: there was no trajectory."
     if not evidence.report.waypoints:
-        why = " ".join(evidence.checks.reasons) or "the robot was never told to move"
+        why = " ".join(evidence.checks.reasons) or "the robot got no command to move"
         return f"Nothing was executed: {why}"
     first = evidence.report.waypoints[0]
     if first.abort == "not_started":
@@ -82,7 +82,7 @@ def _not_executed(evidence: RobotEvidence) -> str | None:
 
 
 def _spatial_consistency(case: Case) -> CriterionScore:
-    """Whatever was not to be moved is where it was; what was not seen again says nothing."""
+    """Bystanders are where they were; those not seen again do not count."""
     if case.evidence.after is None:
         return CriterionScore(None, "")
     actors = set(case.evidence.plan.roles.values())
@@ -140,7 +140,7 @@ def _execution_validity(case: Case) -> CriterionScore:
 
 
 def _generalizability(case: Case) -> CriterionScore:
-    """How little luck was in it: sure perception of what was handled, no stand-in planner, no repaired plan."""
+    """How little was luck: confident perception of the handled objects, no fallback planner, no repaired plan."""
     handled = [o.confidence for o in case.before.objects if o.id in set(case.evidence.plan.roles.values())]
     score = min(handled, default=0.5)
     score -= 0.2 * bool(case.evidence.plan.fallback) + 0.1 * bool(case.evidence.checks.repairs)

@@ -1,4 +1,4 @@
-"""Rules of the skills that work a mechanism: lids, drawers, caps, rings over posts, things drawn out."""
+"""Rules for skills on mechanisms: lids, drawers, caps, rings over posts, things drawn out."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from gvla2_plugins.geometric.case import Case, CriterionScore, something_at
 from gvla2_plugins.geometric.placing import placed
 
 UPRIGHT = 1.45
-"""A lid that stays where it is open by more than this was opened, radians: short of upright it would fall shut."""
+"""A lid that stays open by more than this was opened, radians: below upright it would fall shut."""
 DRAWN = 0.10
-"""Metres by which a drawer is open: a hand gets into it."""
+"""Least opening of a drawer, metres: a hand fits in."""
 PUSHED = 0.5
-"""Share of the planned way by which something is pushed shut."""
+"""Share of the planned way that counts as pushed shut."""
 ON_TOP = 0.02
-"""A lid lies on its box, a cap on its bottle, a ring at the foot, where the gap is smaller, metres."""
+"""Largest gap of a lid on its box, a cap on its bottle, a ring at the foot, metres."""
 ALMOST = 0.85
-"""Share of what was wanted from which the cameras may err: perceived angles and ways are that exact."""
+"""Share of the target below which it is a clear miss: the accuracy of perceived angles and distances."""
 ASTRAY = 0.06
-"""What is found this far beside the line of a pull is another thing, metres."""
+"""A thing this far beside the line of a pull is a different one, metres."""
 
 
 def opened(case: Case) -> CriterionScore:
@@ -44,7 +44,7 @@ def opened(case: Case) -> CriterionScore:
 
 
 def closed(case: Case) -> CriterionScore:
-    """The lid lies flat over the box; or the box shows its inside no more."""
+    """The lid lies flat over the box; or the box no longer shows its inside."""
     lid, body, doubt = _lid(case)
     if doubt is not None:
         return doubt
@@ -72,16 +72,16 @@ def closed(case: Case) -> CriterionScore:
                 0.1, f"{lid.label} was not seen again, and {body.label} still shows its inside."
             )
         return CriterionScore(
-            0.8, f"{lid.label} was not seen again, and {body.label} shows its inside no more."
+            0.8, f"{lid.label} was not seen again, and {body.label} no longer shows its inside."
         )
     return CriterionScore(None, f"{lid.label} was not seen again.")
 
 
 def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, CriterionScore | None]:
-    """Lid and box of the plan's theme before, or the finding that there is nothing to judge by."""
+    """Lid and box of the plan's theme before, or a finding that there is no evidence."""
     theme = case.role("theme", "part")
     if theme is None:
-        return None, None, CriterionScore(None, "The plan does not say what was to be swung.")
+        return None, None, CriterionScore(None, "The plan does not say what to swing.")
     if case.after is None:
         return None, None, CriterionScore(None, "Nothing was perceived at the end.")
     lid, body = hinged(theme, case.before.objects)
@@ -91,26 +91,26 @@ def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, CriterionS
 
 
 def _short(came: float, wanted: float) -> float:
-    """The score of what came less far than it was to: open to doubt just short of it, a miss else."""
+    """The score of a shortfall: doubtful if small, else a miss."""
     share = max(0.0, came / wanted)
     return 0.4 if share > ALMOST else 0.1 * share
 
 
 def pulled(case: Case) -> CriterionScore:
-    """The handle, or the front behind it, came along with the hand, a hand's width at least."""
+    """The handle, or the front behind it, moved with the hand by at least a hand's width."""
     return _slid(case, DRAWN)
 
 
 def shut(case: Case) -> CriterionScore:
-    """The front went with the hand, most of the planned way."""
+    """The front moved with the hand for most of the planned way."""
     return _slid(case, None)
 
 
 def _slid(case: Case, wanted: float | None) -> CriterionScore:
-    """What was slid moved along the hand's way by ``wanted`` metres, or by a share of the way itself."""
+    """The slid object moved along the hand's way by ``wanted`` metres, or by a share of that way."""
     theme = case.role("theme", "part")
     if theme is None:
-        return CriterionScore(None, "The plan does not say what was to be slid.")
+        return CriterionScore(None, "The plan does not say what to slide.")
     if case.after is None:
         return CriterionScore(None, "Nothing was perceived at the end.")
     way = _stroke(case)
@@ -129,7 +129,7 @@ def _slid(case: Case, wanted: float | None) -> CriterionScore:
 
 
 def _stroke(case: Case) -> np.ndarray:
-    """(3,) the planned way of the hand with what it slid; of its pushes, where it carried nothing."""
+    """(3,) the planned way of the hand with the slid object, or of its pushes if it carried nothing."""
     carried = next((w.carries for w in case.planned if w.carries), "")
     if carried:
         return case.way(carried)
@@ -140,7 +140,7 @@ def _stroke(case: Case) -> np.ndarray:
 
 
 def _sliding(case: Case, theme: SceneObject) -> list[SceneObject]:
-    """The theme, what the hand held, and what that is a part of, but for what everything stands in."""
+    """The theme, the held object, and its whole, except a common container."""
     held = [case.seen(w.carries) for w in case.planned if w.carries]
     things = [theme, *case.before.parts_of(theme.id), *(o for o in held if o is not None)]
     fronts = [p for o in things if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
@@ -158,10 +158,10 @@ def _along(case: Case, thing: SceneObject, way: np.ndarray) -> float | None:
 
 
 def twisted(case: Case) -> CriterionScore:
-    """The cap is off: in the hand or somewhere else; on its goal, where the plan has one."""
+    """The cap is off: in the hand or somewhere else; on its goal, if the plan has one."""
     cap = case.role("theme", "part")
     if cap is None:
-        return CriterionScore(None, "The plan does not say what was to be turned.")
+        return CriterionScore(None, "The plan does not say what to turn.")
     if case.after is None:
         return CriterionScore(None, "Nothing was perceived at the end.")
     goal = case.role("goal")
@@ -185,16 +185,16 @@ def twisted(case: Case) -> CriterionScore:
         return CriterionScore(None, f"{cap.label} was not seen again.")
     there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
-        if not case.holding or case.last_held is False:  # what is there is the cap, under another name
-            return CriterionScore(0.1, f"Something still is where {cap.label} was, and the hand is empty.")
-        return CriterionScore(0.3, f"Something still is where {cap.label} was.")
+        if not case.holding or case.last_held is False:  # the cap itself is there, under another name
+            return CriterionScore(0.1, f"Something is still where {cap.label} was, and the hand is empty.")
+        return CriterionScore(0.3, f"Something is still where {cap.label} was.")
     if case.holding and case.last_held is not False:
         return CriterionScore(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")
     return CriterionScore(0.6, f"{cap.label} is gone from {body.label}.")
 
 
 def inserted(case: Case) -> CriterionScore:
-    """The ring is around the post's foot: its middle within the hole of the post's, and low; and let go of."""
+    """The ring is around the post's foot: its middle within a hole's radius of the post's, low, and released."""
     ring, post = case.role("theme", "part"), case.role("goal")
     if ring is None or post is None:
         return CriterionScore(None, "The plan does not say what goes over what.")
@@ -222,10 +222,10 @@ def inserted(case: Case) -> CriterionScore:
 
 
 def drawn(case: Case) -> CriterionScore:
-    """On its goal, where there is one; else out of what held it, in the hand or beside."""
+    """On its goal, if there is one; else out of its holder, in the hand or beside it."""
     theme = case.role("theme", "part")
     if theme is None:
-        return CriterionScore(None, "The plan does not say what was to be drawn out.")
+        return CriterionScore(None, "The plan does not say what to draw out.")
     if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
         return placed(case, theme, case.role("goal"))
     if case.after is None:

@@ -21,8 +21,8 @@ class GovernedConfig(BankOptions, ComponentConfig):
     long to wait for other processes. All other options are the bank's own; the ablations are ``admission``,
     ``replay``, ``governance`` and ``failures`` false, and ``retrieval`` semantic.
 
-    ``writer_url`` is the OpenAI-compatible address of a model that merges lessons in words of its own ("": rules sum
-    up), ``writer_model`` its name there, and ``writer_key_env`` the environment variable with the key.
+    ``writer_url`` is the OpenAI-compatible address of a model that merges lessons in its own words ("": rules
+    summarise), ``writer_model`` its name there, and ``writer_key_env`` the environment variable with the key.
     """
 
     url: str = ""

@@ -1,4 +1,4 @@
-"""The bank behind a run: opened late, and never in the run's way."""
+"""The bank behind a run: opened lazily, and never blocking the run."""
 
 from __future__ import annotations
 
@@ -28,11 +28,10 @@ if TYPE_CHECKING:
 
 
 class GovernedMemory:
-    """A :class:`KnowledgeBank` that opens on first use and answers "degraded" where the bank raises.
+    """A :class:`KnowledgeBank` that opens on first use and answers "degraded" if the bank raises.
 
-    An address that can be no database at all is an error of the configuration and raises
-    :class:`~gvla2.errors.ConfigurationError` at once. A database that cannot be used now is tried again at the next
-    call.
+    An invalid address is a configuration error and raises :class:`~gvla2.errors.ConfigurationError` immediately. An
+    unavailable database is tried again at the next call.
     """
 
     def __init__(
@@ -106,7 +105,7 @@ class GovernedMemory:
 
 
 def options_of(config: GovernedConfig) -> BankOptions:
-    """The bank's options; raises :class:`~gvla2.errors.ConfigurationError` for values that cannot be."""
+    """The bank's options; raises :class:`~gvla2.errors.ConfigurationError` for invalid values."""
     options = BankOptions(**{field.name: getattr(config, field.name) for field in fields(BankOptions)})
     options.check("memory")
     return options

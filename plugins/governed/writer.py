@@ -32,7 +32,7 @@ class LanguageWriter:
         self._endpoint = Endpoint(options)
 
     def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
-        """The model's edit; raises :class:`~gvla2.errors.Gvla2Error` for no answer, or one that is none."""
+        """The model's edit; raises :class:`~gvla2.errors.Gvla2Error` for a missing or invalid answer."""
         lines = ["<new>", _line(candidate), "</new>", "<memory>", *map(_line, near), "</memory>"]
         messages = [{"role": "system", "content": _ORDERS}, {"role": "user", "content": "\n".join(lines)}]
         return read_edit(
@@ -46,7 +46,7 @@ def _line(lesson: Record) -> str:
 
 
 def read_edit(answer: str, ids: Sequence[str]) -> ConsolidationEdit:
-    """The edit of an answer, which may stand in a code fence or after other words."""
+    """The edit in an answer, which may be in a code fence or after other text."""
     found = None
     for start in (i for i, c in enumerate(answer[:20_000]) if c == "{"):
         try:
@@ -55,10 +55,10 @@ def read_edit(answer: str, ids: Sequence[str]) -> ConsolidationEdit:
         except ValueError:
             continue
     if not isinstance(found, dict) or found.get("action") not in ("ADD", "MERGE", "REPLACE", "DISCARD"):
-        raise Gvla2Error(f"The model that consolidates answered with no edit: {answer[:80]!r}.")
+        raise Gvla2Error(f"The consolidating model's answer is not an edit: {answer[:80]!r}.")
     if found["action"] != "ADD" and found.get("target") not in ids:
         raise Gvla2Error(
-            f"The model that consolidates named a record that it was not shown: {found.get('target')!r}."
+            f"The consolidating model named a record that it was not shown: {found.get('target')!r}."
         )
     told = {name: str(found.get(name) or "") for name in ("target", "content", "reason")}
     return ConsolidationEdit(found["action"], told["target"], told["content"], told["reason"][:200])

@@ -18,7 +18,7 @@ class GsplatRendererConfig(ComponentConfig):
     low_pass: float = 0.3
     """Added to both variances of a projected Gaussian, square pixels: none becomes thinner than a pixel."""
     near: float = 0.01
-    """Gaussians whose centre is nearer to the camera's plane than this are left out, metres."""
+    """Gaussians with a centre nearer to the camera's plane than this are skipped, metres."""
     device: str = "cuda"
     """The CUDA device, such as ``cuda`` or ``cuda:1``."""
 

@@ -1,4 +1,4 @@
-"""Gaussians and cameras as gsplat wants them, and its answer as the protocol wants it."""
+"""Conversion of Gaussians and cameras for gsplat, and of its output for the protocol."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GsplatRenderer:
     """Renders with ``gsplat.rasterization`` on a CUDA device.
 
     Raises :class:`MissingDependencyError` when gsplat, torch or a CUDA device is missing, and
-    :class:`ConfigurationError` for options that make no sense.
+    :class:`ConfigurationError` for invalid options.
     """
 
     def __init__(self, config: GsplatRendererConfig) -> None:

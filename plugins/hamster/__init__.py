@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class HamsterConfig(PictureOptions, ComponentConfig):
     """Options of the ``hamster`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
 
-    And ``travel``, how far above the table what is held is carried at least, metres.
+    Plus ``travel``, the least height above the table of a carried object, metres.
     """
 
     travel: float = 0.15

@@ -17,9 +17,9 @@ from gvla2.planning.pointing import Stroke
 from gvla2.skills.lifting import PathPoint
 
 MOST = 10
-"""Points that are kept of a path; what lies between them in the picture is nearly straight."""
+"""Most points kept of a path; between them it is nearly straight in the picture."""
 MISSED = 0.03
-"""A hand that closes so near to a thing, in shares of the picture's width, is meant to close on it."""
+"""A hand that closes this near to a thing, in shares of the picture's width, should close on it."""
 
 
 def drawn(
@@ -27,9 +27,9 @@ def drawn(
 ) -> list[PathPoint]:
     """The path's points in the world; raises :class:`ValueError` with what is wrong with a path.
 
-    Where the hand opens or closes, depth tells the place; a hand that is closed all the way presses or pushes, and
-    depth tells where it touches. All else is way through the air, ``travel`` metres above the table at
-    least, and just so with ``level``.
+    Where the hand opens or closes, depth gives the place; a hand that stays closed presses or pushes, and depth gives
+    where it touches. The rest is a path through the air, at least ``travel`` metres above the table, exactly that with
+    ``level``.
     """
     closes = next((k for k, s in enumerate(strokes) if s.gripper < 0.5), None)
     if closes is None or len(strokes) < 2:
@@ -38,7 +38,7 @@ def drawn(
         raise ValueError("The hand closes more than once on this path; handle one thing, the first.")
     touching = not _takes(strokes[closes], view, request)
     if touching:
-        # Closed in the open it is to push or press: the way there is as good as any.
+        # Closed in free space, it will push or press: any way there will do.
         strokes = list(takewhile(lambda s: s.gripper < 0.5, strokes[closes:]))
     kept = thinned(strokes)
     pixels = [pixel_at(view, s.u, s.v) for s in kept]
@@ -67,7 +67,7 @@ def drawn(
 
 
 def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """The path with all its events and as many of its bends as may be kept, the sharpest first."""
+    """The path with all its events and as many bends as allowed, the sharpest first."""
     cuts = sorted({0, len(strokes) - 1, *(i for i, s in enumerate(strokes) if s.event)})
     tolerance = 0.01
     while True:
@@ -84,7 +84,7 @@ def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
 
 
 def _takes(stroke: Stroke, view: View, request: PlanRequest) -> bool:
-    """Whether the hand closes on something there; where nothing can be told, it is meant to."""
+    """Whether the hand closes on something there; assumed if unknown."""
     try:
         return stroke.event and _met(pixel_at(view, stroke.u, stroke.v), view, request).object != ""
     except PlanningError:
@@ -92,7 +92,7 @@ def _takes(stroke: Stroke, view: View, request: PlanRequest) -> bool:
 
 
 def _met(pixel: Pixel, view: View, request: PlanRequest) -> Sighting:
-    """What the hand meets at a pixel; raises :class:`PlanningError` for places that it cannot go to."""
+    """The point that the hand meets at a pixel; raises :class:`PlanningError` for unreachable places."""
     scene = request.scene
     seen = sight(pixel, request.observation, scene)
     if not seen.object:

@@ -24,7 +24,7 @@ The tuple denotes point x and y location of the end effector of the gripper in t
 gripper action.
 The coordinates should be floats ranging between 0 and {scale:g}, indicating the relative locations of the points in
 the image."""
-"""How HAMSTER was taught to be asked, as published with it."""
+"""HAMSTER's published prompt."""
 
 
 class HamsterPlanner:
@@ -37,7 +37,7 @@ class HamsterPlanner:
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
         config, scale = self.config, self.config.scale
@@ -49,7 +49,7 @@ class HamsterPlanner:
         def read(text: str) -> Sequence[Sequence[PathPoint]]:
             strokes = read_path(text, scale)
             as_drawn = drawn(strokes, view, request, config.travel)
-            # How high a drawn path is in the air is a guess; low is nearer to what arms can reach.
+            # The height of a drawn path is a guess; low is easier for arms to reach.
             level = drawn(strokes, view, request, config.travel, level=True)
             return [as_drawn, level]
 

@@ -18,7 +18,7 @@ class HullConfig(ComponentConfig):
     resolution: int = 96
     """Voxels along a side of a cube as large as the object's box."""
     gaussians: int = 15_000
-    """About how many Gaussians lie on the surface."""
+    """Approximate number of Gaussians on the surface."""
 
 
 def _build(config: HullConfig) -> Reconstructor:

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 class HullReconstructor:
     """Space carving with colours, see :func:`gvla2.reconstruction.carving.carve`.
 
-    Raises :class:`ConfigurationError` for fewer than 8 voxels a side or no Gaussians.
+    Raises :class:`ConfigurationError` for fewer than 8 voxels per side or no Gaussians.
     """
 
     def __init__(self, config: HullConfig) -> None:
         if config.resolution < 8:
-            raise ConfigurationError(f"reconstructor.resolution is {config.resolution}; 8 is the least.")
+            raise ConfigurationError(f"reconstructor.resolution is {config.resolution}; 8 is the minimum.")
         if config.gaussians < 1:
-            raise ConfigurationError(f"reconstructor.gaussians is {config.gaussians}; 1 is the least.")
+            raise ConfigurationError(f"reconstructor.gaussians is {config.gaussians}; 1 is the minimum.")
         self._config = config
 
     def reconstruct(self, views: Views) -> Reconstruction:
@@ -34,4 +34,4 @@ class HullReconstructor:
         masked = Views(tuple(view for view in views if view.mask is not None))
         return inset(carved, masked, rasteriser)[
             0
-        ]  # what they paint ends where the masks do, not their centres
+        ]  # their footprints end at the masks' edges, not their centres

@@ -30,7 +30,7 @@ def _build_hybrid(config: HybridConfig) -> Retriever:
 
 
 def _build_semantic(config: SemanticConfig) -> Retriever:
-    """Gives the records of the nearest vectors, whatever they are worth; for comparison."""
+    """Returns the records of the nearest vectors, without a threshold; for comparison."""
     from gvla2.memory.retrieval.semantic import SemanticRetriever
 
     return SemanticRetriever(config)

@@ -21,8 +21,8 @@ class RulesConfig(ComponentConfig):
 class LanguageConfig(ComponentConfig):
     """Options of the ``llm`` inducer, which asks the run's ``language``.
 
-    At most ``most`` lessons are taken from an answer; the first ``transcript`` characters of an episode's account are
-    shown to the model.
+    At most ``most`` lessons are taken from an answer; the first ``transcript`` characters of an episode's transcript
+    are shown to the model.
     """
 
     most: int = 4
@@ -37,7 +37,7 @@ def _build_rules(config: RulesConfig) -> Inducer:
 
 
 def _build_language(config: LanguageConfig, language: LanguageModel) -> Inducer:
-    """Lessons worded by a language model; by rules where it cannot answer."""
+    """Lessons worded by a language model; by rules if it cannot answer."""
     from gvla2_plugins.inducers.language import LanguageInducer
 
     return LanguageInducer(config, language)

@@ -1,4 +1,4 @@
-"""Induction by a language model: the episode goes in as data, lessons come out as JSON, and nothing is trusted."""
+"""Induction by a language model: the episode is data, lessons are JSON, and nothing is trusted."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ _AFTER: dict[str, tuple[RecordType, ...]] = {
 
 
 class LanguageInducer:
-    """Asks a model for lessons and keeps those that fit the verdict, beside the episode's own.
+    """Asks a model for lessons and keeps those that fit the verdict, besides the episode's own.
 
-    Where the model cannot be reached, or its answer is no list of lessons, the rules decide.
+    If the model is unavailable, or its answer is not a list of lessons, the rules decide.
     """
 
     def __init__(self, config: LanguageConfig, language: LanguageModel) -> None:
         self._config, self._language, self._rules = config, language, RulesInducer()
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
-        """The lessons of the episode in the light of the verdict."""
+        """The lessons of the episode given the verdict."""
         if not episode.transcript.strip():
             return self._rules.induce(episode, verdict)
         messages = [
@@ -81,7 +81,7 @@ class LanguageInducer:
 
 
 def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...]:
-    """The lessons of an answer that fit the verdict; raises :class:`ValueError` where it holds no JSON array."""
+    """The lessons of an answer that fit the verdict; raises :class:`ValueError` if it holds no JSON array."""
     found = json_in(answer)
     if not isinstance(found, list):
         raise ValueError("It must be one JSON array.")

@@ -1,4 +1,4 @@
-"""Judges: which lessons that are suspected of it contradict each other."""
+"""Judges: which suspected lessons contradict each other."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class RulesJudgeConfig(ComponentConfig):
 class LlmJudgeConfig(ComponentConfig):
     """Options of the ``llm`` judge, which asks the run's ``language``.
 
-    From ``contradicts`` on two lessons are taken to contradict each other, up to ``agrees`` they are not; in between
-    the suspicion stays one. With ``both_ways`` each pair is asked about in both orders, and the mean counts: models
-    prefer what they read first.
+    Above ``contradicts`` two lessons contradict each other, below ``agrees`` they do not; in between the suspicion
+    stays open. With ``both_ways`` each pair is asked in both orders, and the mean counts: models prefer what they read
+    first.
     """
 
     contradicts: float = 0.7
@@ -34,7 +34,7 @@ class LlmJudgeConfig(ComponentConfig):
 
 
 def _build_rules(config: RulesJudgeConfig) -> Judge:
-    """Reads both lessons once more, with all their tasks; dismisses a suspicion or leaves it one. No language model."""
+    """Compares both lessons again, with all their tasks; dismisses a suspicion or leaves it open. No language model."""
     from gvla2_plugins.judges.rules import RulesJudge
 
     return RulesJudge(config)

@@ -47,7 +47,7 @@ class LlmJudge:
         self._config, self._language = config, language
 
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
-        """A judgement a pair; those that could not be asked about are left open, with the reason."""
+        """A judgement per pair; failed requests are left open, with the reason."""
         ways = (False, True) if self._config.both_ways else (False,)
         requests = [
             Request(_messages(pair, turned), logprobs=True, seed=0) for pair in suspects for turned in ways

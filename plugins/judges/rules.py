@@ -1,4 +1,4 @@
-"""The judge without a model: it dismisses, and otherwise leaves a suspicion what it is."""
+"""The judge without a model: it dismisses a suspicion, or leaves it open."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ NAME = "rules"
 
 
 class RulesJudge:
-    """Reads both lessons again by what is known of their tasks by now.
+    """Compares both lessons again with all their present tasks.
 
-    It never finds that two lessons contradict each other: reading free text by rules is wrong too often for one of them
-    to be archived by it. Of other languages than English it can say nothing.
+    It never finds a contradiction: rules on free text err too often to archive a lesson. It reads only English.
     """
 
     def __init__(self, config: RulesJudgeConfig) -> None:
@@ -34,7 +33,7 @@ class RulesJudge:
     def _one(self, pair: Suspects) -> Judgement:
         found = suspicion(pair.first, pair.second, pair.first_query, pair.second_query)
         if found is None:
-            return Judgement(None, pair.suspicion, "these rules read English alone", NAME)
+            return Judgement(None, pair.suspicion, "these rules only read English", NAME)
         if found < self._dismiss:
             return Judgement(False, found, "read again, with all their tasks, they agree", NAME)
         return Judgement(None, found, "rules cannot tell for sure", NAME)

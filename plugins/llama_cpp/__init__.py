@@ -14,15 +14,14 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class LlamaCppConfig(AskingOptions, ComponentConfig):
-    """``model`` is the GGUF file, ``mmproj`` that of its eyes, for a model that can see.
+    """``model`` is the GGUF file, ``mmproj`` the vision projector of a multimodal model.
 
-    The server starts with the first question, on a free port of this machine alone, and must be ready within
-    ``start_timeout`` seconds. Runs that want the same model with the same options share it; it ends with the last of
-    them, however that ends. It holds ``slots`` questions of ``context`` tokens at once, answers included, computes
-    with ``threads`` (0: one a core that this process may use) and with ``gpu_layers`` of its layers on a GPU.
-    ``folder`` is where it keeps its state and its log, "" for ``gvla2/llama_cpp`` in the user's cache. For the rest
-    see :class:`gvla2.language.AskingOptions`; ``concurrency`` beyond ``slots`` would only have questions wait at the
-    server, with their time running.
+    The server starts with the first question, on a free local port, and must be ready within ``start_timeout`` seconds.
+    Runs with the same model and options share it; it stops when the last of them ends, in any way. It holds ``slots``
+    questions of ``context`` tokens at once, answers included, computes with ``threads`` (0: one per core available to
+    this process) and with ``gpu_layers`` of its layers on a GPU. ``folder`` is for its state and log, "" for
+    ``gvla2/llama_cpp`` in the user's cache. For the rest see :class:`gvla2.language.AskingOptions`; ``concurrency``
+    beyond ``slots`` would only make questions wait at the server while their timeout runs.
     """
 
     model: str = ""
@@ -38,7 +37,7 @@ class LlamaCppConfig(AskingOptions, ComponentConfig):
 
 
 def _build(config: LlamaCppConfig) -> LanguageModel:
-    """A GGUF file on this machine, served by llama.cpp for as long as a run needs it."""
+    """A GGUF file on this machine, served by llama.cpp while a run needs it."""
     from gvla2.language.endpoint import Endpoint
     from gvla2_plugins.llama_cpp.server import LlamaServer
 

@@ -1,10 +1,9 @@
 """Finding, or starting, the llama.cpp server of a model on this machine.
 
-Processes agree by locks on files in the server's folder, which the system frees when a process ends, however it ends:
+Processes agree by locks on files in the server's folder, which the system frees when a process ends in any way:
 
-    users    held, shared, by each process that may ask; the server ends when it gets it for itself
-    serving  held by the server while it lives
-    start    held by who looks for the server or starts it, so that only one does
+    users    held, shared, by each process that may ask; the server ends when it gets it exclusively serving  held by
+    the server while it lives start held while a process looks for the server or starts it, so that only one does
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ _COMMAND = [sys.executable, "-m", "gvla2_plugins.llama_cpp.serving"]
 
 
 class LlamaServer:
-    """A :class:`gvla2.language.Server` that is started when it is asked for its address.
+    """A :class:`gvla2.language.Server` that starts when its address is requested.
 
-    Raises :class:`ConfigurationError` without a model's file and for options that cannot be, and
+    Raises :class:`ConfigurationError` without a model's file and for invalid options, and
     :class:`MissingDependencyError` without xllamacpp; it starts nothing yet.
     """
 
@@ -49,7 +48,7 @@ class LlamaServer:
 
     def __init__(self, config: LlamaCppConfig) -> None:
         if not config.model:
-            raise ConfigurationError("No model is named: set language.model=FILE.gguf.")
+            raise ConfigurationError("No model is given: set language.model=FILE.gguf.")
         files = [Path(name).expanduser().resolve() for name in (config.model, config.mmproj) if name]
         for file in files:
             if not file.is_file():
@@ -70,7 +69,7 @@ class LlamaServer:
             "slots": config.slots,
             "threads": config.threads or len(os.sched_getaffinity(0)),
             "gpu_layers": config.gpu_layers,
-            "host": platform.node(),  # a home folder may be shared by machines
+            "host": platform.node(),  # machines may share a home folder
         }
         which = hashlib.sha256(json.dumps(self._options, sort_keys=True).encode()).hexdigest()[:16]
         self._folder = (Path(config.folder).expanduser() if config.folder else _cache()) / which
@@ -79,17 +78,17 @@ class LlamaServer:
 
     @property
     def identity(self) -> str:
-        """The files by name and size: answers stay the same wherever the file lies and the server listens."""
+        """The files by name and size: answers do not depend on the file's folder or the server's address."""
         return "llama.cpp " + ", ".join(
             f"{Path(name).name} ({size})" for name, size, _ in self._options["files"]
         )
 
     def key(self) -> str:
-        """None: the server listens on this machine alone."""
+        """None: the server only listens locally."""
         return ""
 
     def address(self) -> str:
-        """The ``base_url`` of the server, started where none runs. Raises :class:`ModelUnavailableError`."""
+        """The ``base_url`` of the server, started if none runs. Raises :class:`ModelUnavailableError`."""
         with self._turn:
             self._folder.mkdir(parents=True, exist_ok=True)
             if not self._using:
@@ -110,7 +109,7 @@ class LlamaServer:
     def _launch(self) -> None:
         (self._folder / "options.json").write_text(json.dumps(self._options))
         (self._folder / "server.json").unlink(missing_ok=True)
-        # The simulator computes between the questions: threads that wait must not spin.
+        # The simulator computes between the questions: waiting threads must not spin.
         threads = str(self._options["threads"])
         environment = os.environ | {"OMP_WAIT_POLICY": "PASSIVE", "OMP_NUM_THREADS": threads}
         with (self._folder / "log").open("wb") as log:
@@ -122,7 +121,7 @@ class LlamaServer:
             raise self._failure(f"could not be started (exit status {done.returncode})")
 
     def _ready(self, deadline: float) -> str:
-        """The address of the server that lives, as soon as it listens; one is started where none lives."""
+        """The address of the running server, once it listens; one is started if none runs."""
         launched = False
         while True:
             if not self._alive():

@@ -1,4 +1,4 @@
-"""The server's process: ``python -m gvla2_plugins.llama_cpp.serving FOLDER`` leaves it running and returns at once."""
+"""The server's process: ``python -m gvla2_plugins.llama_cpp.serving FOLDER`` starts it and returns."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 _WATCH = 0.5
-"""Seconds between two looks whether anybody is left to serve."""
+"""Seconds between two checks for remaining users."""
 
 
 def main(folder: Path) -> None:
-    """Take the lock, go into the background, load the model, serve until nobody holds the users' lock."""
+    """Take the lock, go into the background, load the model, serve until the users' lock is free."""
     serving = os.open(folder / "serving", os.O_RDWR | os.O_CREAT, 0o600)
     fcntl.flock(serving, fcntl.LOCK_EX | fcntl.LOCK_NB)
     if os.fork():
@@ -31,7 +31,7 @@ def main(folder: Path) -> None:
             time.sleep(_WATCH)
             continue
         (folder / "server.json").unlink(missing_ok=True)
-        os._exit(0)  # with both locks held: who comes now waits, and then starts anew
+        os._exit(0)  # with both locks held: a new user waits, and then starts another
 
 
 def _serve(options: dict[str, Any]) -> Any:

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 class LlmVerifierConfig(ComponentConfig):
     """Options of the ``llm`` verifier, which asks the run's ``language``.
 
-    ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead where given.
-    Each criterion is asked ``repeats`` times, with the seeds ``seed``, ``seed`` + 1, ...: more than one makes sense
-    with a temperature above 0 alone. Transcripts are cut in the middle to ``longest`` characters.
+    ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead if given. Each
+    criterion is asked ``repeats`` times, with the seeds ``seed``, ``seed`` + 1, ...: more than one only makes sense
+    with a temperature above 0. Transcripts are cut in the middle to ``longest`` characters.
     """
 
     criteria: str = "robot"

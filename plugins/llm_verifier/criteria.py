@@ -1,4 +1,4 @@
-"""What a model is asked about an episode: the paper's criteria for robots and for software agents."""
+"""The questions about an episode: the paper's criteria for robots and for software agents."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ SETS: Mapping[str, tuple[Criterion, ...]] = MappingProxyType({"robot": ROBOT, "s
 
 
 def criteria_set(name: str, questions: Mapping[str, str] | None = None) -> tuple[Criterion, ...]:
-    """The set of that name; or ``questions`` of the user's own (name to question) where there are any.
+    """The set of that name; or the user's own ``questions`` (name to question) if given.
 
     Raises :class:`ConfigurationError` for an unknown set, or an empty name or question.
     """

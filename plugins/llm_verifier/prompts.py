@@ -1,4 +1,4 @@
-"""What the judge reads: its orders, one criterion, and the episode as data that cannot pass for either."""
+"""The judge's prompt: its instructions, one criterion, and the episode as data that cannot imitate either."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MARKERS = str.maketrans({"[": "(", "]": ")"})
 def messages(evidence: Evidence, criterion: Criterion, longest: int) -> list[dict[str, str]]:
     """The conversation that asks for one criterion's score.
 
-    The episode comes before the criterion: a server that keeps the beginnings of prompts then reads it once.
+    The episode comes before the criterion: a server that caches prompt prefixes then reads it once.
     """
     parts = [
         f"Instruction to the agent: {as_data(evidence.instruction, _LONGEST_INSTRUCTION)}",
@@ -52,7 +52,7 @@ def messages(evidence: Evidence, criterion: Criterion, longest: int) -> list[dic
 
 
 def as_data(text: str, longest: int) -> str:
-    """``text`` without anything that a prompt or a chat template could take for markup, cut in the middle.
+    """``text`` without anything that a prompt or a chat template could treat as markup, cut in the middle.
 
     Compatibility forms are resolved first, so that wide brackets don't slip through; invisible and control
     characters go, line breaks and tabs stay.
@@ -78,5 +78,5 @@ def _cut(text: str, longest: int) -> str:
 def _facts(facts: Mapping[str, Any]) -> str:
     try:
         return json.dumps(dict(facts), ensure_ascii=False, default=str, sort_keys=True, skipkeys=True)
-    except (TypeError, ValueError, RecursionError):  # keys that do not sort, or a structure within itself
+    except (TypeError, ValueError, RecursionError):  # unsortable keys, or a recursive structure
         return ", ".join(f"{name}: {value!s:.200}" for name, value in facts.items())

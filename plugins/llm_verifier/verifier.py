@@ -23,10 +23,10 @@ LONGEST_REASON = 300
 
 
 class LlmVerifier:
-    """A language model's judgement of an episode in words (paper, eq. R_t).
+    """A language model's judgement of an episode's transcript (paper, eq. R_t).
 
-    When any criterion could not be asked, or its answer was lost to reasoning, the verdict is ``unavailable``: a
-    mean over the others would be of another criterion set, and a midpoint would be made up.
+    When any criterion could not be asked, or its answer was lost to reasoning, the verdict is ``unavailable``: a mean
+    over the others would be for a different set of criteria, and a midpoint would be invented.
     """
 
     def __init__(self, config: LlmVerifierConfig, language: LanguageModel) -> None:
@@ -67,14 +67,14 @@ class LlmVerifier:
 
 
 def _problem(answer: Completion | LanguageModelError) -> str:
-    """Why this is no answer, "" when it is one."""
+    """Why this is not an answer, "" if it is one."""
     if isinstance(answer, LanguageModelError):
         return str(answer)
     if answer.text.strip():
         return ""
     if answer.finish == "length" or answer.reasoning:
         return "The model spent all its tokens on reasoning and gave no answer: raise max_tokens."
-    return "The model answered with nothing."
+    return "The model's answer was empty."
 
 
 def _verdict(
@@ -95,7 +95,7 @@ def _verdict(
 
 
 def _how(found: Sequence[TokenScore], answers: Sequence[Completion]) -> str:
-    """Where a score comes from, and the model's own words for it."""
+    """The source of a score, and the model's own words for it."""
     mass = f"mass {fmean(s.mass for s in found):.2f}"
     words = {
         "distribution": f"({mass})",
@@ -110,7 +110,7 @@ def _how(found: Sequence[TokenScore], answers: Sequence[Completion]) -> str:
 
 
 def _usage(answers: Sequence[Completion | LanguageModelError]) -> dict[str, int]:
-    """What this verdict cost: cached answers are counted as such, and their tokens not again."""
+    """The cost of this verdict: cached answers are counted as such, without their tokens."""
     given = [a for a in answers if isinstance(a, Completion)]
     paid = [a for a in given if not a.cached]
     return {

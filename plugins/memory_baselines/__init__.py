@@ -1,4 +1,4 @@
-"""The memories that the governed one is compared with: whole methods after their papers, on one vector store.
+"""The baselines for the governed memory: whole methods after their papers, on one vector store.
 
 ``semantic`` keeps every lesson; ``awm`` is Agent Workflow Memory (Wang et al., 2024), ``reasoning_bank`` ReasoningBank
 (Ouyang et al., 2025), ``synapse`` Synapse (Zheng et al., 2024).
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class VectorStoreConfig(ComponentConfig):
-    """Options that all of them have.
+    """Options common to all of them.
 
     ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
     wait for other processes; ``top_k`` how many entries are recalled; ``frozen`` recalls and learns nothing;
@@ -67,7 +67,7 @@ class AwmConfig(VectorStoreConfig):
     """Options of the ``awm`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many workflows are recalled, ``fewest_steps`` what a workflow needs at least,
+    other processes. ``top_k`` is how many workflows are recalled, ``fewest_steps`` the least steps of a workflow,
     ``frozen`` recalls and learns nothing, ``max_chars`` bounds the text given to a planner.
     """
 
@@ -90,9 +90,8 @@ class ReasoningBankConfig(VectorStoreConfig):
     """Options of the ``reasoning_bank`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` how
-    many items one episode brings; ``frozen`` recalls and learns nothing; ``max_chars`` bounds the text given to a
-    planner.
+    other processes. ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` the most
+    items per episode; ``frozen`` recalls and learns nothing; ``max_chars`` bounds the text given to a planner.
     """
 
     bank: str = "reasoning_bank"

@@ -11,11 +11,10 @@ from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 
 class Workflows:
-    """The steps of a success with its values abstracted away are a workflow; the same steps again confirm it.
+    """The steps of a success with abstracted values are a workflow; the same steps again confirm it.
 
-    Lessons of several lines, as an inducer with a language model writes them, are workflows as they stand. What the
-    other lessons say in numbers goes with the workflow, pooled over all episodes that confirm it: the usual values
-    of its slots.
+    Multi-line lessons, as written by an inducer with a language model, are workflows as they are. Numbers of the other
+    lessons are kept with the workflow, pooled over all episodes that confirm it: the usual values of its slots.
     """
 
     of_content = False
@@ -26,13 +25,13 @@ class Workflows:
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
         """One workflow of a verified success."""
         if verdict.outcome != "verified_success":
-            return [], "Workflows are induced from verified successes alone."
+            return [], "Workflows are induced only from verified successes."
         told = [x for x in episode.lessons if x.type != "failure_avoidance" and "\n" in x.content.strip()]
         if told:  # a language model has written workflows already
             return [Draft((Lesson("procedural_hint", x.content, x.effect),)) for x in told], ""
         steps: list[str] = []
         for step in map(abstracted, steps_of(episode.transcript)):
-            if not steps or steps[-1] != step:  # what differed was the values
+            if not steps or steps[-1] != step:  # only the values differed
                 steps.append(step)
         if len(steps) < self._fewest:
             return [], f"A workflow needs {self._fewest} steps; this episode's transcript has {len(steps)}."

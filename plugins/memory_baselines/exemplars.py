@@ -1,4 +1,4 @@
-"""Entries of several lines (workflows, trajectories) as one bounded block of text for a planner that reads."""
+"""Multi-line entries (workflows, trajectories) as one bounded block of text for a planner."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _LONGEST_LINE = 400
 
 
 def with_values(items: Sequence[MemoryItem], groups: Sequence[int]) -> list[tuple[str, list[str]]]:
-    """The entries that items make up, ``groups`` giving how many belong to each: text of the first, values of all."""
+    """The entries formed by items, ``groups`` giving how many belong to each: text of the first, values of all."""
     entries, start = [], 0
     for size in groups:
         leading, *others = items[start : start + size]
@@ -26,8 +26,8 @@ def with_values(items: Sequence[MemoryItem], groups: Sequence[int]) -> list[tupl
 def show_exemplars(title: str, entries: Sequence[tuple[str, Sequence[str]]], max_chars: int) -> str:
     """The block: under ``title`` each entry's text with its lines kept, then its notes; "" for no entries.
 
-    Never longer than ``max_chars``: long entries are cut evenly at their ends, and where even that is not enough
-    the last entries are left out. Every line is neutralised, as in :func:`gvla2.memory.retrieval.rendering.render`.
+    Never longer than ``max_chars``: long entries are cut evenly at their ends, and if even that is not enough the last
+    entries are left out. Every line is neutralised, as in :func:`gvla2.memory.retrieval.rendering.render`.
     """
     shown = list(entries)
     while shown:
@@ -48,7 +48,7 @@ def _block(number: int, text: str, notes: Sequence[str], room: int) -> str:
     left = room - sum(len(line) + 1 for line in tail)
     lines = [f"({number})"]
     left -= len(lines[0]) + 1
-    # What lies beyond the room cannot be shown: a text of any length costs no more than that.
+    # Text beyond the limit is never shown, so the cost is bounded.
     for line in text[: 4 * room].splitlines():
         plain = neutralised(line, _LONGEST_LINE)
         if not plain:

@@ -15,7 +15,7 @@ _TITLE_WORDS = 8
 
 
 class Strategies:
-    """An entry for each judged episode: at most three items, from a success what to do, from a failure what not."""
+    """An entry for each judged episode: at most three items, what to do after success, what to avoid after failure."""
 
     of_content = False
 
@@ -23,9 +23,9 @@ class Strategies:
         self._most = most_items
 
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
-        """The items of an episode that was judged either way."""
+        """The items of a judged episode."""
         if verdict.outcome not in ("verified_success", "verified_fail"):
-            return [], "Items are drawn from judged episodes alone: this one's outcome is open."
+            return [], "Items are drawn only from judged episodes: this one's outcome is open."
         failed = verdict.outcome == "verified_fail"
         usable = [lesson for lesson in episode.lessons if lesson.content.strip()]
         if failed:
@@ -45,7 +45,7 @@ class Strategies:
 def item_of(content: str) -> str:
     """A lesson as an item: title (what it is about), description (its first sentence) and content.
 
-    The three are in one text, a line each; what would only repeat the line above is left out.
+    The three are in one text, a line each; repetitions of the line above are left out.
     """
     flat = " ".join(content.split())
     subject, colon, _ = flat.partition(": ")
@@ -58,7 +58,7 @@ def item_of(content: str) -> str:
 
 
 def _from_transcript(episode: MemoryEpisode, *, failed: bool) -> list[Lesson]:
-    """One item where nobody drew lessons: the way that worked, or how the attempt ended."""
+    """One item if there are no lessons: the steps that worked, or how the attempt ended."""
     steps = [abstracted(step) for step in steps_of(episode.transcript)]
     if not steps:
         return []

@@ -1,4 +1,4 @@
-"""What the ``semantic`` memory keeps and shows."""
+"""The ``semantic`` memory's entries and their rendering."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 
 class Semantic:
-    """Append only: each lesson of each episode is an entry of its own, whatever the verdict."""
+    """Append only: each lesson of each episode is a separate entry, whatever the verdict."""
 
     of_content = True
 
@@ -20,5 +20,5 @@ class Semantic:
         return drafts, "" if drafts else "The episode brought no lessons."
 
     def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
-        """One line a lesson."""
+        """One line per lesson."""
         return render(items, max_chars)

@@ -1,4 +1,4 @@
-"""What the ``synapse`` memory keeps and shows."""
+"""The ``synapse`` memory's entries and their rendering."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 
 class Exemplars:
-    """The transcript of each verified success, as it is, and the numbers that it worked with."""
+    """The unchanged transcript of each verified success, and its successful numbers."""
 
     of_content = False
 
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
         """One exemplar of a verified success."""
         if verdict.outcome != "verified_success":
-            return [], "Exemplars are verified successes alone."
+            return [], "Exemplars are only verified successes."
         if not episode.transcript.strip():
             return [], "The episode has no transcript."
         told = f"Task: {episode.task.query}\n{episode.transcript}"

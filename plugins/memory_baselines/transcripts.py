@@ -1,4 +1,4 @@
-"""The steps of an episode without the values of its occasion, as these methods write them down."""
+"""The steps of an episode without its specific values, for these methods."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _VALUES = (
     (re.compile(r"\b[0-9a-f]{7,40}\b(?<!\b[a-f]{7})"), "{id}"),
     (re.compile(r"(?<![\w{])[-+]?\d+(?:[.,]\d+)*"), "{number}"),
 )
-"""What a step says of one occasion alone, and the slots that take its place."""
+"""Episode-specific parts of a step, and the slots that replace them."""
 
 
 def steps_of(transcript: str) -> list[str]:
-    """The actions in their order, at most 60; where none are marked as such, each line is one."""
+    """The actions in order, at most 60; if none are marked, each line is one."""
     if acts := acts_of(transcript):
         return acts
     lines = [step for line in transcript.splitlines() if (step := " ".join(line.split()))]
@@ -26,8 +26,8 @@ def steps_of(transcript: str) -> list[str]:
 
 
 def abstracted(step: str) -> str:
-    """The step without the values of its occasion: ``open "a.txt" 3`` is ``open {text} {number}``."""
-    program = _PROGRAM.match(step)  # what a command runs is the step itself, not a value of it
+    """The step without its specific values: ``open "a.txt" 3`` is ``open {text} {number}``."""
+    program = _PROGRAM.match(step)  # a command's program is the step itself, not a value
     head, rest = (step[: program.end()], step[program.end() :]) if program else ("", step)
     for pattern, slot in _VALUES:
         rest = pattern.sub(slot, rest)
@@ -35,5 +35,5 @@ def abstracted(step: str) -> str:
 
 
 def ending_of(transcript: str) -> str:
-    """The last line that says anything: how the episode ended, in its own words."""
+    """The last non-empty line: how the episode ended, in its own words."""
     return next((line.strip() for line in reversed(transcript.splitlines()) if line.strip()), "")

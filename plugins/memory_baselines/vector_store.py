@@ -1,4 +1,4 @@
-"""Entries found by similarity: what whole memory methods other than the KnowledgeBank stand on.
+"""Entries found by similarity: the base of the memory methods other than the KnowledgeBank.
 
 An entry is one or several lessons that are kept, found and shown together (a workflow, an exemplar). They are
 records of a bank in the store, so they survive restarts, are shared by processes, and `gvla2 memory` shows them.
@@ -31,7 +31,7 @@ _SERVED = ("active", "summary")
 class Draft:
     """An entry to be kept: its ``lessons``, the leading one first.
 
-    Drafts of the same ``key`` are one entry, whose evidence is pooled; "" makes an entry of its own each time.
+    Drafts of the same ``key`` are one entry, whose evidence is pooled; "" makes a new entry each time.
     """
 
     lessons: tuple[Lesson, ...]
@@ -40,17 +40,17 @@ class Draft:
 
 @dataclass(frozen=True)
 class Found:
-    """An entry, its leading record first, and the cosine of its text with what was asked, in [-1, 1]."""
+    """An entry, its leading record first, and the cosine of its text with the query, in [-1, 1]."""
 
     records: tuple[Record, ...]
     similarity: float
 
 
 class VectorStore:
-    """The entries of one bank. Not for several threads at once; for any number of processes.
+    """The entries of one bank. Not thread-safe, but safe for any number of processes.
 
-    ``of_content`` embeds "query content" of an entry's leading lesson, otherwise the queries alone are embedded, one
-    by one, and their mean stands for the entry. Methods raise :class:`~gvla2.errors.MemoryStoreError` when the store
+    ``of_content`` embeds "query content" of an entry's leading lesson, otherwise only the queries are embedded, one by
+    one, and their mean stands for the entry. Methods raise :class:`~gvla2.errors.MemoryStoreError` when the store
     cannot be used.
     """
 
@@ -80,7 +80,7 @@ class VectorStore:
         return self._store.stats(self.bank)
 
     def nearest(self, text: str, k: int) -> list[Found]:
-        """The ``k`` entries whose text is most similar, best first; ties in the order of their names."""
+        """The ``k`` entries whose text is most similar, best first; ties by name."""
         self._refresh()
         if not self._entries or k < 1:
             return []
@@ -91,7 +91,7 @@ class VectorStore:
     def add(
         self, drafts: Sequence[Draft], episode: MemoryEpisode, verdict: Verdict, *, actor: str
     ) -> tuple[list[str], list[str]]:
-        """Keep the drafts in one transaction; ids of the leading records of new entries, and of those that grew."""
+        """Store the drafts in one transaction; returns the leading records' ids of new entries, and of grown ones."""
         added: list[str] = []
         again: list[str] = []
         if drafts:
@@ -118,7 +118,7 @@ class VectorStore:
         return tx.put(replace(fresh, provenance=home), action="add").id, True
 
     def _refresh(self) -> None:
-        """Follow the store: entries that are new, have changed, or were forgotten or archived."""
+        """Follow the store: new, changed, forgotten or archived entries."""
         rev = self._store.rev(self.bank)
         if rev == self._rev:
             return
@@ -135,7 +135,7 @@ class VectorStore:
             told = record.provenance_json()
             if isinstance(told.get("entry"), str) and isinstance(told.get("place"), int):
                 entries[told["entry"]].append((told["place"], record.id, record))
-        # An entry stands and falls with its leading record.
+        # An entry exists as long as its leading record.
         whole = [sorted(entry, key=lambda one: one[:2]) for _, entry in sorted(entries.items())]
         self._entries = [tuple(one[2] for one in entry) for entry in whole if entry[0][0] == 0]
         vectors = [self._vector(entry[0]) for entry in self._entries]
@@ -143,7 +143,7 @@ class VectorStore:
         self._rev = rev
 
     def _vector(self, record: Record) -> NDArray[np.float32]:
-        """(D,) of a leading record: a unit vector, or zero for one that says nothing."""
+        """(D,) of a leading record: a unit vector, or zero for an empty text."""
         if record.id not in self._vectors:
             texts = [record.text] if self._of_content else record.query.split("\n")
             total = self._embedder.embed(texts).astype(np.float64).sum(axis=0)

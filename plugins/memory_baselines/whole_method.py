@@ -1,4 +1,4 @@
-"""A whole memory method on a vector store: opened late, never in the run's way."""
+"""A whole memory method on a vector store: opened lazily, never blocking the run."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from gvla2_plugins.memory_baselines.vector_store import Draft, Found, VectorStor
 
 
 class Method(Protocol):
-    """What tells one method from another: what it keeps of an episode, and how it shows what it found."""
+    """The specifics of a method: what it keeps of an episode, and how it renders entries."""
 
     @property
     def of_content(self) -> bool:
-        """Whether entries are found by what they say as well, or by their tasks alone."""
+        """Whether entries are found by their content too, or only by their tasks."""
         ...
 
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Sequence[Draft], str]:
-        """What to keep, and "" or why there is nothing."""
+        """The drafts to keep, and "" or why there are none."""
         ...
 
     def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
@@ -44,9 +44,9 @@ class Method(Protocol):
 
 
 class WholeMethod:
-    """The memory of a :class:`Method`. It opens on first use and answers "degraded" where the store fails.
+    """The memory of a :class:`Method`. It opens on first use and answers "degraded" if the store fails.
 
-    An address that can be no database at all raises :class:`~gvla2.errors.ConfigurationError` at once.
+    An invalid address raises :class:`~gvla2.errors.ConfigurationError` immediately.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class WholeMethod:
         return MemoryContext(items, self._method.show(items, found, self._config.max_chars))
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
-        """Keep what the method draws from the episode (its lessons, or those of an inducer), all of it or nothing."""
+        """Store what the method learns from the episode (its lessons, or those of an inducer), all of it or nothing."""
         if self._config.frozen:
             return Learned(
                 discarded=len(episode.lessons), notes=("The memory is frozen: nothing was learnt.",)

@@ -18,8 +18,8 @@ class MiniSweConfig(ComponentConfig):
     """Options of the ``mini_swe`` agent.
 
     It stops after ``steps`` commands; each may take ``command_seconds``. ``settings`` is a file of mini-swe-agent's own
-    ("" is its ``mini_textbased.yaml``: one bash block an answer, which small models manage, too).
-    ``temperature`` and ``max_tokens`` are of each answer; null leaves them to the ``language``.
+    ("" is its ``mini_textbased.yaml``: one bash block per answer, which small models can handle too). ``temperature``
+    and ``max_tokens`` apply to each answer; null leaves them to the ``language``.
     """
 
     steps: int = 20
@@ -34,7 +34,7 @@ class MiniSweConfig(ComponentConfig):
 
 
 def _build(config: MiniSweConfig, language: LanguageModel) -> Agent:
-    """mini-swe-agent 2.4: a bash command an answer, until it submits."""
+    """mini-swe-agent 2.4: a bash command per answer, until it submits."""
     from gvla2_plugins.mini_swe.agent import MiniSwe
 
     return MiniSwe(config, language)

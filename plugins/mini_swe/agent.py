@@ -1,4 +1,4 @@
-"""mini-swe-agent's loop between a language model of ours and a sandbox of ours."""
+"""mini-swe-agent's loop between our language model and our sandbox."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gvla2_plugins.mini_swe import MiniSweConfig
 
 SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
-"""What the agent echoes when it is done."""
+"""The agent echoes this when it is done."""
 
 
 class MiniSwe:
@@ -33,7 +33,7 @@ class MiniSwe:
                 "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
             )
         os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
-        # It writes a settings file of its own where it is imported; not into the user's home.
+        # It writes its own settings file on import; keep it out of the user's home.
         os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
         self._config, self._language = config, language
         self._settings = _settings(config.settings)
@@ -42,7 +42,7 @@ class MiniSwe:
     def solve(
         self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, tell: Callable[[str], None]
     ) -> AgentRun:
-        """Work until it submits, or is out of steps or time."""
+        """Work until it submits, or runs out of steps or time."""
         from minisweagent.agents.default import DefaultAgent
 
         model = _Model(self._language, self._config, self._settings.get("model", {}), seed)
@@ -69,7 +69,7 @@ class MiniSwe:
 
 
 class _Model:
-    """What mini-swe-agent asks, answered by a :class:`~gvla2.language.endpoint.LanguageModel`."""
+    """mini-swe-agent's model, answered by a :class:`~gvla2.language.endpoint.LanguageModel`."""
 
     def __init__(
         self, language: LanguageModel, config: MiniSweConfig, settings: Mapping[str, Any], seed: int
@@ -86,7 +86,7 @@ class _Model:
         said = self._language.complete(
             Request(
                 asked,
-                # The same answer to the same mistake would be the same mistake.
+                # The same seed would repeat the same mistake.
                 seed=self._seed * 1000 + len(asked),
                 temperature=self.config.temperature,
                 max_tokens=self.config.max_tokens,
@@ -109,7 +109,7 @@ class _Model:
         }
 
     def format_message(self, **message: Any) -> dict[str, Any]:
-        """A message as it stands: nothing but text is sent."""
+        """A plain text message."""
         return message
 
     def format_observation_messages(
@@ -118,7 +118,7 @@ class _Model:
         outputs: Sequence[Mapping[str, Any]],
         template_vars: Mapping[str, Any] | None = None,
     ) -> list[dict[str, Any]]:
-        """What the agent is shown of a command's output, in mini-swe-agent's own words."""
+        """A command's output for the agent, in mini-swe-agent's own words."""
         from minisweagent.models.utils.actions_text import format_observation_messages
 
         shown: list[dict[str, Any]] = format_observation_messages(
@@ -129,11 +129,11 @@ class _Model:
         return shown
 
     def get_template_vars(self, **_: Any) -> dict[str, Any]:
-        """Nothing that a prompt needs."""
+        """No variables for prompts."""
         return {}
 
     def serialize(self) -> dict[str, Any]:
-        """What a saved trajectory says of the model."""
+        """The model in a saved trajectory."""
         return {"info": {"config": {"model_type": "gvla2 language"}}}
 
 
@@ -169,11 +169,11 @@ class _Environment:
         return {"output": output.text, "returncode": output.status, "exception_info": why}
 
     def get_template_vars(self, **given: Any) -> dict[str, Any]:
-        """What the prompts say of the machine."""
+        """The machine's variables for prompts."""
         return {**platform.uname()._asdict(), "cwd": self._sandbox.folder, **given}
 
     def serialize(self) -> dict[str, Any]:
-        """What a saved trajectory says of the surroundings."""
+        """The environment in a saved trajectory."""
         return {"info": {"config": {"environment_type": "gvla2 sandbox"}}}
 
 
@@ -195,7 +195,7 @@ def _settings(path: str) -> dict[str, Any]:
         ]  # fmt: skip
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
         raise ConfigurationError(
-            f"agent.settings is '{file}', which is no settings file of mini-swe-agent ({error!r})."
+            f"agent.settings is '{file}', which is not a settings file of mini-swe-agent ({error!r})."
         ) from error
     assert all(needed)
     settings: dict[str, Any] = told

@@ -1,11 +1,11 @@
 """mini-swe-agent with a KnowledgeBank for Harbor, the harness of Terminal-Bench 2.0, loaded by its import path.
 
     harbor run -d terminal-bench@2.0 --agent-import-path gvla2_plugins.mini_swe.harbor:RememberingAgent -m my-model
-    python -m gvla2_plugins.mini_swe.harbor JOBS_FOLDER        # what the job's verifier said becomes experience
+    python -m gvla2_plugins.mini_swe.harbor JOBS_FOLDER        # the job's verdicts become experience
 
-Harbor (Apache-2.0) verifies after an agent has gone, so learning is a step of its own: the second line. The environment
-says where things are: ``GVLA2_BANK`` (a path or database address; none: no memory), ``GVLA2_BASE_URL`` (an
-OpenAI-compatible address) and the variable that ``GVLA2_KEY_ENV`` names. Harbor needs Python 3.12.
+Harbor (Apache-2.0) verifies after the agent has finished, so learning is a separate step: the second line. Environment
+variables: ``GVLA2_BANK`` (a path or database address; none: no memory), ``GVLA2_BASE_URL`` (an OpenAI-compatible
+address) and the variable that ``GVLA2_KEY_ENV`` names. Harbor needs Python 3.12.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from gvla2_plugins.mini_swe import MiniSweConfig
 from gvla2_plugins.mini_swe.agent import MiniSwe
 
 ACCOUNT = "gvla2.json"
-"""What a trial leaves for learning, in its agent's folder."""
+"""A trial's file for learning, in its agent's folder."""
 
 
 class RememberingAgent(BaseAgent):  # type: ignore[misc]
-    """Recalls, then works as mini-swe-agent does, in the environment that Harbor made."""
+    """Recalls, then works as mini-swe-agent does, in Harbor's environment."""
 
     @staticmethod
     def name() -> str:
@@ -53,7 +53,7 @@ class RememberingAgent(BaseAgent):  # type: ignore[misc]
         """Nothing is installed in the environment: the agent works from outside."""
 
     async def run(self, instruction: str, environment: BaseEnvironment, context: AgentContext) -> None:
-        """Work until it submits or is out of steps; tokens go into Harbor's context, the account into the logs."""
+        """Work until it submits or runs out of steps; tokens go into Harbor's context, the transcript into the logs."""
         address, bank = os.environ.get("GVLA2_BASE_URL", ""), os.environ.get("GVLA2_BANK", "")
         if not address:
             raise ConfigurationError("GVLA2_BASE_URL is not set: give an OpenAI-compatible address.")
@@ -121,9 +121,9 @@ def _work(agent: MiniSwe, instruction: str, sandbox: _Environment, bank: str, se
 
 
 def learn(jobs: str | Path, bank: str) -> tuple[int, int]:
-    """Teach a bank the finished trials below a folder: how many were learnt from, and how many had no verdict.
+    """Teach a bank the finished trials below a folder; returns how many were learnt from, and how many had no verdict.
 
-    A trial counts once, however often this is called: its marker lies beside its account.
+    Repeated calls count a trial once: its marker lies beside its transcript.
     """
     from gvla2.agents.solving import transcript
 

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 
 def _build_reconstructor(config: ComponentConfig) -> Reconstructor:
-    """Reconstructs nothing: objects stay as they were perceived."""
+    """Reconstructs nothing: objects stay as perceived."""
     from gvla2_plugins.nothing.choices import NoReconstructor
 
     return NoReconstructor()
 
 
 def _build_prior(config: ComponentConfig) -> GeometryPrior:
-    """Predicts nothing: geometry rests on the views alone."""
+    """Predicts nothing: geometry rests only on the views."""
     from gvla2_plugins.nothing.choices import NoPrior
 
     return NoPrior()
 
 
 def _build_axis(config: ComponentConfig) -> AxisCompensation:
-    """Compensates nothing: the shape stays as wide as it is."""
+    """Compensates nothing: the shape is unchanged."""
     from gvla2_plugins.nothing.choices import NoAxis
 
     return NoAxis()
@@ -53,7 +53,7 @@ def _build_memory(config: ComponentConfig) -> Memory:
 
 
 def _build_camera(config: ComponentConfig) -> DepthCamera:
-    """Sees nothing: for robots with eyes of their own, and for moves that need none."""
+    """Sees nothing: for robots with cameras of their own, and for moves that need none."""
     from gvla2_plugins.nothing.choices import NoCamera
 
     return NoCamera()

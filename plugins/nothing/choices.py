@@ -1,4 +1,4 @@
-"""What the null choices do, which is nothing, in each contract's own words for it."""
+"""The null choices: each contract's way to do nothing."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _OFF = "memory is off"
 
 
 class NoCamera:
-    """Has no eyes."""
+    """Has no cameras."""
 
     @property
     def live(self) -> bool:
-        """It shows nothing, and that is true."""
+        """True: it shows nothing false."""
         return True
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
@@ -26,11 +26,11 @@ class NoCamera:
         return CameraFrames((), ())
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to release."""
 
 
 class NoReconstructor:
-    """Leaves objects as they were perceived."""
+    """Leaves objects as perceived."""
 
     def reconstruct(self, views: Views) -> None:
         """Always None."""
@@ -44,7 +44,7 @@ class NoPrior:
 
 
 class NoAxis:
-    """Leaves every axis as it is."""
+    """Leaves every axis unchanged."""
 
     def compensate(self, points: FloatArray, views: Views, centre: FloatArray) -> AxisFit:
         """The identity."""
@@ -58,12 +58,12 @@ class NoFusion:
     """Keeps source A (the paper's "no fusion" row)."""
 
     def fuse(self, a: FloatArray, b: FloatArray, support_a: FloatArray, support_b: FloatArray) -> FloatArray:
-        """The centres of A (N, 3), whatever B says."""
+        """The centres of A (N, 3), ignoring B."""
         return a
 
 
 class NoMemory:
-    """Recalls nothing, and says that it was told to; learns nothing."""
+    """Recalls nothing, saying that memory is off; learns nothing."""
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """An empty context that abstains."""

@@ -18,15 +18,15 @@ class NumbaRendererConfig(ComponentConfig):
     low_pass: float = 0.3
     """Added to both variances of a projected Gaussian, square pixels: none becomes thinner than a pixel."""
     near: float = 0.01
-    """Gaussians whose centre is nearer to the camera's plane than this are left out, metres."""
+    """Gaussians with a centre nearer to the camera's plane than this are skipped, metres."""
     min_alpha: float = 1 / 255
-    """Contributions below this opacity are left out."""
+    """Contributions below this opacity are skipped."""
     max_alpha: float = 0.99
-    """No Gaussian alone hides more than this."""
+    """The most that a single Gaussian hides."""
     stop: float = 1e-4
-    """A pixel is finished when no more than this share of light passes on."""
+    """A pixel is finished when at most this share of light still passes."""
     threads: int = 0
-    """How many threads share the work, 0 for one a core; they change no result."""
+    """Number of threads, 0 for one per core; the result does not depend on it."""
 
 
 def _build(config: NumbaRendererConfig) -> Renderer:

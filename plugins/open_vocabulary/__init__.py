@@ -1,4 +1,4 @@
-"""Perceivers that are told what to look for: ``sam3`` (text to masks) and ``detector`` (text to boxes).
+"""Perceivers that search for given words: ``sam3`` (text to masks) and ``detector`` (text to boxes).
 
 Both load checkpoints through ``transformers``: SAM 3 (Meta), Grounding DINO, OWLv2.
 """
@@ -20,9 +20,9 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
     """Options of ``sam3`` and ``detector``.
 
     ``weights``: a folder as ``save_pretrained`` writes it (config.json, model.safetensors, the tokenizer's files).
-    ``words``: what to look for; with none, what the instruction names: each noun phrase between its verbs and
-    prepositions. ``threshold``: answers that the model is less sure of are dropped. ``min_points``: fewer pixels with
-    depth, over all views, are a speck.
+    ``words``: what to look for; by default the things named in the instruction: each noun phrase between its verbs and
+    prepositions. ``threshold``: less certain answers are dropped. ``min_points``: fewer pixels with depth, over all
+    views, are a speck.
     """
 
     weights: str = ""

@@ -12,9 +12,9 @@ GET = "huggingface-cli download {} --local-dir FOLDER, then perceiver.weights=FO
 
 
 def checkpoint_folder(weights: str, purpose: str, example: str, kinds: tuple[str, ...]) -> tuple[Path, str]:
-    """The folder and the model's kind that its config.json names, one of ``kinds``.
+    """The folder and the model's kind in its config.json, one of ``kinds``.
 
-    Raises :class:`MissingDependencyError` where there is none, :class:`ConfigurationError` for another model's.
+    Raises :class:`MissingDependencyError` if there is none, :class:`ConfigurationError` for another model's.
     """
     folder = Path(weights).expanduser()
     file = folder / "config.json"
@@ -34,17 +34,17 @@ def checkpoint_folder(weights: str, purpose: str, example: str, kinds: tuple[str
 
 
 def loaded(factory: Any, folder: Path, purpose: str) -> Any:
-    """``factory.from_pretrained`` of local files; raises :class:`ConfigurationError` where they do not fit."""
+    """``factory.from_pretrained`` of local files; raises :class:`ConfigurationError` if they do not fit."""
     try:
         return factory.from_pretrained(folder, local_files_only=True)
-    except Exception as error:  # transformers raises whatever the broken part raises
+    except Exception as error:  # transformers can raise anything
         raise ConfigurationError(
             f"perceiver.weights: {folder} does not load for {purpose}: {error}"
         ) from error
 
 
 def transformers_for(purpose: str) -> Any:
-    """The package, or an error that says how to get it."""
+    """The package, or an error on how to install it."""
     try:
         import transformers
     except ImportError as error:

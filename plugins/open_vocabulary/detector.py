@@ -1,4 +1,4 @@
-"""Detectors that are told what to look for: Grounding DINO and OWLv2, a box for each thing that a phrase names."""
+"""Detectors that search for given words: Grounding DINO and OWLv2, a box for each thing that a phrase names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gvla2_plugins.open_vocabulary.perceiver import FoundMask
 PURPOSE = "perceiver=detector"
 KINDS = ("grounding-dino", "mm-grounding-dino", "owlv2", "owlvit")
 SIDES = {"grounding-dino": 800, "mm-grounding-dino": 800}
-"""Pixels of the square that pictures are stretched to, where the checkpoint itself names none."""
+"""Side in pixels of the square that pictures are stretched to, unless the checkpoint gives one."""
 MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 CLIP_MEAN, CLIP_DEVIATION = np.array([0.4815, 0.4578, 0.4082]), np.array([0.2686, 0.2613, 0.2758])
 

@@ -1,4 +1,4 @@
-"""What words name, in every picture, fused into one scene."""
+"""Masks of named things in every picture, fused into one scene."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _BETWEEN = re.compile(
     r"\b(?:pick|lift|put|place|move|push|pull|open|close|take|grasp|slide|sort|stack|insert|turn|press|up|down|in|into|on|"
     r"onto|to|from|of|off|out|at|by|the|a|an|all|left|right|front|behind|next|between|and|then|it|its|with)\b|[^\w\s-]"
 )
-"""Words and marks that stand between the names of things in an instruction."""
+"""Words and marks between the names of things in an instruction."""
 
 
 @dataclass(frozen=True)
 class FoundMask:
-    """A mask (H, W) of what ``label`` names; ``loose`` where it is a box whose corners show other things, too."""
+    """A mask (H, W) of the thing that ``label`` names; ``loose`` if it is a box whose corners show other things too."""
 
     mask: BoolArray
     score: float
@@ -43,12 +43,12 @@ class Finder(Protocol):
     """A model that finds by words."""
 
     def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[FoundMask]:
-        """What all words name in one picture (H, W, 3)."""
+        """Masks for all words in one picture (H, W, 3)."""
         ...
 
 
 class VocabularyPerceiver:
-    """Asks a model for what words name; depth places it."""
+    """Asks a model for masks of named things; depth places them."""
 
     def __init__(self, name: str, config: VocabularyConfig, finder: Finder) -> None:
         if not 0 < config.threshold < 1 or config.min_points < 3:
@@ -59,11 +59,11 @@ class VocabularyPerceiver:
         self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
-        """The scene inside ``workspace``; raises :class:`PerceptionError` as every perceiver."""
+        """The scene inside ``workspace``; raises :class:`PerceptionError` like every perceiver."""
         frames, table, notes = frames_of(observation.views, workspace)
         words = list(self._config.words) or named_in(instruction)
         if not words:
-            notes.append("The instruction names nothing to look for: say perceiver.words=[...].")
+            notes.append("The instruction names nothing to look for: give perceiver.words=[...].")
         above = [raised(f, table, workspace) for f in frames]
         groups = clusters(frames, above, self._config.min_points)
         candidates = []
@@ -83,7 +83,7 @@ class VocabularyPerceiver:
 
 
 def _cut(box: BoolArray, groups: NDArray[np.int64]) -> BoolArray:
-    """Of a box, the connected thing that fills most of it."""
+    """The connected thing that fills most of a box."""
     inside = groups[box & (groups >= 0)]
     return np.asarray(box & (groups == np.bincount(inside).argmax())) if len(inside) else np.zeros_like(box)
 

@@ -1,4 +1,4 @@
-"""The oracle perceiver: the simulator's own truth in place of perception, to find out whose fault a failure is."""
+"""The oracle perceiver: the simulator's ground truth in place of perception, to locate the cause of failures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class OracleConfig(ComponentConfig):
 
 
 def _build(config: OracleConfig, robot: RobotBackend | None = None) -> Perceiver:
-    """Tells the true scene of a simulator, unseen things too; for debugging, and every result says so."""
+    """Gives the true scene of a simulator, including unseen things; for debugging, and every result says so."""
     from gvla2_plugins.oracle.perceiver import OraclePerceiver
 
     return OraclePerceiver(robot)

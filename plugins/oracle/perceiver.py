@@ -1,4 +1,4 @@
-"""True bodies as scene objects, named as a perceiver names what it sees."""
+"""True bodies as scene objects, named like perceived ones."""
 
 from __future__ import annotations
 
@@ -12,23 +12,21 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.robot.backend import RobotBackend
 from gvla2.robot.demonstration import Truthful
 
-NOTE = (
-    "This scene is the simulator's own truth (perceiver=oracle), not perceived: its results are no measure."
-)
+NOTE = "This scene is the simulator's ground truth (perceiver=oracle), not perceived: do not use its results."
 
 
 class OraclePerceiver:
     """Implements :class:`gvla2.planning.contracts.Perceiver` by asking the robot's simulator.
 
-    Ids are o1, o2, ... by x, then y, so that no body's name passes; the scene and a note of its say "oracle".
-    Raises :class:`ConfigurationError` for a robot that does not know the truth.
+    Ids are o1, o2, ... by x, then y, so that no body's name leaks; the scene and one of its notes say "oracle". Raises
+    :class:`ConfigurationError` for a robot without ground truth.
     """
 
     def __init__(self, robot: RobotBackend | None) -> None:
         truthful: object = robot
         if not isinstance(truthful, Truthful):
             raise ConfigurationError(
-                "perceiver=oracle needs a simulated robot that tells its true scene, such as robot=sapien_panda. "
+                "perceiver=oracle needs a simulated robot that exposes its true scene, such as robot=sapien_panda. "
                 "With any other, choose another perceiver, such as perceiver=classical."
             )
         self._robot = truthful

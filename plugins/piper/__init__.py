@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 class PiperConfig(ComponentConfig):
     """Options of ``piper``; metres, radians, seconds.
 
-    ``bus`` is python-can's interface (``socketcan``, ``slcan``, ``udp_multicast``), ``virtual`` for a simulated arm
-    in this process, or ``none`` to plan without any; ``channel`` is the interface's channel (``virtual`` needs
-    none). ``armed`` lets the arm move, after a word typed on the terminal; without it everything is planned,
-    checked and shown, and nothing is sent. ``speed`` is the share of full joint speed (0.2 at most),
-    ``tool_speed`` m/s, ``acceleration`` rad/s², ``grip_effort`` Nm (2 at most). The base stands at
-    ``base_position`` in the world, turned by ``base_yaw``; the tool stays in the box from ``workspace_low`` to
-    ``workspace_high`` and its fingertips ``table_margin`` above ``table_height``. ``tcp_offset`` is from the
-    flange to between the fingertips. ``log`` is the file of all commands ("" for the user's state folder).
+    ``bus`` is python-can's interface (``socketcan``, ``slcan``, ``udp_multicast``), ``virtual`` for a simulated arm in
+    this process, or ``none`` to plan without any; ``channel`` is the interface's channel (``virtual`` needs none).
+    ``armed`` allows motion, after a word typed on the terminal; without it everything is planned, checked and shown,
+    and nothing is sent. ``speed`` is the share of full joint speed (0.2 at most), ``tool_speed`` m/s, ``acceleration``
+    rad/s², ``grip_effort`` Nm (2 at most). The base stands at ``base_position`` in the world, turned by ``base_yaw``;
+    the tool stays in the box from ``workspace_low`` to ``workspace_high`` and its fingertips ``table_margin`` above
+    ``table_height``. ``tcp_offset`` is from the flange to between the fingertips. ``log`` is the file of all commands
+    ("" for the user's state folder).
     """
 
     bus: str = "socketcan"
@@ -62,7 +62,7 @@ def _build(config: PiperConfig, camera: DepthCamera) -> RobotBackend:
 
 
 def _build_scenery(config: SceneryConfig) -> DepthCamera:
-    """A made-up table with cubes, for trying a robot without cameras: what is moved stays where it was."""
+    """A synthetic table with cubes, to try a robot without cameras: moved things stay where they were."""
     from gvla2_plugins.piper.scenery import Scenery
 
     return Scenery(config)
@@ -70,11 +70,11 @@ def _build_scenery(config: SceneryConfig) -> DepthCamera:
 
 @hookimpl
 def gvla2_robots() -> list[Component[RobotBackend]]:
-    """The Piper, with the camera that was chosen."""
+    """The Piper, with the chosen camera."""
     return [Component("piper", PiperConfig, _build, needs=("camera",))]
 
 
 @hookimpl
 def gvla2_cameras() -> list[Component[DepthCamera]]:
-    """A made-up view."""
+    """A synthetic view."""
     return [Component("scenery", SceneryConfig, _build_scenery)]

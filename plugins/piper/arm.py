@@ -1,4 +1,4 @@
-"""AgileX's Piper as facts; `plugins/sapien/piper.urdf` is written from them (a test compares the two).
+"""AgileX's Piper as data; `plugins/sapien/piper.urdf` is written from it (a test compares the two).
 
 The DH numbers are the maker's (modified convention, joints 2 and 3 shifted by 2 degrees as current firmware has
 it). The solids are cylinders and boxes drawn a little larger than the real links; they are ours.
@@ -38,7 +38,7 @@ TCP_OFFSET = 0.1358
 """From the flange (the SDK's end pose) to between the fingertips, metres; measure your own (docs/piper.md)."""
 
 HOME = (0.0, 1.35, -1.0, 0.0, 1.0, 0.0)
-"""Where plans like to be, radians: the hand in front of the base, looking down."""
+"""The preferred posture, radians: the hand in front of the base, pointing down."""
 
 FINGER_LENGTH, FINGER_THICKNESS, FINGER_BREADTH = 0.055, 0.012, 0.022
 TIP_BEYOND_TCP = 0.008
@@ -105,7 +105,7 @@ def make_arm(
     tcp_offset: float = TCP_OFFSET,
     limit_margin: float = 0.02,
 ) -> ArmModel:
-    """The Piper at its place in the world; ``limit_margin`` radians are kept to each joint limit."""
+    """The Piper at its place in the world; ``limit_margin`` radians are kept from each joint limit."""
     arm = piper_description(tcp_offset)
     with tempfile.TemporaryDirectory(prefix="gvla2-piper-") as folder:
         urdf, srdf = Path(folder) / "piper.urdf", Path(folder) / "piper.srdf"

@@ -15,19 +15,19 @@ from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.watch import Watch
 
 LISTEN_SECONDS, STILL = 0.5, 0.01
-"""An arm that moves by more than this (radians) while nobody commands it is not alone."""
+"""An arm that moves by more than this (radians) without a command has another master."""
 
 ANSWER_SECONDS = 0.15
-"""A query must be answered within this time: later, and feedback is older than it seems."""
+"""Time limit for answering a query: beyond it, feedback is older than it seems."""
 
 ENABLE_SECONDS = 5.0
 
 
 def check_health(link: PiperLink) -> Snapshot:
-    """Listen to the arm for a moment and return what it says; sends nothing.
+    """Listen to the arm for a moment and return its state; sends nothing.
 
-    Raises :class:`RobotError` for silence, zeros, an arm outside its limits, in trouble or in another mode, and
-    for one that somebody else commands.
+    Raises :class:`RobotError` for silence, zeros, an arm outside its limits, with a fault or in another mode, and for
+    one under another program's command.
     """
     first = link.wait_for_feedback()
     time.sleep(LISTEN_SECONDS)
@@ -57,16 +57,16 @@ def check_health(link: PiperLink) -> Snapshot:
     drift = float(np.abs(seen.joints - first.joints).max())
     if drift > STILL:
         raise RobotError(
-            f"{refusal}it moved by {drift:.3f} rad while listened to: another program commands it, or somebody "
-            "moves it by hand."
+            f"{refusal}it moved by {drift:.3f} rad while listening: another program commands it, or somebody moves it "
+            f"manually."
         )
     return seen
 
 
 def ask_person(question: str) -> str:
-    """The answer typed on the terminal; raises :class:`RobotError` when nobody sits there.
+    """The answer typed on the terminal; raises :class:`RobotError` without a terminal.
 
-    The question should end its line: progress may be drawn on the last one.
+    The question should end with a line break: progress may be drawn on the last line.
     """
     if not sys.stdin.isatty():
         raise RobotError("Arming needs a person at a terminal who types the answer; stdin is none.")
@@ -75,7 +75,7 @@ def ask_person(question: str) -> str:
 
 
 def confirm(channel: str, percent: int, ask: Callable[[str], str] = ask_person) -> None:
-    """Let a person type the word that arms; raises :class:`RobotError` for any other."""
+    """Ask a person to type the arming word; raises :class:`RobotError` for any other."""
     word = f"move {channel}"
     answer = ask(
         f"\nThe arm on '{channel}' will be switched on and moved, at up to {percent} % speed. Nobody within its "
@@ -88,7 +88,7 @@ def confirm(channel: str, percent: int, ask: Callable[[str], str] = ask_person) 
 def power_up(link: PiperLink) -> Snapshot:
     """Open the gate, measure the answer time, switch the motors on, take CAN control of a still arm.
 
-    Raises :class:`RobotError` when the arm answers late or a motor stays off; it is left as it is then.
+    Raises :class:`RobotError` when the arm answers late or a motor stays off; it is then left unchanged.
     """
     link.open_gate()
     asked = time.monotonic()
@@ -119,7 +119,7 @@ def power_up(link: PiperLink) -> Snapshot:
         if not all(seen.enabled):
             link.enable(everything=elapsed > 1.0)
         else:
-            # The measured pose goes out before CAN control is taken: no older target can then be moved to.
+            # The measured pose is sent before CAN control is taken, so the arm cannot move to an older target.
             assert seen.joints is not None
             link.move_joints(seen.joints)
             link.joint_mode()

@@ -1,4 +1,4 @@
-"""The robot backend: a Piper, armed, dry-run, simulated or only on paper, with whatever camera was chosen."""
+"""The robot backend: a Piper, armed, dry-run, simulated or only on paper, with any chosen camera."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from gvla2_plugins.piper.looks import ArmLooks, Preview
 from gvla2_plugins.piper.session import PERIOD, Session, bounds_of
 
 FILM_EVERY = 1.0
-"""Seconds between pictures while the arm moves; drawing one holds the control loop up by some milliseconds."""
+"""Seconds between pictures while the arm moves; drawing one delays the control loop by some milliseconds."""
 
 _SILENT = ExecutionListener()
 SIMULATED = ("virtual", "udp_multicast")
-"""Buses on which no real arm hangs: within the process, and between processes of one machine."""
+"""Buses without a real arm: within the process, and between processes of one machine."""
 
 
 class Piper:
     """Implements :class:`gvla2.robot.backend.RobotBackend`.
 
-    :meth:`reset` connects and, when ``armed``, asks for the word, switches the motors on and holds the arm; it
-    never moves it: nothing has been seen yet. A dry run only ever listens. ``ask`` gets the arming question.
+    :meth:`reset` connects and, when ``armed``, asks for the word, switches the motors on and holds the arm; it never
+    moves it: nothing has been seen yet. A dry run only listens. ``ask`` gets the arming question.
     """
 
     def __init__(
@@ -54,8 +54,8 @@ class Piper:
             raise ConfigurationError("robot.armed=true needs an arm: choose a robot.bus other than none.")
         if config.armed and config.bus not in SIMULATED and not camera.live:
             raise ConfigurationError(
-                f"robot.armed=true on the bus '{config.bus}' moves a real arm, and the chosen camera shows recorded "
-                f"or made-up pictures. Choose a live camera, or a simulated arm: robot.bus={SIMULATED[0]}."
+                f"robot.armed=true on the bus '{config.bus}' moves a real arm, and the chosen camera shows recorded or "
+                f"synthetic pictures. Choose a live camera, or a simulated arm: robot.bus={SIMULATED[0]}."
             )
         self._config, self._camera, self._ask = config, camera, ask
         self._world_from_base = rigid(turn_z(config.base_yaw), config.base_position)
@@ -79,7 +79,7 @@ class Piper:
     def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
         """Connect, at the first call; nothing moves, nothing is laid out. Always None.
 
-        Raises :class:`RobotError` when the arm is not fit to be used, was stopped, or there is nothing to be done.
+        Raises :class:`RobotError` when the arm is not usable, was stopped, or there is nothing to do.
         """
         if instruction is None and task is not None:
             raise ConfigurationError(
@@ -90,7 +90,7 @@ class Piper:
             self.session = Session(self._config, self._ask)
         if self.session is not None and self.session.loop is not None and self.session.loop.stopped:
             raise RobotError(
-                f"The arm is held since {self.session.loop.stopped}. Look at it, then start anew."
+                f"The arm is held since {self.session.loop.stopped}. Inspect it, then start again."
             )
         return None
 
@@ -107,7 +107,7 @@ class Piper:
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
     ) -> ExecutionReport:
-        """Move through the waypoints under the watch; in a dry run plan, check and show them, and send nothing.
+        """Move through the waypoints under supervision; in a dry run plan, check and show them, and send nothing.
 
         Raises :class:`SafetyStopError` when the watch stops the arm. A waypoint outside the workspace is refused
         before anything moves.
@@ -141,7 +141,7 @@ class Piper:
         return None
 
     def close(self) -> None:
-        """Hold the arm, leave it powered, and let go of bus and camera; safe to call twice."""
+        """Hold the arm, leave it powered, and release bus and camera; safe to call twice."""
         if self.session is not None:
             self.session.close()
             self.session = None
@@ -185,7 +185,7 @@ class Piper:
     def _dry(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener, preview: Preview
     ) -> ExecutionReport:
-        """The whole execution on paper, told as what it is: one report that nothing was started."""
+        """The whole execution as a dry run: one report that nothing was started."""
         state = self._state()
         driver = DryDriver(state, self._guard, lambda q, width: listener.frame(preview.picture(q, width)))
         planned = execute(
@@ -234,6 +234,6 @@ def _workspace(config: PiperConfig) -> Box:
 
 
 def _darkness() -> View:
-    """What a robot without cameras sees: a picture with no depth in it; perception says that it sees nothing."""
+    """The view of a robot without cameras: a picture without depth; perception reports that it sees nothing."""
     pinhole = Pinhole.from_fov(0.7, np.eye(4), 16, 16, "none")
     return View(pinhole, np.zeros((16, 16, 3), np.uint8), np.full((16, 16), np.nan, np.float32))

@@ -20,7 +20,7 @@ from gvla2.errors import RobotError
 
 
 def default_log(bus: str, channel: str) -> Path:
-    """Where the log of an arm lies unless ``robot.log`` says otherwise."""
+    """The default path of an arm's log, unless ``robot.log`` is set."""
     state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     name = "".join(c if c.isalnum() else "-" for c in f"{bus}-{channel}")
     return Path(state) / "gvla2" / "piper" / f"{name}.jsonl"
@@ -29,7 +29,7 @@ def default_log(bus: str, channel: str) -> Path:
 class CommandLog:
     """Appends lines, each in one write; nothing is ever rewritten. Safe to use from several threads.
 
-    A line that can't be written raises :class:`RobotError`: what can't be logged is not sent.
+    A line that can't be written raises :class:`RobotError`: a command that can't be logged is not sent.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,9 +105,9 @@ class LogEntry:
 
 
 def read_log(path: Path) -> Iterator[LogEntry]:
-    """The entries in order; a last line that a crash cut short is left out.
+    """The entries in order; a last line truncated by a crash is left out.
 
-    Raises :class:`RobotError` for a file that is no command log.
+    Raises :class:`RobotError` for a file that is not a command log.
     """
     try:
         text = path.read_bytes()
@@ -123,4 +123,6 @@ def read_log(path: Path) -> Iterator[LogEntry]:
         except (ValueError, KeyError, TypeError) as error:
             if number == len(lines):
                 return
-            raise RobotError(f"{path}, line {number}, is no line of a command log: {line[:60]!r}.") from error
+            raise RobotError(
+                f"{path}, line {number}, is not a line of a command log: {line[:60]!r}."
+            ) from error

@@ -1,7 +1,7 @@
-"""Arms told by modified Denavit-Hartenberg numbers: their links' poses, and a URDF written from them.
+"""Arms from modified Denavit-Hartenberg parameters: their links' poses, and a URDF written from them.
 
-For arms whose maker gives numbers rather than a description: six numbers a joint and some solids become what
-kinematics, collision checks and simulators load.
+For arms whose maker gives numbers rather than a description: six numbers per joint and some solids become a model for
+kinematics, collision checks and simulators.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ FINGERS = ("finger_left", "finger_right")
 class DhArm:
     """A chain of N revolute joints and a parallel gripper, metres and radians.
 
-    Link i's transform is RotX(alpha) TransX(a) RotZ(q + theta) TransZ(d) (Craig). ``low``, ``high`` and ``speed``
-    (N,) are the joints' limits; ``max_width`` between the opened fingers, which are ``tcp_offset`` beyond the last
-    link's frame, along its z. ``solids`` are what each link is made of, in its frame; ``resting_pairs`` links whose
-    nearness is no collision.
+    Link i's transform is RotX(alpha) TransX(a) RotZ(q + theta) TransZ(d) (Craig). ``low``, ``high`` and ``speed`` (N,)
+    are the joints' limits; ``max_width`` between the opened fingers, which are ``tcp_offset`` beyond the last link's
+    frame, along its z. ``solids`` are each link's solids, in its frame; ``resting_pairs`` links whose nearness is not a
+    collision.
     """
 
     name: str
@@ -50,7 +50,7 @@ class DhArm:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names: the base, one link a joint, the fingers."""
+        """Names: the base, one link per joint, the fingers."""
         return (BASE_LINK, *(f"link{i + 1}" for i in range(self.dof)), *FINGERS)
 
     @property
@@ -104,7 +104,7 @@ class DhArm:
         return ET.tostring(robot, encoding="unicode") + "\n"
 
     def srdf(self) -> str:
-        """The SRDF: pairs of links whose nearness is no collision."""
+        """The SRDF: pairs of links whose nearness is not a collision."""
         robot = ET.Element("robot", name=self.name)
         for one, other in self.resting_pairs:
             ET.SubElement(robot, "disable_collisions", link1=one, link2=other, reason="Adjacent")

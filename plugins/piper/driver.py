@@ -1,4 +1,4 @@
-"""Drivers for the executor: the armed arm, and the dry run's arm that only exists on paper."""
+"""Drivers for the executor: the armed arm, and the dry run's imaginary arm."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ STOPPED_SHORT = 0.002
 
 
 ASSUMED_WIDTH = 0.02
-"""Metres that a dry run's fingers are taken to close on."""
+"""Assumed width of an object in a dry run's fingers, metres."""
 
 
 class PathGuard:
-    """The backend's own limits on joint samples, whatever the planner was told: workspace, table, steps.
+    """The backend's own limits on joint samples, independent of the planner: workspace, table, steps.
 
     ``arm``'s forward kinematics are used, so calls must not run at the same time as planning.
     """
@@ -65,7 +65,7 @@ class PathGuard:
 
 
 def measured(link: PiperLink) -> DriverState:
-    """What the arm measures now; raises :class:`RobotError` when that is stale."""
+    """The arm's present measurement; raises :class:`RobotError` when it is stale."""
     seen = link.feedback.snapshot()
     if seen.joints is None or seen.joint_age > 0.5 or seen.gripper_age > 0.5:
         age = max(seen.joint_age, seen.gripper_age)
@@ -130,12 +130,12 @@ class PiperDriver:
         return GripResult(width, closing and width - goal > STOPPED_SHORT)
 
     def hold(self) -> None:
-        """Stop where the arm is measured to be and stay there."""
+        """Stop at the measured position and stay there."""
         self._loop.hold()
 
 
 class DryDriver:
-    """An arm on paper: it is at once where it was told to go, and nothing is sent. The guard checks all the same."""
+    """An imaginary arm: it reaches every target immediately, and nothing is sent. The guard still checks."""
 
     def __init__(
         self,
@@ -152,7 +152,7 @@ class DryDriver:
         return DriverState(self._joints.copy(), self._width)
 
     def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
-        """Check the samples, show some of them, and be at the last."""
+        """Check the samples, show some of them, and jump to the last."""
         self._guard.check(samples)
         for row in samples[:: max(1, round(self._every / dt))]:
             self._show(row, self._width)
@@ -161,14 +161,14 @@ class DryDriver:
         return MoveResult(0.0)
 
     def grip(self, opening: float) -> GripResult:
-        """Be open so far. What closing fingers would find is unknown: they are taken to stop on something."""
+        """Set the opening. What closing fingers would meet is unknown: they are assumed to stop on something."""
         goal = MAX_WIDTH * float(np.clip(opening, 0.0, 1.0))
         self._width = max(goal, ASSUMED_WIDTH) if goal < self._width else goal
         self._show(self._joints, self._width)
         return GripResult(self._width, None)
 
     def hold(self) -> None:
-        """Nothing moves on paper."""
+        """Nothing moves in a dry run."""
 
 
 def _resample(samples: FloatArray, dt: float, period: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What an arm says of itself, with the age of each word."""
+"""An arm's feedback, with the age of each value."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW
 
-_SLACK, _JUMP = 0.10, 0.05  # radians beyond the limits, and on top of full speed, that are still believed
+_SLACK, _JUMP = 0.10, 0.05  # radians beyond the limits, and on top of full speed, that are still plausible
 NEVER = float("inf")
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that is known at one moment of the monotonic clock.
+    """Everything known at one moment of the monotonic clock.
 
-    ``joints`` (6,) radians are the last that were believable, None before any came; ``joint_age`` seconds, of the
-    oldest of the three frames that make them up; ``zeros`` says that all six were exactly 0 when last heard.
-    ``gripper_width`` metres. ``state``, ``error_code`` and ``control`` come from the status frame; ``enabled`` by
-    drive; ``faults`` in words. ``foreign`` describes a command of another program; ``unbelievable`` a
-    measurement that no arm can make.
+    ``joints`` (6,) radians are the last plausible ones, None before any came; ``joint_age`` seconds, of the oldest of
+    the three frames that make them up; ``zeros`` says that all six were exactly 0 when last heard. ``gripper_width``
+    metres. ``state``, ``error_code`` and ``control`` come from the status frame; ``enabled`` by drive; ``faults`` in
+    words. ``foreign`` describes a command of another program; ``unbelievable`` an impossible measurement.
     """
 
     time: float
@@ -63,7 +62,7 @@ class Feedback:
         self._answered = -NEVER
 
     def take(self, arbitration_id: int, data: bytes, own: bool = False, now: float | None = None) -> None:
-        """One frame off the bus; ``own`` when this program sent it and only hears its echo."""
+        """One frame off the bus; ``own`` if it is the echo of this program's frame."""
         now = time.monotonic() if now is None else now
         with self._lock:
             if arbitration_id in frames.JOINTS:
@@ -99,7 +98,7 @@ class Feedback:
         self._believed[index] = now
 
     def forget_trouble(self) -> None:
-        """Before arming: what was heard up to now is no reason to stop later."""
+        """Before arming: earlier messages are not a reason to stop later."""
         with self._lock:
             self._foreign, self._unbelievable = "", ""
 

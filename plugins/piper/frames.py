@@ -1,4 +1,4 @@
-"""The Piper's CAN frames: what goes out, what comes back, and which of them may never be sent.
+"""The Piper's CAN frames: commands, feedback, and those that must never be sent.
 
 All numbers are big-endian: joints in thousandths of a degree, the gripper in micrometres and mNm.
 """
@@ -25,7 +25,7 @@ SLOW_DRIVES = tuple(range(0x261, 0x267))
 LIMIT_ANSWER, ACCELERATION_ANSWER = 0x473, 0x47C
 
 COMMANDS = frozenset(range(0x150, 0x160)) | {0x121, 0x470, 0x471, 0x474, 0x475, 0x477, 0x479, 0x47A, 0x47D}
-"""Frames by which some program makes an arm do something; queries are not among them."""
+"""Frames that command an arm; queries are not among them."""
 
 CAN_CONTROL, MOVE_JOINTS = 0x01, 0x01
 ALL_MOTORS = (0x07, 0xFF)
@@ -39,7 +39,7 @@ DRIVE_FAULTS = {
     5: "driver error",
     7: "stall",
 }
-"""Bits of byte 5 of a slow drive frame; bit 6 is no fault but says that the drive is enabled."""
+"""Bits of byte 5 of a slow drive frame; bit 6 is not a fault: the drive is enabled."""
 
 ARM_STATES = {
     0x00: "normal",
@@ -89,9 +89,9 @@ def unpack_gripper(data: Sequence[int]) -> tuple[int, int, int]:
 
 
 def ends_power(arbitration_id: int, data: Sequence[int]) -> str:
-    """Why this frame would stop, drop or release the arm or its gripper; "" when it would not.
+    """Why this frame would stop, drop or release the arm or its gripper; "" if it would not.
 
-    An emergency stop lets the arm sink, a reset cuts its power and it falls, a disabled motor lets go.
+    An emergency stop lets the arm sink, a reset cuts its power and it falls, a disabled motor goes limp.
     """
     data = bytes(data)
     if arbitration_id == STOP_AND_TEACH:

@@ -1,4 +1,4 @@
-"""The only way to the bus: frames that are not on the list of allowed ones never leave this process."""
+"""The only access to the bus: frames that are not explicitly allowed never leave this process."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _ECHO_SECONDS = 1.0
 class CommandGate(can.BusABC):
     """A python-can bus around another one; the SDK sends and receives through it, unmodified.
 
-    A closed gate (``log`` None, or before :meth:`open_gate`) lets nothing out: that is the dry run. An open one
-    lets out only the frames of :meth:`objection`'s list, each written to the log first. Whatever else the SDK
-    could be told to send (reset, stop, disable, standby, zero setting, parameters) raises ``CanOperationError``
-    and is counted in ``refused``.
+    A closed gate (``log`` None, or before :meth:`open_gate`) lets nothing out: that is the dry run. An open one lets
+    out only the frames of :meth:`objection`'s list, each written to the log first. Anything else that the SDK could
+    send (reset, stop, disable, standby, zero setting, parameters) raises ``CanOperationError`` and is counted in
+    ``refused``.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class CommandGate(can.BusABC):
         self.channel_info = inner.channel_info
         self._inner, self._bounds, self._log, self._measured = inner, bounds, log, measured
         self._open, self._closed = False, False
-        self._targets: list[int | None] = [None] * 6  # what was last let out, thousandths of a degree
+        self._targets: list[int | None] = [None] * 6  # last frames sent, thousandths of a degree
         self._sent: Counter[tuple[int, bytes]] = Counter()
         self._recent: deque[tuple[float, tuple[int, bytes]]] = deque()
         self._lock = threading.Lock()
@@ -133,7 +133,7 @@ class CommandGate(can.BusABC):
                 self._sent[old] -= 1
 
     def own(self, arbitration_id: int, data: bytes) -> bool:
-        """Whether a frame that was heard is one that this gate let out within the last second."""
+        """Whether a received frame was sent by this gate within the last second."""
         with self._lock:
             return (arbitration_id, data) in self._sent
 

@@ -1,4 +1,4 @@
-"""What is allowed to be sent to a Piper: bounds of this backend, tighter than the maker's."""
+"""Bounds on commands to a Piper, tighter than the maker's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HIGHEST_GRIP_EFFORT = 2.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the gate lets through: ``speed_share`` of full speed, targets every ``period`` seconds, ``grip_effort`` Nm.
+    """The gate's limits: ``speed_share`` of full speed, targets every ``period`` seconds, ``grip_effort`` Nm.
 
     A joint target is a step of at most ``step`` (6,) radians from the last one, or lies within ``near`` radians of
     where the arm was measured; ``slack`` radians beyond the maker's limits are tolerated, because a parked arm

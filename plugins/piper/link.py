@@ -86,7 +86,7 @@ class PiperLink:
         self._sdk.ParseCANFrame(message)
 
     def wait_for_feedback(self, seconds: float = 3.0) -> Snapshot:
-        """Until joints, status and all drives were heard; raises :class:`RobotError` when they are not."""
+        """Wait for joints, status and all drives; raises :class:`RobotError` if they do not come."""
         end = time.monotonic() + seconds
         while True:
             seen = self.feedback.snapshot()
@@ -113,7 +113,7 @@ class PiperLink:
         )
 
     def reader_ok(self) -> bool:
-        """The SDK's own word on whether frames come in (it takes a third of a second to notice)."""
+        """Whether the SDK receives frames (it takes a third of a second to notice)."""
         return bool(self._sdk.isOk())
 
     def open_gate(self) -> None:

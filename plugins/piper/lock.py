@@ -1,4 +1,4 @@
-"""One writer a bus: a second process that wants to command the same arm is refused."""
+"""One writer per bus: a second process for the same arm is refused."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class WriterLock:
         self._file = file
 
     def release(self) -> None:
-        """Let go; safe to call twice."""
+        """Release the lock; safe to call twice."""
         if self._file is not None:
             os.close(self._file)
             self._file = None

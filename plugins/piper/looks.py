@@ -1,4 +1,4 @@
-"""What the arm looks like by its measured joints: masks for the cameras' pictures, and previews."""
+"""The arm rendered at its measured joints: masks for the cameras' pictures, and previews."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ArmLooks:
         return {i: self._base @ links[link] for i, link in enumerate(self._links)}
 
     def mask(self, views: Sequence[View], joints: FloatArray, width: float) -> tuple[View, ...]:
-        """The views with the pixels marked that the arm explains."""
+        """The views with the arm's pixels marked."""
         images = self._caster.cast([view.camera for view in views], self.poses(joints, width))
         masked = []
         for view, image in zip(views, images, strict=True):

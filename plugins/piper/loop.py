@@ -19,14 +19,14 @@ from gvla2_plugins.piper.urgency import be_urgent
 from gvla2_plugins.piper.watch import Watch
 
 SILENT_AFTER = 1.0
-"""Seconds of repeated hold frames after a stop; then nothing, so that neither a person nor a program is fought."""
+"""Seconds of repeated hold frames after a stop; then nothing, so as not to fight a person or a program."""
 
 _IDLE_EVERY, _MODE_EVERY, _GRIP_EVERY, _NOTE_EVERY = 5, 20, 10, 10  # ticks
 _LOOK = 0.02  # seconds between heartbeats of the waiting caller
 _NAP, _NAPS_COUNT = (
     0.02,
     0.5,
-)  # seconds late that count as having been asleep, and for how long that is remembered
+)  # seconds of delay that count as asleep, and for how long they are remembered
 _FRESH, _FRESH_WITHIN = (
     0.05,
     1.0,
@@ -71,7 +71,7 @@ class ControlLoop:
         """Hold at ``target`` (6,), the measured joints, from now on; the motors are on already."""
         self._target = target.copy()
         self._looked = time.monotonic()
-        # Other threads of this process give way sooner, or the loop would wait 5 ms for each of them.
+        # Other threads of this process yield sooner, or the loop would wait 5 ms for each of them.
         sys.setswitchinterval(1e-3)
         self._thread.start()
 
@@ -116,10 +116,10 @@ class ControlLoop:
                 self._log.event("hold", why=why)
 
     def interrupt(self) -> None:
-        """A signal came: the next tick holds the arm, and who waits or next wants to move gets a KeyboardInterrupt.
+        """A signal came: the next tick holds the arm, and the waiting or next caller gets a KeyboardInterrupt.
 
         For a signal handler, which must not wait for locks. The exception that the handler raises itself may be
-        swallowed by a library whose callback it lands in; the arm is held all the same.
+        swallowed by a library whose callback it lands in; the arm is still held.
         """
         self._interrupted = True
 
@@ -131,7 +131,7 @@ class ControlLoop:
 
     @property
     def moving(self) -> bool:
-        """Whether targets are being gone through."""
+        """Whether a motion is in progress."""
         return self._samples is not None
 
     def end(self) -> None:
@@ -174,7 +174,7 @@ class ControlLoop:
             raise KeyboardInterrupt
         if self.stopped:
             raise SafetyStopError(
-                f"The arm is held: {self.stopped}. It stays powered where it is. Look at it before you start anew; "
+                f"The arm is held: {self.stopped}. It stays powered where it is. Inspect it before you start again; "
                 f"the commands are in {self._log.path}."
             )
 
@@ -248,7 +248,7 @@ class ControlLoop:
             self._link.move_gripper(self._width)
 
     def _stop(self, reason: str, found: float) -> None:
-        """Hold for good. The reason is written down after the first frame is out: the frame is what hurries."""
+        """Hold for good. The reason is logged after the first frame is out: the frame is urgent."""
         with self._lock:
             if self.stopped:
                 return

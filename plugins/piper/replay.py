@@ -1,4 +1,4 @@
-"""Replay of a command log in simulation: what the arm was told, carried out by a virtual one.
+"""Replay of a command log in simulation: the arm's commands, executed by a virtual arm.
 
     python -m gvla2_plugins.piper.replay LOG [--session N] [--film FILE.gif] [--robot sapien_piper]
 
@@ -33,10 +33,10 @@ FILM_RATE = 5.0
 
 @dataclass(frozen=True)
 class ReplayedSession:
-    """One session, replayed. ``times`` (N,) seconds from its first joints, at which the arm was measured;
-    ``measured`` and ``simulated`` (N, 6) radians; ``widths`` (N,) the simulated gripper, metres; ``frames`` how many
-    commands there were; ``events`` what happened, in words. ``targets`` (M, 6) and ``target_widths`` (M,) are what the
-    arm was told, :data:`TARGET_PERIOD` apart; ``target_rows`` (N,) the rows of them that were in force at ``times``.
+    """One session, replayed. ``times`` (N,) seconds from its first joints, at which the arm was measured; ``measured``
+    and ``simulated`` (N, 6) radians; ``widths`` (N,) the simulated gripper, metres; ``frames`` how many commands there
+    were; ``events`` what happened, in words. ``targets`` (M, 6) and ``target_widths`` (M,) are the arm's commands,
+    :data:`TARGET_PERIOD` apart; ``target_rows`` (N,) the rows of them that were in force at ``times``.
     """
 
     times: FloatArray
@@ -116,10 +116,10 @@ def simulate(replayed: ReplayedSession, robot_name: str) -> FloatArray:
     """
     component = load_plugins().get("robot", robot_name)
     if component.needs:
-        raise RobotError(f"robot={robot_name} is no simulation that plays a log; sapien_piper is.")
+        raise RobotError(f"robot={robot_name} is not a simulation that can play a log; sapien_piper is.")
     robot = component.build(component.config(name=robot_name))
     if not isinstance(robot, Playback):
-        raise RobotError(f"robot={robot_name} is no simulation that plays a log; sapien_piper is.")
+        raise RobotError(f"robot={robot_name} is not a simulation that can play a log; sapien_piper is.")
     if not len(replayed.targets) or not len(replayed.times):
         raise RobotError("The session has no measured joints: there is nothing to compare.")
     played = robot.play(replayed.targets, replayed.target_widths, TARGET_PERIOD)
@@ -154,7 +154,7 @@ def film(replayed: ReplayedSession, path: Path) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Replay a session (the last one by default) and say how it went."""
+    """Replay a session (the last one by default) and report the result."""
     parser = argparse.ArgumentParser(prog="python -m gvla2_plugins.piper.replay", description=__doc__)
     parser.add_argument("log", type=Path)
     parser.add_argument("--session", type=int, default=-1, help="which session of the log, from 0")

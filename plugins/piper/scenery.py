@@ -1,4 +1,4 @@
-"""A made-up table with three cubes, seen by two cameras: eyes for a simulated arm."""
+"""A synthetic table with three cubes, seen by two cameras, for a simulated arm."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Scenery:
 
     @property
     def live(self) -> bool:
-        """Never: what it shows is made up."""
+        """False: its pictures are synthetic."""
         return False
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
@@ -61,4 +61,4 @@ class Scenery:
         return CameraFrames(self._views, (time.time(),) * len(self._views))
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing is open."""

@@ -1,4 +1,4 @@
-"""A connection to one arm for one run: opened, checked, armed if asked to, and closed without letting go."""
+"""A connection to one arm for one run: opened, checked, armed on request, and closed with the arm still held."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def bounds_of(config: PiperConfig) -> Bounds:
 class Session:
     """Opens in the constructor; ``loop`` is the running control loop of an armed arm, None in a dry run.
 
-    ``virtual`` is the simulated arm on ``bus=virtual``; nobody is asked before that one moves. ``ask`` gets the
-    arming question and returns what was typed.
+    ``virtual`` is the simulated arm on ``bus=virtual``; that one moves without asking. ``ask`` gets the arming question
+    and returns what was typed.
     """
 
     def __init__(self, config: PiperConfig, ask: Callable[[str], str] = ask_person) -> None:
@@ -103,7 +103,7 @@ class Session:
         before(number, frame)
 
     def close(self) -> None:
-        """Hold, stop sending, let the lock go. The arm stays powered where it is. Safe to call twice."""
+        """Hold, stop sending, release the lock. The arm stays powered where it is. Safe to call twice."""
         if self.loop is not None:
             self.loop.end()
         for number, handler in self._handlers.items():

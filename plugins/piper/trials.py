@@ -1,7 +1,7 @@
-"""Fault injection: an armed virtual arm is moved, something breaks at a random instant, and what came of it is judged.
+"""Fault injection: an armed virtual arm is moved, something breaks at a random instant, and the result is judged.
 
-Used by the tests and by ``tests/benchmarks/piper_faults.py``; works with the same link, gate, loop, driver and
-executor as a run does.
+Used by the tests and by ``tests/benchmarks/piper_faults.py``; it uses the same link, gate, loop, driver and executor as
+a run.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ _REST = 2e-3  # radians that a held arm may still creep in the last part of them
 
 @dataclass
 class FaultTrial:
-    """What became of one injected fault.
+    """The result of one injected fault.
 
-    ``ending``: "stopped" by the watch, "held" by an exception, "refused" before motion, or "finished" (the motion
-    came to its end unharmed, and is held there). ``latency`` seconds from detection to the first hold frame;
-    ``problems`` is what should not be.
+    ``ending``: "stopped" by the watch, "held" by an exception, "refused" before motion, or "finished" (the motion came
+    to its end unharmed, and is held there). ``latency`` seconds from detection to the first hold frame; ``problems``
+    lists violations.
     """
 
     fault: str
@@ -68,7 +68,7 @@ class FaultTrial:
 class TrialBench:
     """One virtual arm and one armed backend, used for many trials; close it in the end.
 
-    Faults come within ``window`` seconds of the beginning of a motion that takes some four.
+    Faults come within ``window`` seconds of the start of a motion of about four.
     """
 
     def __init__(self, log: Path, seed: int = 0, window: float = 2.5) -> None:
@@ -222,7 +222,7 @@ class TrialBench:
 
 
 def judge_frames(sent: Sequence[tuple[int, bytes]]) -> list[str]:
-    """What must never have been sent, in words: stops, resets, disabled motors, standby, and unknown commands."""
+    """Forbidden frames that were sent, in words: stops, resets, disabled motors, standby, and unknown commands."""
     problems = []
     for arbitration_id, data in sent:
         if reason := frames.ends_power(arbitration_id, data):
@@ -244,14 +244,14 @@ class _Raising(MotionPlanner):
         self._moment = time.monotonic() + after
 
     def plan(self, *args: Any, **kwargs: Any) -> Any:
-        """As the real one, until it breaks; the second waypoint is never planned."""
+        """Like the real one, until it breaks; the second waypoint is never planned."""
         if time.monotonic() >= self._moment or kwargs.get("seed", 0) >= 1:
             raise _PlannerError
         return super().plan(*args, **kwargs)
 
 
 class _Blind:
-    """A camera that nobody asks."""
+    """An unused camera."""
 
     live = False
 

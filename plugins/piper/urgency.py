@@ -1,4 +1,4 @@
-"""Asking the system to run a thread before others, where it lets us."""
+"""Raising a thread's priority, if the system allows it."""
 
 from __future__ import annotations
 

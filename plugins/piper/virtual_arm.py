@@ -80,7 +80,7 @@ class VirtualArm:
         self._tick = 0
 
     def start(self) -> VirtualArm:
-        """Begin to live; returns itself."""
+        """Start the thread; returns itself."""
         self._thread.start()
         return self
 
@@ -99,7 +99,7 @@ class VirtualArm:
 
     @property
     def targets(self) -> tuple[FloatArray, float]:
-        """Joints (6,) radians and opening (metres) that it was told to go to."""
+        """Target joints (6,), radians, and opening, metres."""
         return self._target.copy(), self._width_target
 
     def _live(self) -> None:
@@ -124,7 +124,7 @@ class VirtualArm:
             self._inbox.append((now + self.faults.delay, arbitration_id, data))
 
     def step(self, seconds: float, now: float) -> None:
-        """Obey what has arrived by ``now`` and move on by ``seconds``: first order, limited in speed."""
+        """Apply commands that arrived by ``now`` and advance by ``seconds``: first order, limited in speed."""
         while self._inbox and self._inbox[0][0] <= now:
             _, arbitration_id, data = self._inbox.popleft()
             self._obey(arbitration_id, data, now)
@@ -163,7 +163,7 @@ class VirtualArm:
                         self._target = self.joints.copy()
                     self.enabled = data[1] == 0x02
             case frames.STOP_AND_TEACH:
-                if data[0] == 0x02:  # as the real one: power gone, the arm falls
+                if data[0] == 0x02:  # like the real one: without power, the arm falls
                     self.enabled, self.control = False, 0
             case frames.LIMIT_QUERY:
                 motor = data[0]

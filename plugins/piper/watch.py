@@ -1,4 +1,4 @@
-"""The reasons to stop: what is looked at in every tick of the control loop."""
+"""The reasons to stop, checked in every tick of the control loop."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gvla2_plugins.piper.feedback import Snapshot
 class WatchLimits:
     """Seconds and radians beyond which the arm is held.
 
-    ``tracking`` is how far a joint may be from its target for ``tracking_ticks`` ticks in a row; ``heartbeat`` how
-    long the program that moves the arm may stay away, ``lateness`` how late a tick of the loop itself may be.
-    Measurements that stay the same to the last digit for ``frozen`` seconds, while a target travels by more than
-    ``frozen_travel`` radians, are taken for frozen.
+    ``tracking`` is how far a joint may be from its target for ``tracking_ticks`` ticks in a row; ``heartbeat`` how long
+    the controlling program may be silent, ``lateness`` how late a tick of the loop itself may be. Measurements that
+    stay the same to the last digit for ``frozen`` seconds, while a target travels by more than ``frozen_travel``
+    radians, count as frozen.
     """
 
     stale: float = 0.1
@@ -45,8 +45,8 @@ class Watch:
     ) -> str:
         """Why the arm must be held now, in words; "" when all is well.
 
-        ``sending`` tells of a command that failed. ``asleep`` are seconds for which this process itself could not
-        listen lately (a long call into a library): feedback may be older by that much.
+        ``sending`` describes a failed command. ``asleep`` are seconds for which this process itself could not listen
+        lately (a long call into a library): feedback may be older by that much.
         """
         limits = self.limits
         if seen.foreign:
@@ -67,7 +67,7 @@ class Watch:
 
     @staticmethod
     def condition(seen: Snapshot, armed: bool = True) -> str:
-        """What the arm says is wrong with itself; an unarmed one may be disabled and in standby."""
+        """The arm's own fault reports; an unarmed one may be disabled and in standby."""
         if seen.state != 0:
             return f"the arm's status is '{frames.ARM_STATES.get(seen.state, hex(seen.state))}'"
         if seen.error_code:

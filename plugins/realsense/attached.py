@@ -1,4 +1,4 @@
-"""Which camera is plugged in, and why one is not to be found."""
+"""Finding the connected camera, or the reason why it is missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LAST_WITH_L515 = (2, 54)
 """The last librealsense that knows the L500 and SR300 series; 2.55 dropped them, and does not list them at all."""
 
 _WEBCAM = "Platform Camera"
-"""What librealsense calls a camera that is not one of its own."""
+"""librealsense's name for a foreign camera."""
 
 _USB = Path("/sys/bus/usb/devices")
 _INTEL = "8086"
@@ -24,8 +24,8 @@ _RETIRED = {"0b3d": "L515", "0b64": "L515", "0b68": "L535", "0aa5": "SR300", "0b
 def choose(rs: Any, devices: Sequence[Any], serial: str = "", usb: Path = _USB) -> Any:
     """The device of that serial, or the only one there is.
 
-    ``usb`` is where Linux lists what is plugged in. Raises :class:`RobotError` that says what is there instead; a
-    camera that this librealsense no longer supports is named.
+    ``usb`` is where Linux lists USB devices. Raises :class:`RobotError`, listing the connected ones; a camera that this
+    librealsense no longer supports is named.
     """
     found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
     if serial in found:
@@ -52,7 +52,7 @@ def serial_of(rs: Any, device: Any) -> str:
 
 
 def name_of(rs: Any, device: Any) -> str:
-    """What the maker calls it."""
+    """The maker's name for it."""
     return _info(device, rs.camera_info.name) or "a camera without a name"
 
 

@@ -1,4 +1,4 @@
-"""Depth along the colour camera's axis: librealsense's alignment moves pixels, and leaves the numbers as they were."""
+"""Depth along the colour camera's axis: librealsense's alignment moves pixels, but leaves the values unchanged."""
 
 from __future__ import annotations
 

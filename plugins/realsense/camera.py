@@ -1,4 +1,4 @@
-"""The camera of a robot: a live stream, placed by the hand-eye calibration of the very same camera."""
+"""The camera of a robot: a live stream, placed by that camera's hand-eye calibration."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class RealsenseCamera:
     """Implements :class:`gvla2.robot.camera.DepthCamera`; streams from the constructor on.
 
     ``device`` is a librealsense device to be used instead of one that is plugged in, ``rs.software_device`` for
-    example. Raises :class:`ConfigurationError` for options that can't be, :class:`RobotError` for a camera that is
-    not there or silent, and for a calibration that is not of this camera.
+    example. Raises :class:`ConfigurationError` for invalid options, :class:`RobotError` for a missing or silent camera,
+    and for another camera's calibration.
     """
 
     def __init__(self, config: RealsenseConfig, device: Any = None) -> None:
@@ -71,7 +71,7 @@ class RealsenseCamera:
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """One view, exposed after the call began; ``base_from_tcp`` (4, 4) is needed by a camera on the hand.
 
-        Raises :class:`RobotError` when the camera was unplugged, stands still, or changes its pictures' size.
+        Raises :class:`RobotError` when the camera was unplugged, is frozen, or changes its pictures' size.
         """
         pose = self._pose(base_from_tcp)
         picture = self._stream.next(time.time(), self._timeout)
@@ -91,9 +91,7 @@ class RealsenseCamera:
         if self.calibration.mount == "eye_to_hand":
             return self.calibration.transform
         if base_from_tcp is None:
-            raise RobotError(
-                f"The camera '{self.serial}' is on the hand: it sees only where the hand is known to be."
-            )
+            raise RobotError(f"The camera '{self.serial}' is on the hand: it needs the hand's pose.")
         return base_from_tcp @ self.calibration.transform
 
 
@@ -118,7 +116,7 @@ def _check(config: RealsenseConfig) -> None:
 
 
 def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
-    """The camera must measure as it did when it was calibrated: another mode crops, and moves the axis."""
+    """The camera must measure as it did when it was calibrated: another mode crops, and moves the centre."""
     wanted = calibration.intrinsics
     pairs = {
         "fx": (stream.fx, wanted.fx, wanted.fx),

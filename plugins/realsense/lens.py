@@ -1,4 +1,4 @@
-"""A lens that bends straight lines, made straight: the core's cameras are pinholes."""
+"""Undistorting a lens: the core's cameras are pinholes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gvla2.errors import RobotError
 from gvla2.robot.calibration import Intrinsics
 
 NEGLIGIBLE = 0.25
-"""Pixels; a lens that bends by less everywhere is left alone, its pictures stay exact."""
+"""Pixels; below this distortion everywhere, pictures are left unchanged."""
 
 
 def pinhole(given: Any) -> Intrinsics:
@@ -44,7 +44,7 @@ class Lens:
         return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
 
     def depth(self, bent: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The straight depth (H, W), each from the nearest pixel: averages across an edge lie on no surface."""
+        """The straight depth (H, W), each from the nearest pixel: averages across an edge would lie on no surface."""
         height, width = bent.shape
         rows, columns = np.rint(self.rows).astype(np.intp), np.rint(self.columns).astype(np.intp)
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
@@ -53,7 +53,7 @@ class Lens:
 
 
 def lens_of(rs: Any, given: Any) -> Lens | None:
-    """What makes a stream's pictures straight, by librealsense's own model of its lens; None when they are."""
+    """The undistortion of a stream's pictures, by librealsense's own model of its lens; None if not needed."""
     if given.model == rs.distortion.none or not any(given.coeffs):
         return None
     columns, rows = np.meshgrid(np.arange(given.width, dtype=float), np.arange(given.height, dtype=float))
@@ -61,7 +61,7 @@ def lens_of(rs: Any, given: Any) -> Lens | None:
     project = rs.rs2_project_point_to_pixel
     bent = np.array([project(given, ray) for ray in rays.reshape(-1, 3).tolist()]).reshape(*rows.shape, 2)
     if not np.isfinite(bent).all():
-        raise RobotError(f"The camera reports a lens that can't be: {given.model}, {list(given.coeffs)}.")
+        raise RobotError(f"The camera reports an invalid lens: {given.model}, {list(given.coeffs)}.")
     if np.abs(bent - np.stack([columns, rows], -1)).max() < NEGLIGIBLE:
         return None
     return Lens(bent[..., 1], bent[..., 0])

@@ -1,4 +1,4 @@
-"""Loading librealsense: its Python wheel links to libusb, and carries none."""
+"""Loading librealsense: its Python wheel links to libusb without bundling it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _INSTALL = "pip install 'gvla2[realsense]'"
 def load() -> Any:
     """The module ``pyrealsense2``.
 
-    Raises :class:`MissingDependencyError` when it, or the libusb that it links to, is not there.
+    Raises :class:`MissingDependencyError` when it, or its libusb, is missing.
     """
     _offer_libusb()
     try:
@@ -41,7 +41,7 @@ def version() -> tuple[int, int]:
 def _offer_libusb() -> None:
     """Load the libusb of the package ``libusb_package`` for all, so that pyrealsense2 finds its symbols there.
 
-    Where there is no such package, or it does not fit this system, the system's own libusb may still do.
+    Without such a package, or if it does not fit this system, the system's own libusb may still work.
     """
     if os.name != "posix":
         return  # elsewhere the wheel has what it needs

@@ -1,4 +1,4 @@
-"""Which of the streams that a device offers to open."""
+"""Choosing among the streams of a device."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ def choose_profiles(
 ) -> Chosen:
     """Colour (RGB or BGR, 8 bit) of exactly ``size`` (width, height), and depth (16 bit) of ``depth_size``.
 
-    A depth size of (0, 0) is whatever comes nearest to the colour's. Raises :class:`RobotError` that lists what the
-    device has.
+    A depth size of (0, 0) takes the nearest to the colour's. Raises :class:`RobotError`, listing the device's streams.
     """
     offers = [(sensor, p) for sensor in device.query_sensors() for p in sensor.get_stream_profiles()]
     video = [(sensor, p) for sensor, p in offers if p.is_video_stream_profile()]
@@ -37,7 +36,7 @@ def choose_profiles(
     who = f"The camera {name_of(rs, device)} '{serial_of(rs, device)}'"
     for what, found in (("depth", depths), ("colour", colours)):
         if not found:
-            raise RobotError(f"{who} has no {what} stream: it is no RGB-D camera.{link_note(rs, device)}")
+            raise RobotError(f"{who} has no {what} stream: it is not an RGB-D camera.{link_note(rs, device)}")
     colour = _pick(colours, size, fps)
     exact = depth_size != (0, 0)
     depth = _pick(depths, depth_size, fps) if exact else _nearest(depths, size, fps)

@@ -1,4 +1,4 @@
-"""Record what a camera sees into a folder for ``camera=replay``: ``python -m gvla2_plugins.realsense.record``."""
+"""Record a camera's frames into a folder for ``camera=replay``: ``python -m gvla2_plugins.realsense.record``."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from gvla2_plugins.realsense.camera import RealsenseCamera
 def record(camera: RealsenseCamera, folder: Path, frames: int, every: float) -> None:
     """Write ``frames`` frames, ``every`` seconds apart: NNN.rgb.png, NNN.depth.npy (metres), camera.json.
 
-    A camera on the hand is recorded with the hand standing still. Raises :class:`OutputError` for a folder that holds
-    something already, and :class:`RobotError` for trouble with the camera; the frames until then are there.
+    A camera on the hand is recorded with the hand standing still. Raises :class:`OutputError` for a folder that is not
+    empty, and :class:`RobotError` for camera failures; earlier frames are kept.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -33,7 +33,7 @@ def record(camera: RealsenseCamera, folder: Path, frames: int, every: float) -> 
     except OSError as error:
         raise OutputError(f"The folder {folder} can't be used: {error.strerror}.") from error
     if taken:
-        raise OutputError(f"The folder {folder} holds something already; name one that is new or empty.")
+        raise OutputError(f"The folder {folder} is not empty; choose a new or empty one.")
     replace(camera.calibration, intrinsics=camera.intrinsics).save(folder / "camera.json")
     for number in range(frames):
         if number:
@@ -51,7 +51,7 @@ def _write(view: View, stem: Path) -> None:
 
 
 def main(argv: Sequence[str] | None = None, device: Any = None) -> int:
-    """The command; 1 for trouble, which is told on the terminal. ``device`` as in :class:`RealsenseCamera`."""
+    """The command; returns 1 after an error, which is printed. ``device`` as in :class:`RealsenseCamera`."""
     parser = argparse.ArgumentParser(prog="python -m gvla2_plugins.realsense.record", description=__doc__)
     parser.add_argument("calibration", help="the camera's hand-eye file")
     parser.add_argument("folder", type=Path, help="where the frames go: a new folder")

@@ -1,4 +1,4 @@
-"""A camera of software: given pictures, sent through librealsense as a device's own would be."""
+"""A software camera: given pictures, sent through librealsense like a device's own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Optics:
     coeffs: tuple[float, ...] = (0.0,) * 5
 
     def intrinsics(self, rs: Any) -> Any:
-        """As librealsense wants them."""
+        """In librealsense's format."""
         made = rs.intrinsics()
         made.width, made.height, made.fx, made.fy = self.width, self.height, self.f, self.f
         made.ppx, made.ppy = 0.5 * self.width - 0.5, 0.5 * self.height - 0.5
@@ -41,10 +41,9 @@ class SoftwareCamera:
 
     ``image`` (H, W, 3) uint8 and ``depth`` (H, W) uint16, in ``unit`` metres, may be changed at any time.
     ``colour_from_depth`` is where the depth sensor sits seen from the colour camera (metres; None for a device that
-    does not say), and
-    ``tilt`` its turn about y, radians. ``plugged`` is what the device says of its plug;
-    ``sends`` are the streams that send; ``counting`` is whether frames get new numbers; ``domain`` is the name of the
-    clock that stamps them; ``other_size`` sends depth of half the size that was asked for.
+    does not say), and ``tilt`` its turn about y, radians. ``plugged`` is the device's connection state; ``sends`` are
+    the active streams; ``counting`` is whether frames get new numbers; ``domain`` is the name of the clock that stamps
+    them; ``other_size`` sends depth of half the requested size.
     """
 
     serial: str = "f0123"
@@ -96,7 +95,7 @@ class SoftwareCamera:
         self._number = 0
 
     def start(self) -> SoftwareCamera:
-        """Begin to send; frames that nobody has opened a stream for are lost, as from a real sensor."""
+        """Start sending; frames without an open stream are lost, as from a real sensor."""
         self._stop.clear()
         self._thread = threading.Thread(target=self._send, daemon=True)
         self._thread.start()

@@ -22,10 +22,10 @@ FILTERS = {
 }
 
 _SLICE_MS = 250
-"""How long one wait may last: between two, Ctrl-C is heard and the plug is looked at."""
+"""Longest single wait: in between, Ctrl-C and the connection are checked."""
 
 _TRUSTED = 1.0
-"""Seconds; a picture's own time that is further from now is of a clock that was set meanwhile, or of another one."""
+"""Seconds; a picture's timestamp further from now is from another clock, or one that was reset."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Picture:
 
 
 class Stream:
-    """Opens and starts the sensors of ``device``; any librealsense device will do, ``rs.software_device`` too.
+    """Opens and starts the sensors of ``device``; any librealsense device works, ``rs.software_device`` too.
 
     ``size`` is width and height of the colour picture; ``intrinsics`` are that stream's, ``extrinsics`` from depth to
     colour. Raises
@@ -94,8 +94,8 @@ class Stream:
     def next(self, began: float, timeout: float) -> Picture:
         """The first pair that was exposed after ``began`` (``time.time()``), within ``timeout`` seconds.
 
-        Raises :class:`RobotError` for a camera that was closed or unplugged, gives nothing, or only half, or the
-        same over and over, or pictures of another size than it was started with.
+        Raises :class:`RobotError` for a camera that was closed or unplugged, gives nothing, or only half, or the same
+        over and over, or pictures of a different size than at the start.
         """
         if not self._running:
             raise RobotError(f"The camera {self.name} is closed.")
@@ -117,7 +117,7 @@ class Stream:
                 if exposed >= began:
                     self._check_sizes(colour, depth)
                     return self._picture(frames, exposed)
-        except RuntimeError as error:  # all that librealsense ever raises
+        except RuntimeError as error:  # the only type that librealsense raises
             self._check_plug()
             raise RobotError(f"The camera {self.name} failed: {error}.") from error
         self._check_plug()
@@ -130,7 +130,7 @@ class Stream:
                 try:
                     end()
                 except RuntimeError:
-                    continue  # never started, or gone: there is nothing left to stop
+                    continue  # never started, or unplugged: nothing to stop
         self._running = []
 
     def _check_plug(self) -> None:
@@ -138,7 +138,7 @@ class Stream:
             raise RobotError(f"The camera {self.name} was unplugged.")
 
     def _advanced(self, colour: Any, depth: Any) -> bool:
-        """Whether both are other frames than those of the last pair: a camera that stands still sends old ones."""
+        """Whether both frames are new: a frozen camera repeats old ones."""
         numbers = (colour.get_frame_number(), depth.get_frame_number())
         fresh = bool(numbers[0] != self._last[0] and numbers[1] != self._last[1])
         if fresh:
@@ -146,7 +146,7 @@ class Stream:
         return fresh
 
     def _exposed(self, frame: Any, arrived: float) -> float:
-        """When the picture was taken: by its own time where that is the computer's, else a period before it came."""
+        """When the picture was taken: its timestamp if on this computer's clock, else a period before it arrived."""
         stamp = frame.get_timestamp() / 1e3
         own = frame.get_frame_timestamp_domain() != self._rs.timestamp_domain.hardware_clock
         return float(
@@ -189,4 +189,4 @@ def _lacking(seen: set[str]) -> str:
         return "gave no picture at all"
     if len(seen) == 1:
         return f"gave {next(iter(seen))} pictures, and no {'depth' if 'colour' in seen else 'colour'},"
-    return "stands still: it gave no new pair of colour and depth"
+    return "is frozen: it gave no new pair of colour and depth"

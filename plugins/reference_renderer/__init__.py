@@ -1,4 +1,4 @@
-"""A renderer to compare others with: Gaussians composited exactly, one after the other, in numpy."""
+"""A renderer to compare others with: Gaussians composited exactly, one by one, in numpy."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class ReferenceRendererConfig(ComponentConfig):
     low_pass: float = 0.3
     """Added to both variances of a projected Gaussian, square pixels: none becomes thinner than a pixel."""
     near: float = 0.01
-    """Gaussians whose centre is nearer to the camera's plane than this are left out, metres."""
+    """Gaussians with a centre nearer to the camera's plane than this are skipped, metres."""
     min_alpha: float = 1 / 255
-    """Contributions below this opacity are left out."""
+    """Contributions below this opacity are skipped."""
     max_alpha: float = 0.99
-    """No Gaussian alone hides more than this."""
+    """The most that a single Gaussian hides."""
 
 
 def _build(config: ReferenceRendererConfig) -> Renderer:

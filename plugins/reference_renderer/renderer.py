@@ -1,6 +1,6 @@
-"""Elliptical weighted average splatting (Zwicker et al. 2001; Kerbl et al. 2023), written to be read.
+"""Elliptical weighted average splatting (Zwicker et al. 2001; Kerbl et al. 2023), written for readability.
 
-It is slow: a Python loop over the Gaussians, no tiles, no early stop. It is what faster renderers are held to.
+It is slow: a Python loop over the Gaussians, no tiles, no early stop. It is the reference for faster renderers.
 """
 
 from __future__ import annotations

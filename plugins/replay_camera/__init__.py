@@ -1,12 +1,10 @@
-"""Recorded RGB-D frames in place of a camera: a folder of pictures, or the views that a run kept.
+"""Recorded RGB-D frames in place of a camera: a folder of pictures, or a run's stored views.
 
 A folder of pictures is one camera's; or it has a folder of pictures for each of several cameras, named after them:
 
-    000.rgb.png     8 bit colour
-    000.depth.png   16 bit, in units of ``depth_scale``; or 000.depth.npy: metres if it holds floats, units otherwise
-    001.rgb.png ...
-    camera.json     the hand-eye calibration that `gvla2 calibrate` writes, and optionally ``depth_scale``, metres a
-                    unit (0.001 by default)
+    000.rgb.png     8 bit colour 000.depth.png   16 bit, in units of ``depth_scale``; or 000.depth.npy: metres if it
+    holds floats, units otherwise 001.rgb.png ... camera.json     the hand-eye calibration that `gvla2 calibrate`
+    writes, and optionally ``depth_scale``, metres per unit (0.001 by default)
 
 Depth is measured along the camera's z and aligned to the colour picture; 0 and NaN are where nothing was measured.
 """
@@ -49,7 +47,7 @@ class ReplayConfig(ComponentConfig):
 
 
 def _build(config: ReplayConfig) -> DepthCamera:
-    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: what is moved stays where it was."""
+    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: moved things stay where they were."""
     from gvla2_plugins.replay_camera.camera import ReplayCamera
 
     return ReplayCamera(config)

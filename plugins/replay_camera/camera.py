@@ -1,4 +1,4 @@
-"""One frame after the other, from whatever kind of recording there is."""
+"""Frames in order, from any kind of recording."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Moment = Callable[[int, FloatArray | None], tuple[View, ...]]
 class ReplayCamera:
     """Implements :class:`gvla2.robot.camera.DepthCamera`.
 
-    Frames are given as if they were taken when they are asked for; an arm that moves by them moves by the past.
-    Raises :class:`ConfigurationError` for a path that is not there, :class:`RobotError` that names the file for a
-    recording that can't be used.
+    Frames are returned as if taken on request; an arm that moves by them moves by the past. Raises
+    :class:`ConfigurationError` for a missing path, :class:`RobotError`, naming the file, for a recording that can't be
+    used.
     """
 
     def __init__(self, config: ReplayConfig) -> None:
@@ -43,7 +43,7 @@ class ReplayCamera:
 
     @property
     def live(self) -> bool:
-        """Never: a recording shows the past."""
+        """False: a recording shows the past."""
         return False
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
@@ -53,8 +53,8 @@ class ReplayCamera:
         if self._next >= self._count:
             if self._at_end is AtEnd.stop:
                 raise RobotError(
-                    f"The recording {self._path} is at its end, after {self._count} frames. camera.at_end=stay goes "
-                    "on with the last, again with the first."
+                    f"The recording {self._path} is at its end, after {self._count} frames. camera.at_end=stay "
+                    f"continues with the last, again with the first."
                 )
             self._next = self._count - 1 if self._at_end is AtEnd.stay else 0
         views = self._moment(self._next, base_from_tcp)
@@ -62,7 +62,7 @@ class ReplayCamera:
         return CameraFrames(views, (time.time(),) * len(views))
 
     def close(self) -> None:
-        """Nothing is held open, but nothing more is shown."""
+        """Nothing is open, but no more frames are shown."""
         self._closed = True
 
     def _open(self, config: ReplayConfig) -> tuple[int, Moment]:
@@ -76,7 +76,7 @@ class ReplayCamera:
         cameras = sorted(file.parent for file in path.glob(f"*/{CAMERA}"))
         if not cameras:
             raise RobotError(
-                f"{path} is no recording: it holds neither {CAMERA} nor {ARCHIVE}, nor folders with a {CAMERA}."
+                f"{path} is not a recording: it holds neither {CAMERA} nor {ARCHIVE}, nor folders with a {CAMERA}."
             )
         return _side_by_side([FrameFolder(folder, folder.name, config.serial) for folder in cameras])
 

@@ -22,7 +22,7 @@ from gvla2.robot.calibration import Calibration
 CAMERA = "camera.json"
 MILLIMETRE = 0.001
 FARTHEST = 100.0
-"""Metres; a picture that is farther away on the whole was stored in other units."""
+"""Metres; a picture with a larger median depth was stored in other units."""
 
 _NUMBER = re.compile(r"(\d+)\.(rgb\.png|depth\.png|depth\.npy)")
 _DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I")
@@ -37,8 +37,8 @@ class Pair:
 
 
 class FrameFolder:
-    """One camera's recording. Raises :class:`RobotError`, naming the file, for all that :meth:`view` could stumble on
-    but damaged pixels: no frames, half a frame, mixed sizes, depth of 8 bits, a calibration that is refused.
+    """One camera's recording. Raises :class:`RobotError`, naming the file, for everything that could make :meth:`view`
+    fail except damaged pixels: no frames, half a frame, mixed sizes, depth of 8 bits, a calibration that is refused.
     """
 
     def __init__(self, folder: Path, name: str, serial: str = "") -> None:
@@ -58,9 +58,7 @@ class FrameFolder:
         pose, intrinsics = self.calibration.transform, self.calibration.intrinsics
         if self.calibration.mount == "eye_in_hand":
             if base_from_tcp is None:
-                raise RobotError(
-                    f"{self.folder} was recorded from the hand: it shows something only where that is known to be."
-                )
+                raise RobotError(f"{self.folder} was recorded from the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
         camera = Camera(intrinsics.K, pose, intrinsics.width, intrinsics.height, self.name)
         pair = self._pairs[index]
@@ -116,7 +114,7 @@ def _depth_scale(path: Path) -> float:
         "depth_scale", MILLIMETRE
     )  # Calibration.load has read it as JSON
     if not isinstance(given, int | float) or not (0 < given < math.inf):
-        raise RobotError(f"{path}: depth_scale is {given!r}; it is metres a unit, such as 0.001.")
+        raise RobotError(f"{path}: depth_scale is {given!r}; it is metres per unit, such as 0.001.")
     return float(given)
 
 
@@ -137,7 +135,7 @@ def _size(path: Path) -> tuple[int, int]:
                 )
             return picture.size
     except OSError as error:
-        raise RobotError(f"{path} is no picture that can be read: {error}.") from error
+        raise RobotError(f"{path} is not a readable picture: {error}.") from error
 
 
 def _array(path: Path) -> NDArray[Any]:
@@ -146,7 +144,7 @@ def _array(path: Path) -> NDArray[Any]:
         if not isinstance(loaded, np.ndarray):
             raise ValueError("it is an archive")
     except (OSError, ValueError, EOFError) as error:
-        raise RobotError(f"{path} is no array that can be read: {error}.") from error
+        raise RobotError(f"{path} is not a readable array: {error}.") from error
     return loaded
 
 

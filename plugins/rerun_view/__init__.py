@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class RerunConfig(ComponentConfig):
     """Options of ``rerun``: the name of the ``file`` in each episode's folder; ``rerun FILE`` opens it.
 
-    ``points`` is how many points of what the cameras measured are kept at most.
+    ``points`` is the most points kept of the cameras' measurements.
     """
 
     file: str = "episode.rrd"

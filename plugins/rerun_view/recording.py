@@ -1,14 +1,11 @@
 """An episode as a recording of rerun: the world in 3D before and after, the arm's joints in between, and texts.
 
-    world/cameras/NAME      pose and lens; below them image and depth
-    world/seen              points that the cameras measured, in and near the workspace
-    world/objects/ID        each object's body and its box with its name
-    world/plan              path, waypoints (red where a check failed), and where the tool really got to
-    arm/joints/K, arm/gripper_width    measured, radians and metres
-    film                    what the main camera saw meanwhile
-    checks, memory          findings and lessons, in words
+    world/cameras/NAME      pose and lens; below them image and depth world/seen              points that the cameras
+    measured, in and near the workspace world/objects/ID        each object's body and its box with its name world/plan
+    path, waypoints (red where a check failed), and the tool's real positions arm/joints/K, arm/gripper_width measured,
+    radians and metres film the main camera's pictures checks, memory findings and lessons, in words
 
-The time line "episode" has seconds from the first frame of the motion on.
+The time line "episode" has seconds since the first frame of the motion.
 """
 
 from __future__ import annotations
@@ -34,7 +31,7 @@ LINE = "episode"
 
 
 class RerunViewer:
-    """Writes one file an episode; needs neither a window nor a server."""
+    """Writes one file per episode; needs neither a window nor a server."""
 
     def __init__(self, config: RerunConfig) -> None:
         self._config = config
@@ -95,7 +92,7 @@ def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
     stops = [list(w.xyz) for w in waypoints]
     said = [said_of(k, waypoint, record.checks) for k, waypoint in enumerate(waypoints)]
     colours = [OPEN if w.gripper > 0.5 else CLOSED for w in waypoints]
-    # The hand opens or closes after it has arrived: a leg looks as the waypoint before it left the gripper.
+    # The hand opens or closes after arriving: a leg shows the gripper as the previous waypoint left it.
     legs, looks = list(pairwise(stops)), colours[:-1]
     if record.observation is not None:
         legs, looks = [([*record.observation.world_from_tcp[:3, 3]], stops[0]), *legs], [OPEN, *looks]

@@ -1,7 +1,7 @@
-"""RoboPoint: a vision model points at things and places in a picture, a skill does the rest.
+"""RoboPoint: a vision model points at things and places in a picture, and a skill does the rest.
 
 After Yuan et al., "RoboPoint: A Vision-Language Model for Spatial Affordance Prediction for Robotics" (2024): asked in
-its published words, the model answers with points [(x, y), ...] from 0 to 1. Any model that can point serves.
+its published words, the model answers with points [(x, y), ...] from 0 to 1. Any model that can point works.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class RoboPointConfig(PictureOptions, ComponentConfig):
     """Options of the ``robopoint`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
 
-    And ``agreement``, the share of points that must lie on one object for it to be meant.
+    And ``agreement``, the share of points that must lie on one object to select it.
     """
 
     agreement: float = 0.5

@@ -30,12 +30,12 @@ SUFFIX = (
     "the x and y coordinates of a point satisfying the conditions above. The coordinates should be between 0 and "
     "{scale:g}, indicating the normalized pixel locations of the points in the image."
 )
-"""How RoboPoint was taught to be asked, as published with it."""
+"""RoboPoint's published prompt."""
 BESIDES = {
     "beside": "beside", "left_of": "to the left of", "right_of": "to the right of",
     "behind": "behind", "front_of": "in front of",
 }  # fmt: skip
-"""Relations whose goal is a place in the open, in the words that the model was taught."""
+"""Relations whose goal is a free place, in the model's training words."""
 LEVEL = 0.02
 """Points on the table are within this of its height, metres."""
 
@@ -50,7 +50,7 @@ class RoboPointPlanner:
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
         asking = _Asking(self.config, self._language, request)
@@ -66,7 +66,7 @@ class RoboPointPlanner:
 
 
 class _Asking:
-    """One request: its picture, and what was said."""
+    """One request: its picture and conversation."""
 
     def __init__(self, config: RoboPointConfig, language: LanguageModel, request: PlanRequest) -> None:
         self.said: list[Mapping[str, Any]] = []
@@ -87,7 +87,7 @@ class _Asking:
         if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
             goal = self._thing(task.goal)
             if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
-                goal = ""  # what was not perceived as a thing may still be a place
+                goal = ""  # a name that matches no perceived thing may still be a place
         for refusal in (theme, goal):
             if isinstance(refusal, Abstention):
                 return refusal
@@ -116,7 +116,7 @@ class _Asking:
         return best
 
     def _point(self, words: str) -> list[Sighting]:
-        """What is where the model points."""
+        """The object or place where the model points."""
         config, request = self._config, self._request
         view = config.view(request)
         asked = config.question(view, [*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])

@@ -1,4 +1,4 @@
-"""What is to be done, with which thing and where: out of an instruction of simple form, or by asking the model."""
+"""The skill, the thing and the place: parsed from a simple instruction, or by asking the model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gvla2.skills.skill import Skill
 
 @dataclass(frozen=True)
 class PointingTask:
-    """A skill's name, the words for the theme, and for the goal where there is one, with its relation."""
+    """A skill's name, the words for the theme, and for the goal if there is one, with its relation."""
 
     skill: str
     theme: str
@@ -40,7 +40,7 @@ _TWISTED = re.compile(
     r"\d+|cm|mm|that|which|it|them)\b|[,;:.!?]\s*\S",
     re.IGNORECASE,
 )
-"""What an instruction of simple form does not have; with one of these the model is asked."""
+"""Words absent from simple instructions; with one of these the model is asked."""
 
 
 def read_simply(instruction: str) -> PointingTask | None:
@@ -65,7 +65,7 @@ def _bare(words: str) -> str:
 
 
 def question(instruction: str, skills: Mapping[str, Skill]) -> str:
-    """What the model is asked where the instruction is not of simple form."""
+    """The question to the model for an instruction that is not simple."""
     lines = "\n".join(f"{s.signature()}: {s.description}" for s in skills.values())
     return (
         f"A robot can do this:\n{lines}\n\nThe instruction is: {' '.join(instruction.split())[:500]}\n\nWhich skill "
@@ -89,10 +89,10 @@ def form(skills: Mapping[str, Skill]) -> dict[str, Any]:
 
 
 def read_answer(text: str, skills: Mapping[str, Skill]) -> PointingTask:
-    """The answer to :func:`question`; raises :class:`ValueError` that says what is wrong with it."""
+    """The answer to :func:`question`; raises :class:`ValueError` on what is wrong with it."""
     answer = json_in(text)
     if not isinstance(answer, dict):
-        raise ValueError("It is no JSON object.")
+        raise ValueError("It is not a JSON object.")
     skill, theme, goal, relation = (answer.get(k, "") for k in ("skill", "theme", "goal", "relation"))
     if skill not in (*skills, "none"):
         raise ValueError(f"There is no skill {skill!r:.40}; there are {', '.join(skills)} and none.")

@@ -1,6 +1,6 @@
-"""SAM3D and its kin: results that lie there, or each run from the user's own checkout in a process of its own.
+"""SAM3D and related programs: finished results, or runs from the user's own checkout in a separate process.
 
-gvla2 ships neither their code nor their weights: both come with licences of their own.
+gvla2 ships neither their code nor their weights: both have their own licences.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class ResultTreeConfig(ComponentConfig):
     refine: bool = True
     """Refine position, turn and scale on the masks."""
     gaussians: int = 15_000
-    """About how many lie on the mesh of a result that has no Gaussians."""
+    """Approximate number of Gaussians on the mesh of a result without any."""
 
 
 _RUNNER = "{plugin}/sam3d_runner.py"
@@ -50,9 +50,9 @@ class ExternalConfig(ComponentConfig):
     """Interpreter of the environment that it was installed into."""
     command: list[str] = field(default_factory=list)
     weights: str = "checkpoints/hf/pipeline.yaml"
-    """What must be there, seen from the checkout, for the weights to count as downloaded; empty: nothing."""
+    """Path relative to the checkout that must exist for the weights to count as downloaded; empty: none."""
     results: list[str] = field(default_factory=list)
-    """Patterns of result files (.ply or .glb), seen from the checkout; the newest counts."""
+    """Patterns of result files (.ply or .glb), relative to the checkout; the newest counts."""
     timeout_s: float = 3600.0
     keep: str = ""
     """Folder in which scene, output and log are kept; empty: a temporary one."""

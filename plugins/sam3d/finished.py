@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ResultTreeReconstructor:
-    """Reads the tree anew for each call, so that a tree may be filled while a sweep runs.
+    """Reads the tree again for each call, so that it may be filled while a sweep runs.
 
     Raises :class:`ConfigurationError` when root or object is not given or the axes cannot be read.
     """
@@ -37,7 +37,7 @@ class ResultTreeReconstructor:
         self._config = config
 
     def reconstruct(self, views: Views) -> Reconstruction:
-        """The result in the views' frame; a :class:`gvla2.errors.GeometryError` names what is absent or broken."""
+        """The result in the views' frame; a :class:`gvla2.errors.GeometryError` names the missing or broken part."""
         c = self._config
         result = read_result(result_folder(c.root, c.object, c.views))
         return align_result(result, views, c.axes, c.refine, c.gaussians)

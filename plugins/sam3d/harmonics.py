@@ -1,4 +1,4 @@
-"""Turning spherical harmonics: what a Gaussian's view-dependent colour becomes when its frame turns."""
+"""Rotating spherical harmonics: a Gaussian's view-dependent colour when its frame turns."""
 
 from __future__ import annotations
 

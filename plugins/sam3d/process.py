@@ -1,4 +1,4 @@
-"""Running a program to its end, or to its time limit, with nothing of it left behind."""
+"""Running a program to its end or time limit, without leaving processes behind."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GRACE_S = 5.0  # between asking a program to end and ending it
 
 
 class ExternalRunError(Gvla2Error):
-    """An external program failed, ran past its time or left no result; the message ends with its last words."""
+    """An external program failed, exceeded its time or left no result; the message ends with its last output."""
 
 
 def run_program(
@@ -60,7 +60,7 @@ def run_program(
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the process and what it has started: its whole group, first politely."""
+    """End the process and its children: the whole group, gently first."""
     for sign in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, sign)

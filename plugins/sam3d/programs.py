@@ -1,4 +1,4 @@
-"""What each program is called, where it comes from, and under which licence."""
+"""Each program's name, source and licence."""
 
 from __future__ import annotations
 

@@ -29,9 +29,9 @@ _ITERATIONS = 20
 _HUBER = 3.0  # pixels
 _DAMPING = 1e-3
 _PATIENCE = 4  # steps without a better IoU before giving up
-_RIM = 400  # rim pixels a view that are listened to
+_RIM = 400  # rim pixels used per view
 _GOOD = 0.95  # IoU at which no further start is tried
-_TRIED_FURTHER = 4  # starts that are refined; the others fit too badly from the beginning
+_TRIED_FURTHER = 4  # number of starts refined; the others fit too badly
 
 
 @dataclass(frozen=True)

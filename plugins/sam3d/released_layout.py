@@ -15,7 +15,7 @@ SUMMARIES: Mapping[str, str] = {
     "axis_refine_meshsync_summary.csv": "axis",
     "geometry_only_blend_summary.csv": "fusion",
 }
-"""What each released script calls its table, and the stage of ours that it belongs to."""
+"""The table's name of each released script, and our stage for it."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Results of MV-SAM3D, SAM3D and their kin: reading them, and bringing them to the calibrated frame."""
+"""Results of MV-SAM3D, SAM3D and related programs: reading them, and moving them to the calibrated frame."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _MOST_GAUSSIANS = 8_000
 class ResultFiles:
     """A result in its own canonical frame, Z-up.
 
-    ``pose`` takes it into the frame of the first camera (OpenCV), up to the scale of the depth that it was made
-    with; None where the result does not say. ``note`` tells what was missing; ``glb`` is the mesh's file.
+    ``pose`` takes it into the frame of the first camera (OpenCV), up to the scale of the depth that it was made with;
+    None if the result does not say. ``note`` says what was missing; ``glb`` is the mesh's file.
     """
 
     gaussians: Gaussians | None
@@ -53,7 +53,7 @@ class ResultFiles:
 def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultFiles:
     """Read ``<stem>.ply`` (Gaussians), ``<stem>.glb`` (mesh) and ``params.npz`` (pose) of a folder.
 
-    One of the first two suffices; a PLY without Gaussians' properties is passed over when there is a mesh. Raises
+    One of the first two suffices; a PLY without Gaussians' properties is ignored when there is a mesh. Raises
     :class:`GeometryError`, naming the file, when both are absent or one is broken.
     """
     place_ = Path(folder)
@@ -85,11 +85,11 @@ def align_result(
 ) -> Reconstruction:
     """The result in the views' calibrated frame, refined on the masks by a similarity.
 
-    Starts from the result's own pose when it has one (its scale is searched), else from ``axes``: a transform word
-    such as ``perm012_signpnn`` from the result's frame to the world's, or ``auto``, which tries the 24 quarter
-    turns; with ``refine=False`` a word is applied as it is. A mirroring word is a
-    :class:`gvla2.errors.ConfigurationError`. A result without Gaussians gets ``count`` flat ones
-    on its mesh. The status tells how well the silhouettes fit when they fit poorly.
+    Starts from the result's own pose when it has one (its scale is searched), else from ``axes``: a transform word such
+    as ``perm012_signpnn`` from the result's frame to the world's, or ``auto``, which tries the 24 quarter turns; with
+    ``refine=False`` a word is applied as it is. A mirroring word is a :class:`gvla2.errors.ConfigurationError`. A
+    result without Gaussians gets ``count`` flat ones on its mesh. The status says how well the silhouettes fit if they
+    fit poorly.
     """
     mesh = _silhouette_mesh(result)
     start = None if axes == "auto" else Sim3(1.0, parse_rotation_word(axes), np.zeros(3))

@@ -1,4 +1,4 @@
-"""An external program as a reconstructor: write the views, run it, read what it made."""
+"""An external program as a reconstructor: write the views, run it, read its result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ExternalReconstructor:
     """Runs one of :data:`PROGRAMS` once for each call.
 
     Checks the checkout, the weights and the interpreter when it is made, before any work is done. Raises
-    :class:`MissingDependencyError` for what is absent and :class:`ConfigurationError` for options that cannot be.
+    :class:`MissingDependencyError` for a missing part and :class:`ConfigurationError` for invalid options.
     """
 
     def __init__(self, program: str, config: ExternalConfig) -> None:
@@ -44,7 +44,7 @@ class ExternalReconstructor:
         """The program's result in the views' frame.
 
         Raises :class:`ExternalRunError` when it fails, takes too long or leaves no result, and
-        :class:`gvla2.errors.GeometryError` when what it leaves cannot be read.
+        :class:`gvla2.errors.GeometryError` when its result cannot be read.
         """
         place = _work_folder(self._config.keep)
         try:
@@ -55,7 +55,7 @@ class ExternalReconstructor:
 
     def _run(self, place: Path, views: Views) -> Reconstruction:
         c, title = self._config, self._program.title
-        # The program may name its own folders after the scene's: that name must be nobody else's.
+        # The program may name its own folders after the scene's, so that name must be unique.
         scene, output = place / place.name, place / "output"
         output.mkdir()
         image = write_scene(scene, views)

@@ -1,4 +1,4 @@
-"""Views written the way SAM3D and its kin read them."""
+"""Views written in the layouts that SAM3D and related programs read."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def write_scene(scene: Path, views: Views) -> Path:
 
 
 def _shown(view: View) -> NDArray[np.bool_]:
-    """(H, W) where the view's mask says that the object is; nowhere without a mask."""
+    """(H, W) the pixels of the view's mask; none without a mask."""
     return np.zeros(view.image.shape[:2], dtype=bool) if view.mask is None else view.mask > 0.5
 
 

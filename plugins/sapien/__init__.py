@@ -16,22 +16,21 @@ class SapienArmConfig(ComponentConfig):
     """Options of a simulated arm; metres, radians, seconds, newtons.
 
     ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
-    found by trying postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints``
-    are the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
-    ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` what planners know of its size
+    found by trying postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints`` are
+    the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
+    ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` its size for planners
     (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
     ``base_yaw``. Tasks are laid out before it, along x, in the rectangle ``site_size`` about ``site_centre``; the tool
     stays between ``workspace_low`` and ``workspace_high``. ``either_way``, ``ease`` and ``reach`` (0: found) bound
     where things are laid out: fingers either way round, a share of the best manipulability, a distance from the base.
-    What is left empty is measured or found.
+    Empty options are measured or found.
 
     ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` (position
-    and viewing direction, six numbers) and wrist; ``image_size`` is their side in
-    pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm moves (from the first
-    camera). ``physics_rate`` is in steps a second. The arm's joints are position drives with feed-forward
-    velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
-    most that one finger presses with, ``grip_speed`` how fast one finger moves. ``attach`` ties what both fingers
-    touch to the hand until they open, instead of holding it by friction alone.
+    and viewing direction, six numbers) and wrist; ``image_size`` is their side in pixels, ``video_size`` and
+    ``video_fps`` those of the pictures taken while the arm moves (from the first camera). ``physics_rate`` is in steps
+    a second. The arm's joints are position drives with feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping``
+    Nms/rad, ``arm_force`` Nm. ``grip_force`` is the largest force of one finger, ``grip_speed`` a finger's speed.
+    ``attach`` ties an object that both fingers touch to the hand until they open, instead of relying on friction.
     """
 
     required: ClassVar[tuple[str, ...]] = ("urdf", "tool_link")
@@ -77,10 +76,10 @@ class SapienArmConfig(ComponentConfig):
 
 @dataclass
 class SapienPandaConfig(SapienArmConfig):
-    """``sapien_arm`` set for Franka's Panda, whose description the package ``example-robot-data`` brings.
+    """``sapien_arm`` set for Franka's Panda, whose description is in the package ``example-robot-data``.
 
-    The home position (0.279, -0.009, 1.472) that the field's task suite publishes is of a point 20.9 mm further up
-    the hand than the middle of the pads, which is the tool point here: a grasp centred there would hold nothing but the
+    The home position (0.279, -0.009, 1.472) published with the field's task suite refers to a point 20.9 mm further up
+    the hand than the middle of the pads, which is the tool point here: a grasp centred there would touch only the
     fingers' upper ends.
     """
 
@@ -118,9 +117,9 @@ class SapienPiperConfig(SapienArmConfig):
     """``sapien_arm`` set for AgileX's Piper, on a block before a table, its fingertips' reach in the picture's middle.
 
     With its base on the table the wrist's 70 degrees would let the hand point down only up to 0.1 m above it; on the
-    block, 0.25 m high, it does so from 0.1 to 0.4 m before the base, and up to 0.3 m high. Tasks are laid out beyond
-    what the hand reaches from above, too, for furniture pulled from its front; no hand points down farther than
-    ``reach``. ``ease`` is twice the manipulability at which a plan is refused: there is room to work.
+    block, 0.25 m high, it does so from 0.1 to 0.4 m before the base, and up to 0.3 m high. Tasks are also laid out
+    beyond the hand's reach from above, for furniture pulled from its front; the hand cannot point down farther than
+    ``reach``. ``ease`` is twice the manipulability at which a plan is refused, to leave some room.
     """
 
     name: str = "sapien_piper"

@@ -1,4 +1,4 @@
-"""A simulated arm from its URDF: kinematics, hand, home, where it stands and where it can work."""
+"""A simulated arm from its URDF: kinematics, hand, home, place and working area."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ TCP_FROM_WRIST = look_along((-0.07, 0.0, -0.085), (0.12, 0.0, 1.0), up=(-1.0, 0.
 """The wrist's camera is on the far side of the hand, looking past the fingers."""
 
 NEAREST, FARTHEST, STEP, LOW, HIGH = 0.15, 1.4, 0.05, 0.04, 0.20
-"""Where the hand is tried to point down: so far before the base, in such steps, so high over the table; metres."""
+"""Where pointing down is tested: range before the base, step, heights over the table; metres."""
 
 SEEN = (0.65, 0.91)
-"""Of the table, metres, about what the cameras have in view: no site is larger by itself."""
+"""Size of the table, metres, about the cameras' field of view: an automatic site is never larger."""
 
 HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
-"""Over the middle of where the arm can work, in shares of its reach: home is at the first that it gets to."""
+"""Heights over the middle of the working area, in shares of the arm's reach: home is at the first reachable one."""
 
 
 def make_cell(config: SapienArmConfig) -> Workcell:
-    """The simulation of the arm that the options describe; raises :class:`RobotError` that says what is wrong."""
+    """The simulation of the arm that the options describe; raises :class:`RobotError` on what is wrong."""
     _whole(config)
     file = find_file(config.urdf, "robot.urdf")
     robot = read_urdf(file)
@@ -110,7 +110,7 @@ def make_cell(config: SapienArmConfig) -> Workcell:
 
 
 def _whole(config: SapienArmConfig) -> None:
-    """Raises :class:`ConfigurationError` for options that are missing or of another length."""
+    """Raises :class:`ConfigurationError` for options that are missing or of the wrong length."""
     missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
     if missing:
         raise ConfigurationError(
@@ -127,17 +127,17 @@ def _whole(config: SapienArmConfig) -> None:
     bad |= {f"camera_poses.{n}": p for n, p in config.camera_poses.items() if len(p) != 6}
     if bad:
         told = ", ".join(f"robot.{n}={list(v)} ({lengths.get(n, 6)} numbers)" for n, v in bad.items())
-        raise ConfigurationError(f"Options of another length than they have: {told}.")
+        raise ConfigurationError(f"Options of the wrong length: {told}.")
 
 
 OPEN = ("tool_offset", "table_centre", "site_centre", "site_size", "workspace_low", "workspace_high")
-"""Options that are found by themselves where they are left empty."""
+"""Options that are determined automatically if empty."""
 
 
 def _tool(
     urdf: Path, robot: ET.Element, config: SapienArmConfig, gripper: Gripper, base: FloatArray
 ) -> tuple[Kinematics, Gripper, Hand]:
-    """The arm's kinematics to its tool centre point, and the hand's geometry, measured where it is not told."""
+    """The arm's kinematics to its tool centre point, and the hand's geometry, measured if not given."""
 
     def kinematics(tool_from_tcp: FloatArray) -> Kinematics:
         return Kinematics(
@@ -175,7 +175,7 @@ def _tool(
 def _at_home(
     config: SapienArmConfig, kinematics: Kinematics, collisions: CollisionModel, hand: Hand
 ) -> ArmModel:
-    """The arm with its home, told or found, clear of itself and of the table."""
+    """The arm with its home, given or found, clear of itself and of the table."""
     x, y, _ = config.base_position
     far = FARTHEST + 0.1
     low = np.array(config.workspace_low or (x - far, y - far, config.table_height))
@@ -193,23 +193,23 @@ def _at_home(
         told = ", ".join(f"{n} {a:.2f}…{b:.2f}" for n, a, b in limits)
         raise RobotError(
             f"robot.home={list(config.home)} must be {len(names)} angles (radians) within the limits: {told}. "
-            "Left empty, a home is looked for."
+            "If empty, a home is searched."
         )
     arm = at(rest)
     clear = arm.clearance(rest, 1.0, Scene((), config.table_height, arm.workspace))
     if clear.distance < 0:
         raise RobotError(
             f"At robot.home={list(config.home)} {clear.robot_part} is {-1e3 * clear.distance:.0f} mm in {clear.other}. "
-            "Give another, or none: then one is looked for. If the two may touch, name the pair in robot.srdf."
+            "Give another, or leave it empty to search one. If the two may touch, name the pair in robot.srdf."
         )
     return arm
 
 
 def _find_home(config: SapienArmConfig, arm: ArmModel) -> FloatArray:
-    """Joints with the hand over the middle of where the arm can work, pointing down, clear of everything.
+    """Joints with the hand over the middle of the working area, pointing down, clear of everything.
 
-    The best are those from which the arm gets, clear of the table and itself, to most places where tasks are laid out:
-    planning takes the joints nearest to home, so that a home with its elbow down would stay with it down.
+    The best are those from which the arm reaches, clear of the table and itself, most places of the site: planning
+    takes the joints nearest to home, so a home with its elbow down would keep it down.
     """
     scene = Scene((), config.table_height, arm.workspace)
     run = _pointing_down(config, arm)
@@ -239,7 +239,7 @@ def _find_home(config: SapienArmConfig, arm: ArmModel) -> FloatArray:
 
 
 def _unwound(joints: FloatArray, arm: ArmModel) -> FloatArray:
-    """The same posture with each joint less than half a turn from zero, where its limits allow it."""
+    """The same posture with each joint less than half a turn from zero, if its limits allow it."""
     turned = joints - 2 * np.pi * np.round(joints / (2 * np.pi))
     low, high = arm.limits
     return np.where((turned > low) & (turned < high), turned, joints)

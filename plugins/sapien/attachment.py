@@ -1,4 +1,4 @@
-"""What hangs on the hand: by the option ``attach`` what both fingers touch, until they open; or by a suction cup."""
+"""Attachments to the hand: with ``attach`` an object that both fingers touch, until they open; or by a suction cup."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ZONE = (0.02, 0.10, 0.045)
 
 
 DRAWN = BELLOWS + 0.006
-"""A cup's bellows close on what is so near before its solid end, metres."""
+"""A cup's bellows close on things this near to its solid end, metres."""
 
 
 class Clamp:
@@ -50,24 +50,24 @@ class Clamp:
 
 
 class Suction:
-    """A cup at the end of the hand's z: while it draws, the first thing that can move before its lip hangs on it."""
+    """A cup at the end of the hand's z: while it sucks, the first movable thing at its lip is attached."""
 
     def __init__(self, system: Any, clamp: Clamp, width: float) -> None:
         self._system, self._clamp, self._width, self._draws = system, clamp, width, False
 
     @property
     def width(self) -> float:
-        """What a gripper would tell: ``width`` while it does not draw, half of it while something hangs, else 0."""
+        """The equivalent gripper width: ``width`` without suction, half of it with something attached, else 0."""
         return self._width * (0.5 * bool(self._clamp.holding) if self._draws else 1.0)
 
     def draw(self, on: bool) -> None:
-        """Start or stop; what hangs there falls."""
+        """Start or stop; an attached thing falls."""
         self._draws = on
         if not on:
             self._clamp.open()
 
     def watch(self) -> None:
-        """After each step: the bellows close on what has come before the lip."""
+        """After each step: the bellows close on things at the lip."""
         if not self._draws or self._clamp.holding:
             return
         world_from_hand = np.asarray(self._clamp.hand.pose.to_transformation_matrix(), dtype=np.float64)

@@ -37,15 +37,15 @@ from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World
 
 ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
-"""Said after the goal of every episode with that option."""
+"""Appended to the goal of every episode with that option."""
 
 SHOWN_SIZE = 640
-"""Side in pixels of the pictures that people are shown; perception gets those of ``image_size``."""
+"""Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
 _SILENT = ExecutionListener()
 
 JUDGE_SECONDS = 0.25
-"""The arm holds still this long before the referee looks, so that a slipping object has slipped."""
+"""The arm holds still this long before the referee looks, so that slipping objects have slipped."""
 
 
 class SapienArm:
@@ -53,7 +53,7 @@ class SapienArm:
 
     The same seed and calls give the same episode, bit by bit. The true state of the task's bodies is read by
     :meth:`judge`, and by :meth:`true_state` and :meth:`true_scene`, which no part of the loop calls; the cameras see
-    the bodies by rays.
+    the bodies by ray casting.
     """
 
     def __init__(self, config: SapienArmConfig) -> None:
@@ -112,7 +112,7 @@ class SapienArm:
         )
 
     def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[], Views] | None:
-        """Takes this moment's pictures again with more pixels, when they are asked for; None where there are enough."""
+        """A function that takes this moment's pictures again with more pixels; None if there are enough."""
         if size >= SHOWN_SIZE:
             return None
         mounts, names = self._cell.mounts, self._config.cameras
@@ -187,7 +187,7 @@ class SapienArm:
         return driver.state()
 
     def true_state(self) -> TrueState:
-        """What a referee may read; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
+        """The state for referees; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
         return TrueState(self._sane_world("read"))
 
     def true_scene(self) -> Scene:
@@ -197,7 +197,7 @@ class SapienArm:
         )
 
     def true_masks(self, observation: Observation) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
-        """What each pixel of the observation's cameras shows now, by :func:`cast_masks`; for measuring perceivers."""
+        """The object in each pixel of the observation's cameras, by :func:`cast_masks`; for measuring perceivers."""
         world = self._sane_world("read")
         cameras = [view.camera for view in observation.views]
         links = world.link_poses(self._links)
@@ -207,11 +207,11 @@ class SapienArm:
         return cast_masks(cameras, arm, bodies, poses, self._cell.table)
 
     def close(self) -> None:
-        """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
+        """Release the world; the arm's model stays, and :meth:`reset` makes a new world."""
         self._world, self._eyes, self._instance = None, None, None
 
     def _open_eyes(self) -> CameraRig:
-        """Eyes for the bodies as they look now: a lamp may have been switched on."""
+        """A camera rig for the bodies' present looks: a lamp may have been switched on."""
         peaks = self._sane_world("seen").peaks
         self._lights = self._layout.lights(peaks)
         table = self._cell.table
@@ -232,7 +232,7 @@ class SapienArm:
         return partial(eyes.look, cameras, world.link_poses(self._links), self._thing_poses(world))
 
     def _thing_poses(self, world: World) -> dict[str, FloatArray]:
-        """world_from_thing (4, 4) of all that the eyes see beside the robot, now."""
+        """world_from_thing (4, 4) of everything that the cameras see besides the robot, now."""
         poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
         return {**poses, self._cell.table.name: self._cell.table.world_from_body}
 

@@ -15,7 +15,7 @@ from gvla2_plugins.sapien.convex import piece_file, pieces
 from gvla2_plugins.sapien.engine import import_sapien
 
 PREFIX = "task/"
-"""Before the names of a layout's bodies in SAPIEN, so that they are never taken for links of the robot."""
+"""Prefix of a layout's bodies in SAPIEN, so that they are never mistaken for robot links."""
 
 _STANDING = rigid([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Turns SAPIEN's cylinders, which lie along x, so that they stand along z."""
@@ -32,8 +32,8 @@ class BuiltBodies:
 def build_bodies(scene: Any, layout: Layout) -> BuiltBodies:
     """Put all bodies and joints of a layout into the scene.
 
-    Raises :class:`ConfigurationError` for a layout that is not sound: a joint of unknown bodies, a body with two
-    parents, a ring of joints, a free body with nothing solid.
+    Raises :class:`ConfigurationError` for an invalid layout: a joint of unknown bodies, a body with two parents, a ring
+    of joints, a free body with nothing solid.
     """
     _check(layout)
     by_name = {body.name: body for body in layout.bodies}
@@ -64,7 +64,7 @@ def _build_actor(scene: Any, body: Body) -> Any:
 def _build_tree(
     scene: Any, root: Body, by_name: dict[str, Body], joints: tuple[Joint, ...], built: BuiltBodies
 ) -> None:
-    """One articulation: ``root`` and everything that hangs on it."""
+    """One articulation: ``root`` and everything attached to it."""
     builder = scene.create_articulation_builder()
     builder.set_initial_pose(pose_of(root.world_from_body))
     links = {root.name: builder.create_link_builder()}
@@ -93,7 +93,7 @@ def _build_tree(
     active = {joint.name: joint for joint in articulation.active_joints}
     for joint in order:
         made = active[joint.name]
-        # The builder drops the friction that it is given.
+        # The builder ignores the given friction.
         made.set_friction(joint.friction)
         made.set_drive_property(joint.stiffness, joint.damping)
         made.set_drive_target(joint.rest)

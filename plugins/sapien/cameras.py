@@ -56,10 +56,10 @@ class Mounts:
 
 
 class CameraRig:
-    """Sees one scene: the robot's links by their model, everything else as it lies.
+    """Sees one scene: the robot's links by their model, everything else at its true pose.
 
-    The two are cast apart and merged by depth: the robot's own depth image, which its measured joints explain,
-    then comes for nothing.
+    The two are cast separately and merged by depth: this gives the robot's own depth image, explained by its measured
+    joints, for free.
     """
 
     def __init__(self, robot: RayCaster, links: Sequence[str], things: Mapping[str, Surface]) -> None:
@@ -73,7 +73,7 @@ class CameraRig:
         world_from_link: Mapping[str, FloatArray],
         world_from_thing: Mapping[str, FloatArray],
     ) -> list[View]:
-        """One view a camera; poses (4, 4) by link name and by the name of each thing."""
+        """One view per camera; poses (4, 4) by link name and by the name of each thing."""
         robot = self._robot.cast(cameras, {i: world_from_link[n] for i, n in enumerate(self._links)})
         things = self._things.cast(cameras, {i: world_from_thing[n] for i, n in enumerate(self._names)})
         return [_merge(*images) for images in zip(cameras, robot, things, strict=True)]

@@ -1,4 +1,4 @@
-"""Catches: a joint whose limits are shut while another joint is not where it must be."""
+"""Catches: a joint that is locked until another joint has moved."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gvla2.robot.task import Catch, Joint
 
 
 class Caught:
-    """One catch: it holds or does not while nothing has moved, and is free for ever once that has."""
+    """One catch: it locks or unlocks while its joint is at rest, and stays free once that has moved."""
 
     def __init__(self, catch: Catch, held: Joint, joints: dict[str, tuple[Any, int]]) -> None:
         self._catch = catch
@@ -25,7 +25,7 @@ class Caught:
         self._joint.set_limits([list(self._shut)])
 
     def watch(self) -> None:
-        """Hold or let go by where the key is now."""
+        """Lock or unlock by the key's present position."""
         if self._gone:
             return
         low, high = self._shut

@@ -1,4 +1,4 @@
-"""A robot cell: what the simulation needs to know of an arm, its place, its table and its cameras."""
+"""A robot cell: the simulation's data on an arm, its place, its table and its cameras."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TABLE_THICKNESS = 0.05
 
 @dataclass(frozen=True)
 class Workcell:
-    """Everything that differs from one simulated arm to the next; metres, world frame.
+    """Everything specific to one simulated arm; metres, world frame.
 
     ``urdf`` is a text without visuals and materials, its meshes by absolute path. ``looks`` are the links' surfaces in
     their own frames, by name. ``hand_from_tcp`` (4, 4) is the tool centre point in the frame of the gripper's palm;

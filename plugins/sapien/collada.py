@@ -1,4 +1,4 @@
-"""Reading triangles and their diffuse colours out of COLLADA files, and thinning them."""
+"""Reading triangles and their diffuse colours from COLLADA files, and simplifying them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mesh collides as: convex pieces by CoACD, kept in the user's cache."""
+"""Collision shapes of meshes: convex pieces by CoACD, cached for the user."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from gvla2.robot.scan import Scan, clustered
 from gvla2.writing import cache_folder, write_whole
 
 VERSION = 2
-"""Of the pieces' making: changes whenever they would."""
+"""Version of the decomposition: changes whenever its pieces would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
 """CoACD's concavity, in sizes of the thing; the pieces' number; corners a piece (PhysX takes 255)."""
 
 FACES = 20_000
-"""What is decomposed is thinned to so many faces: finer ones change no piece and cost minutes."""
+"""Meshes are simplified to this many faces first: finer ones change no piece and cost minutes."""
 
 HOLLOW, HOLLOW_SHARE = 0.04, 0.02
-"""A thing is its own hull when, going straight out of its surface, one is still inside the hull after this share of its
-longest side at less than this share of the surface."""
+"""A thing counts as convex if, moving straight out of its surface by this share of its longest side, one is still
+inside the hull at less than this share of the surface."""
 
 THINNEST = 1e-3
-"""Metres to which a flat piece is thickened: a hull needs a volume."""
+"""Least thickness of a piece, metres: a hull needs a volume."""
 
 log = logging.getLogger(__name__)
 _ONE_AT_A_TIME = threading.Lock()
@@ -64,7 +64,7 @@ def pieces(scan: Scan) -> tuple[Piece, ...]:
 
 
 def piece_file(scan: Scan) -> Path:
-    """The OBJ file of the pieces, one group each; made when it is not there."""
+    """The OBJ file of the pieces, one group each; made if missing."""
     mesh = scan.textured.mesh
     path = cache_folder() / "collision" / f"{_digest(mesh)}.obj"
     with _ONE_AT_A_TIME:
@@ -75,7 +75,7 @@ def piece_file(scan: Scan) -> Path:
 
 
 def decompose(mesh: TriangleMesh) -> list[FloatArray]:
-    """Corners (N, 3) of convex pieces that together stand for the mesh; its hull alone where it is convex enough."""
+    """Corners (N, 3) of convex pieces that together represent the mesh; just its hull if it is convex enough."""
     hull = _hull_of(mesh.vertices)
     if _is_convex(mesh, hull):
         return [_thin_hull(hull)]
@@ -105,9 +105,9 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
 
 
 def _is_convex(mesh: TriangleMesh, hull: FloatArray) -> bool:
-    """Whether hardly anything of the surface looks into a hollow.
+    """Whether hardly any of the surface faces a hollow.
 
-    How far a point lies below the hull would not tell: the inside of a thin wall is near the hull's outside.
+    A point's distance below the hull would not show it: the inside of a thin wall is near the hull's outside.
     """
     try:
         planes = ConvexHull(hull).equations
@@ -121,7 +121,7 @@ def _is_convex(mesh: TriangleMesh, hull: FloatArray) -> bool:
 
 
 def _hull_of(points: FloatArray) -> FloatArray:
-    """The corners (N, 3) of the convex hull; what is flat gets the thickness :data:`THINNEST`."""
+    """The corners (N, 3) of the convex hull; flat ones get the thickness :data:`THINNEST`."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
@@ -169,7 +169,7 @@ def _kept(path: Path) -> tuple[Piece, ...]:
     try:
         lines = path.read_text().splitlines()
     except OSError as error:
-        raise OutputError(f"The kept pieces {path} cannot be read: {error.strerror}.") from error
+        raise OutputError(f"The cached pieces {path} cannot be read: {error.strerror}.") from error
     for line in lines:
         if line.startswith("o "):
             found.append([])

@@ -1,4 +1,4 @@
-"""A robot's description as SAPIEN can load it without a renderer."""
+"""A robot's description in the form that SAPIEN loads without a renderer."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ def load_robot(scene: Any, cell: Workcell, friction: float) -> Any:
         bare.with_suffix(".srdf").write_text(f"<robot>{''.join(off)}</robot>")
         robot = loader.load(str(bare))
     for link in robot.links:
-        link.disable_gravity = True  # a real arm's controller carries its own weight, too
+        link.disable_gravity = True  # a real arm's controller compensates gravity too
     return robot

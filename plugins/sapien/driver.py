@@ -28,11 +28,11 @@ STOPPED_SHORT, PRESSING = 0.002, 0.2
 BRAKE_SECONDS = 0.2
 
 FELT_STEPS = 4
-"""A guard feels the mean force of so many physics steps: a single step's knock is no press."""
+"""A guard feels the mean force of so many physics steps: a single step's knock does not count as a press."""
 
 
 class SapienDriver:
-    """Moves a :class:`World` on, and takes a picture by ``film`` now and then (every ``1 / fps`` s of its time)."""
+    """Advances a :class:`World`, and takes a picture by ``film`` every ``1 / fps`` s of its time."""
 
     def __init__(
         self,
@@ -130,7 +130,7 @@ class SapienDriver:
             self._world.attach()
 
     def hold(self, seconds: float = BRAKE_SECONDS) -> None:
-        """Stop where the arm is measured to be and stay there; simulates ``seconds`` of it."""
+        """Stop at the measured position and stay there; simulates ``seconds`` of it."""
         joints = self._world.joints
         if not np.isfinite(joints).all():
             return  # blown up: nothing is left to hold, and the next reset builds a new world
@@ -148,9 +148,9 @@ class SapienDriver:
         return targets, (targets - before) * self._world.rate
 
     def _squeezes_at(self, opening: float) -> bool:
-        """Whether the fingers squeeze something and the opening is just where it stops them.
+        """Whether the fingers squeeze something and the opening is where it stops them.
 
-        A new execution starts from measurements: it must not let go of what an earlier one grasped.
+        A new execution starts from measurements: it must not release an earlier grasp.
         """
         width = self._world.gripper_width
         stopped_short = width - 2 * self._world.finger_target > STOPPED_SHORT
@@ -161,7 +161,7 @@ class SapienDriver:
         return 0.5 * self._max_width * float(np.clip(opening, 0.0, 1.0))
 
     def _advance(self, target: FloatArray | None = None) -> None:
-        """One step; with a guard a look at what the hand feels on its way to the joints ``target`` (7,)."""
+        """One step; with a guard also a check of the hand's force on its way to the joints ``target`` (7,)."""
         self._world.step()
         self._steps += 1
         if self._stop is not None and target is not None:

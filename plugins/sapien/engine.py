@@ -1,4 +1,4 @@
-"""Getting SAPIEN, and saying what to install where it does not load."""
+"""Importing SAPIEN, with advice on what to install if it does not load."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gvla2.errors import MissingDependencyError
 
 
 def import_sapien() -> Any:
-    """The module ``sapien``; raises :class:`MissingDependencyError` that names what is absent."""
+    """The module ``sapien``; raises :class:`MissingDependencyError` naming the missing part."""
     try:
         with warnings.catch_warnings():
             # It looks for Vulkan, which CPU physics does not need.

@@ -1,4 +1,4 @@
-"""Hands: one that is mounted on an arm without fingers, or the arm's own, measured by what it is made of."""
+"""Hands: one mounted on an arm without fingers, or the arm's own, measured from its geometry."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
 
 CUP, CUP_LENGTH, BELLOWS = "suction_cup", 0.08, 0.004
-"""A suction cup's link, its length, and how much of that is soft: the solid ends so far before the lip; metres."""
+"""A suction cup's link, its length, and the length of its soft lip beyond the solid; metres."""
 
 _CUP_RADIUS, SUNK = 0.015, 0.002
 SUCTION_HAND = Hand(0.25, SUNK + 0.005, 0.001, 2 * _CUP_RADIUS, 0.0, 2 * _CUP_RADIUS, 2 * _CUP_RADIUS)
-"""A cup as planners know hands: it fits around anything, sinks no deeper than its lip, 2 mm before the tool point."""
+"""A cup as a hand for planners: it fits around anything, sinks no deeper than its lip, 2 mm before the tool point."""
 
 TIP_BEYOND_TCP = 0.008
-"""Where the tool point is when nobody says: so far before the fingertips' end, metres."""
+"""Default distance of the tool point from the fingertips' end, metres."""
 
 _PAD = 0.02
-"""The last part of a finger, metres, by which its thickness and the gap are measured: what is above is wider."""
+"""The last part of a finger, metres, used to measure its thickness and the gap: it is wider above."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def mount(robot: ET.Element, config: SapienArmConfig) -> Gripper:
 def own_gripper(robot: ET.Element, config: SapienArmConfig) -> Gripper:
     """The arm's own fingers: two sliding joints, those that ``mimic`` a named one among them.
 
-    Raises :class:`RobotError` for joints that don't exist, don't slide or are not two.
+    Raises :class:`RobotError` for joints that don't exist, don't slide, or number other than two.
     """
     joints = {j.get("name", ""): j for j in robot.iterfind("joint")}
     asked = list(config.gripper_joints)
@@ -99,7 +99,7 @@ def own_gripper(robot: ET.Element, config: SapienArmConfig) -> Gripper:
 
 
 def known(option: str, asked: str, names: Mapping[str, object] | Sequence[str]) -> None:
-    """Raises :class:`RobotError` that lists what exists where ``asked`` is none of it."""
+    """Raises :class:`RobotError` listing the existing names if ``asked`` is not among them."""
     if asked not in names:
         raise RobotError(f"{option}={asked or chr(39) * 2} is not in the URDF. It has: {', '.join(names)}.")
 
@@ -111,7 +111,7 @@ def measured(
 
     ``kinematics`` has its tool at the tool link, z out of the hand; ``vertices`` (N, 3) of each link in its own frame.
     The tips' frame is between the fingers' ends, turned about z until the first finger opens along y. Raises
-    :class:`RobotError` for fingers that don't open, or not across z.
+    :class:`RobotError` for fingers that don't open, or don't open across z.
     """
     low, high = (_in_tool(kinematics, gripper, vertices, share) for share in (0.0, 1.0))
     left, right = gripper.finger_links

@@ -1,4 +1,4 @@
-"""How wide a body is open at its top, from its solids."""
+"""The width of a body's opening at its top, from its solids."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from gvla2.robot.task import Solid
 from gvla2_plugins.sapien.convex import pieces
 
 BELOW_TOP = 0.2
-"""Where the walls are looked at: this share of the height below the top."""
+"""Where the walls are checked: this share of the height below the top."""
 
 DIRECTIONS, STEPS = 24, 400
 
 
 def opening(solids: tuple[Solid, ...], low: FloatArray, high: FloatArray) -> float:
-    """The narrowest inner width of a body about its middle, near its top, metres; 0 where it is closed.
+    """The narrowest inner width of a body about its middle, near its top, metres; 0 if it is closed.
 
-    ``low`` and ``high`` (3,) bound the body in its own frame. It is open when nothing is in its middle there and
-    walls stand all about it.
+    ``low`` and ``high`` (3,) bound the body in its own frame. It is open when its middle is empty there and walls
+    surround it.
     """
     middle = 0.5 * (low + high)
     height = high[2] - BELOW_TOP * (high[2] - low[2])

@@ -1,4 +1,4 @@
-"""What the robot, the table and a task's bodies look like: surfaces for the ray caster."""
+"""Visual surfaces of the robot, the table and a task's bodies for the ray caster."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SEGMENTS = 48
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
     """A surface for each link of a URDF (meshes by full paths) that has a shape, by name, in the link's frame.
 
-    ``drawn``: by its visuals where it has any, thinned; else by what collides of it, whole.
+    ``drawn``: its simplified visuals, if any; else its full collision shapes.
     """
     paints = {m.get("name"): m for m in robot.iterfind("material")}
     surfaces = {}

@@ -1,4 +1,4 @@
-"""Which pixel shows what, as it truly is: for measuring perceivers only."""
+"""Ground-truth masks: only for measuring perceivers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def cast_masks(
 
     -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
     what is behind them. ``bodies`` and their poses (4, 4) go by name; a part is called ``body/label``, as in
-    :func:`~gvla2_plugins.sapien.truth.true_scene`, and its pixels are its own alone.
+    :func:`~gvla2_plugins.sapien.truth.true_scene`, and its pixels are not the body's.
     """
     names: list[str] = []
     surfaces: list[Surface] = []

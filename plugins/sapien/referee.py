@@ -1,4 +1,4 @@
-"""What a task's referee may read: the true state of the simulated world."""
+"""The true state of the simulated world, for a task's referee."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from gvla2_plugins.sapien.bodies import PREFIX
 from gvla2_plugins.sapien.world import World
 
 HOLDING_FORCE = 0.2
-"""Newtons from which a finger presses; a cube of 0.125 kg needs about 0.5 N from each to stay."""
+"""Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
 
 RESTING_SPEED = 0.02
 """Metres a second below which a body lies still."""
@@ -45,5 +45,5 @@ class TrueState:
         return self._world.body_speed(body) < RESTING_SPEED and "robot" not in self._world.touching(body)
 
     def loose(self, thread: str) -> bool:
-        """Whether a thread has been turned until it holds no more."""
+        """Whether a thread has come loose."""
         return self._world.loose(thread)

@@ -1,4 +1,4 @@
-"""Screwed parts: a drive with limits ties them, and is taken away once they are turned far enough."""
+"""Screwed parts: a drive with limits ties them, and is removed once they are turned far enough."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gvla2_plugins.sapien.bodies import axis_frame, pose_of
 from gvla2_plugins.sapien.engine import import_sapien
 
 SLACK = 0.02
-"""Radians by which a thread's stop gives, so that it does not ring."""
+"""Compliance of a thread's stop, radians, so that it does not oscillate."""
 FAR = 0.5 * np.pi
-"""Radians of turn after which a thread of more than half a turn is tied anew."""
+"""Radians of turn after which a thread of more than half a turn is re-tied."""
 BINDS = 0.01
-"""Radians of a step of physics from which a long thread binds: a hand turns it more slowly, and fingers that slip off
-its cap would spin it loose.
+"""Radians per physics step above which a long thread binds: a hand turns it more slowly, and fingers that slip off its
+cap would spin it loose.
 """
 LEANS = np.deg2rad(1.0)
 """A screwed part that leans by more is set upright: the engine holds it in its place, but fingers that slip off it tip
@@ -48,7 +48,7 @@ class Screwed:
         self.angle = self.peak = 0.0
 
     def _tie(self, angle: float) -> None:
-        """Tie the parts anew at a turn, radians: the engine's joints know no turns beyond a half either way."""
+        """Re-tie the parts at a turn, radians: the engine's joints know no turns beyond a half either way."""
         if self._drive is not None:
             self._child.remove_component(self._drive)
         # By quaternions, whose sign the engine heeds: a matrix would not tell one whole turn from none.
@@ -72,7 +72,7 @@ class Screwed:
         return bool(self._tied_at == 0.0 and -np.pi <= low and high <= np.pi)
 
     def watch(self) -> None:
-        """Read the turn, and let go when it is far enough."""
+        """Read the turn, and release the parts when it is far enough."""
         if not self.loose:
             relative = _turn(self._parent).T @ _turn(self._child)
             turned = Rotation.from_matrix(relative @ self._start.T)
@@ -86,7 +86,7 @@ class Screwed:
                 self.loose = True
 
     def _upright(self, turned: Rotation) -> None:
-        """Take away the lean of a part that is turned so far from where it began."""
+        """Remove the lean of a part, given its turn from the start."""
         cosine = float(turned.apply(self._axis) @ self._axis)
         if cosine >= np.cos(LEANS):
             return

@@ -1,4 +1,4 @@
-"""The scene as it truly is: for demonstrations and the ``oracle`` perceiver only."""
+"""The true scene: only for demonstrations and the ``oracle`` perceiver."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def true_scene(world: World, layout: Layout, table_height: float, workspace: Box
 
 
 def _part(body: Body, label: str, numbers: tuple[int, ...]) -> Body:
-    """Some solids of a body as a body of their own, named after both."""
+    """Some solids of a body as a separate body, named after both."""
     solids = tuple(body.solids[i] for i in numbers)
     return replace(body, name=f"{body.name}/{label}", solids=solids, label=label, shape="", parts=())
 
 
 def _without_what_stands_off(body: Body) -> Body:
-    """The body less the parts that are beside it: a drawer's box ends where its handle begins."""
+    """The body without the parts beside it: a drawer's box ends where its handle begins."""
     aside: set[int] = set()
     for _, numbers in body.parts:
         rest = tuple(solid for i, solid in enumerate(body.solids) if i not in numbers)

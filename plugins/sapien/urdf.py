@@ -1,4 +1,4 @@
-"""An arm's URDF as it is found: its files, what is wrong with it, and what simulation needs of it otherwise."""
+"""Reading an arm's URDF: its files, its errors, and its changes for simulation."""
 
 from __future__ import annotations
 
@@ -34,14 +34,13 @@ def find_file(name: str, option: str) -> Path:
 def read_urdf(path: Path) -> ET.Element:
     """The ``robot`` element of a file, ready for kinematics and simulation.
 
-    Meshes get their full paths; joints that turn for ever get limits of a turn either way; links that are only drawn
-    collide as they are drawn. Raises :class:`RobotError` for what is no URDF, for a mesh that does not exist, and
-    where no link has a shape.
+    Meshes get their full paths; continuous joints get limits of a turn either way; links with only visuals collide by
+    these. Raises :class:`RobotError` for a file that is not a URDF, for a missing mesh, and if no link has a shape.
     """
     try:
         robot = ET.parse(path).getroot()
     except ET.ParseError as error:
-        raise RobotError(f"{path} is no XML ({error}); robot.urdf needs a URDF.") from error
+        raise RobotError(f"{path} is not XML ({error}); robot.urdf needs a URDF.") from error
     if robot.tag != "robot" or any(str(e.tag).startswith(_XACRO) for e in robot.iter()):
         raise RobotError(
             f"{path} has a <{robot.tag}> with xacro in it or is no <robot>; robot.urdf needs a plain URDF. "
@@ -86,7 +85,7 @@ def freeze(robot: ET.Element, links: Collection[str], moving: Collection[str]) -
 
 
 def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:
-    """The file that a URDF's mesh name means.
+    """The file of a mesh name in a URDF.
 
     It is absolute, relative to the URDF, or ``package://`` under one of the URDF's parents or of an installed package.
     """
@@ -96,7 +95,7 @@ def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:
     if found is None:
         raise RobotError(
             f"The mesh {filename} of {f'link {link} in ' if link else ''}{urdf} does not exist. Looked for {name} "
-            "beside the file, in the folders above it and in installed packages: put it there, or mend the path."
+            "beside the file, in the folders above it and in installed packages: put it there, or fix the path."
         )
     return found
 

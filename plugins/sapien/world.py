@@ -30,16 +30,16 @@ FINGER_STIFFNESS, FINGER_DAMPING = 4000.0, 100.0
 """N/m and Ns/m: stiff enough for the full grip force at 1 cm from the target."""
 
 FLOOR_DEPTH = 0.75
-"""From the table's top down to the floor, metres: what leaves the table must not fall for ever, and ever faster."""
+"""From the table's top down to the floor, metres: things that leave the table must not fall forever."""
 
 LET_GO = 1e-3
-"""A button is pressed anew when it has come back to less, metres or radians."""
+"""A new press of a button starts after it has come back to less than this, metres or radians."""
 TOUCH = 1e-4
-"""Impulse of a step, newton seconds, from which a contact is one and not just nearness."""
+"""Impulse per step, newton seconds, above which nearness counts as contact."""
 
 
 class World:
-    """Builds everything new, so that nothing of an earlier episode, blown up or not, lives on."""
+    """Builds everything new, so that no earlier episode, blown up or not, leaves traces."""
 
     def __init__(self, config: SapienArmConfig, cell: Workcell, layout: Layout) -> None:
         sapien = import_sapien()
@@ -98,7 +98,7 @@ class World:
         self._settle()
 
     def _settle(self) -> None:
-        """Steps until the bodies rest, ten at least; raises :class:`SimulationError` when that goes wrong."""
+        """Steps until the bodies rest, at least ten; raises :class:`SimulationError` when that goes wrong."""
         for count in range(MOST_SETTLE_STEPS):
             self._system.step()
             if count + 1 >= SETTLE_STEPS and self._speed() < REST_SPEED:
@@ -130,7 +130,7 @@ class World:
             self.peaks[name] = thread.peak
 
     def _counts(self, name: str, at: float) -> float:
-        """The travel that counts: of what has to be held, no more than where it has to be held until it was."""
+        """The travel that counts: for a joint to be held, at most the holding point until it was held long enough."""
         glow = self._to_hold.get(name)
         if glow is None:
             return at
@@ -139,8 +139,8 @@ class World:
         return at if self.time - self._since[name] >= glow.hold else min(at, glow.travel)
 
     def _goes_on(self, name: str, at: float) -> bool:
-        """Whether a joint is still in the stroke whose largest travel counts: where a lamp goes out again when it has
-        been pressed too far, each press counts by itself.
+        """Whether a joint is still in the stroke whose largest travel counts: if pressing too far turns a lamp off
+        again, each press counts separately.
         """
         if name not in self._strokes:
             return True
@@ -232,9 +232,9 @@ class World:
         return touched
 
     def hand_force(self) -> FloatArray:
-        """(3,) newtons, world: what a sensor in the wrist feels of all that presses and hangs on hand and fingers.
+        """(3,) newtons, world: a wrist sensor's reading of everything that presses on or hangs from hand and fingers.
 
-        The joint that carries the hand tells it; contacts would not, since theirs are without friction.
+        It is taken from the hand's joint, since contact forces lack friction.
         """
         hand = self._links[self._cell.gripper.palm]
         forces = np.asarray(self._robot.get_link_incoming_joint_forces(), dtype=np.float64)  # (links, 6)
@@ -243,7 +243,7 @@ class World:
     def finger_forces(self) -> dict[str, tuple[float, float]]:
         """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name.
 
-        What hangs on a suction cup is pressed on from all sides, as hard as may be.
+        A thing on a suction cup counts as pressed from all sides with full force.
         """
         if self.suction is not None:
             return {self._clamp.holding: (np.inf, np.inf)} if self._clamp.holding else {}
@@ -292,7 +292,7 @@ class World:
         return max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
 
     def touching(self, name: str) -> set[str]:
-        """What presses on a task's body now: other bodies, "table", "robot"."""
+        """Names of things that press on a task's body now: other bodies, "table", "robot"."""
         found = set()
         for one, other, impulse in self._contacts():
             if PREFIX + name in (one, other) and np.linalg.norm(impulse) > TOUCH:
@@ -303,7 +303,7 @@ class World:
     # The option ``attach``.
 
     def attach(self) -> str:
-        """Tie what both fingers touch between them to the hand; its name, "" when there is no such thing."""
+        """Tie the object between both fingers to the hand; returns its name, "" if there is none."""
         touched: dict[str, dict[str, list[FloatArray]]] = {}
         for contact in self._system.get_contacts():
             names = [body.entity.name for body in contact.bodies]
@@ -322,7 +322,7 @@ class World:
         return ""
 
     def detach(self) -> None:
-        """Let go of what is attached."""
+        """Release the attached object."""
         self._clamp.open()
 
 

@@ -18,7 +18,7 @@ class SplatConfig(ComponentConfig):
     resolution: int = 96
     """Voxels along a side of a cube as large as the object's box, for the hull."""
     gaussians: int = 15_000
-    """About how many Gaussians lie on the hull's surface."""
+    """Approximate number of Gaussians on the hull's surface."""
     shape_iterations: int = 200
     """Steps of the first optimisation, one view each: without a low-pass, for the shape. The mesh follows it."""
     iterations: int = 100
@@ -28,11 +28,11 @@ class SplatConfig(ComponentConfig):
     smooth_colours: float = 0.3
     """The same for their colours."""
     carry_mesh: bool = True
-    """Whether the hull's mesh follows the Gaussians' shape; without it the mesh stays the hull's to the last digit."""
+    """Whether the hull's mesh follows the Gaussians' shape; without it the mesh stays exactly the hull's."""
     seed: int = 0
     """Orders the views."""
     threads: int = 0
-    """How many threads render, 0 for one a core; they change no result."""
+    """Rendering threads, 0 for one per core; the result does not depend on them."""
 
 
 def _build(config: SplatConfig) -> Reconstructor:

@@ -52,7 +52,7 @@ class SplatReconstructor:
         shaped, first = optimise(hull.gaussians, views, sharp)
         mesh = hull.mesh
         if mesh is not None and self._config.carry_mesh:
-            # The Gaussians moved inside what they paint, and the mesh with them: it belongs on the surface.
+            # The Gaussians moved inside their surface, and the mesh with them: move it back to the surface.
             mesh = fill_masks(carry(mesh, hull.gaussians, shaped), views)
         fitted, second = optimise(shaped, views, self._options)
         told = [] if hull.status == "ok" else [hull.status]

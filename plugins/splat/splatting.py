@@ -1,13 +1,12 @@
 """A short 3D Gaussian splatting optimisation (Kerbl et al. 2023) that starts from a reconstruction.
 
-A handful of views leaves most of what Gaussians can do undetermined: left alone they learn the inputs by heart, and
-views from elsewhere get worse. Two smoothness terms keep them honest, both on the *change* since the start and over
-a graph of neighbours: centres move together (what no view sees follows what one does), and colours shift together.
-There is no densification: the start already covers the surface.
+A handful of views leaves most of what Gaussians can do undetermined: without constraints they overfit the inputs, and
+other views get worse. Two smoothness terms prevent this, both on the *change* since the start and over a graph of
+neighbours: centres move together (unseen ones follow seen ones), and colours shift together. There is no densification:
+the start already covers the surface.
 
-A low-pass widens every silhouette by more than half a pixel, and Gaussians shrink to make up for it. Whoever wants
-the shape (:func:`carry`) therefore fits with hardly any low-pass first, and for the pictures with the renderer's
-own afterwards.
+A low-pass widens every silhouette by more than half a pixel, and Gaussians shrink to compensate. So for the shape
+(:func:`carry`) fit with hardly any low-pass first, then for the pictures with the renderer's own.
 """
 
 from __future__ import annotations
@@ -44,9 +43,8 @@ class SplatOptions:
     ``iterations`` one view each. Rates are Adam's first step sizes: ``rate_centres`` in spacings of the Gaussians, the
     others in their parameters' own units; all fall to ``final_rate`` of themselves. ``weight_alpha`` weighs the
     silhouette's L1 against the colour's; ``smooth_centres`` and ``smooth_colours`` weigh the smoothness of the change;
-    ``low_pass`` is the renderer's, square pixels.
-    ``seed`` orders the views; ``threads`` 0 means all cores, and changes no result.
-    Raises :class:`ConfigurationError` for values that make no sense.
+    ``low_pass`` is the renderer's, square pixels. ``seed`` orders the views; ``threads`` 0 means all cores, and changes
+    no result. Raises :class:`ConfigurationError` for invalid values.
     """
 
     iterations: int = 300
@@ -76,10 +74,10 @@ def optimise(
 ) -> tuple[Gaussians, StageReport]:
     """Fit Gaussians to the views' colours and masks.
 
-    ``gaussians`` in the world frame, near the object; higher harmonics are kept and not learnt. The report's
-    measures are ``psnr`` of the inputs (dB, the object's window on white) and ``iou`` of rendered alpha with the
-    masks. When either got worse the Gaussians come back as they were, status ``rejected``; with nothing to fit,
-    ``skipped``. Deterministic for a seed.
+    ``gaussians`` in the world frame, near the object; higher harmonics are kept and not learnt. The report's measures
+    are ``psnr`` of the inputs (dB, the object's window on white) and ``iou`` of rendered alpha with the masks. If
+    either got worse the original Gaussians are returned, status ``rejected``; with nothing to fit, ``skipped``.
+    Deterministic for a seed.
     """
     options = options or SplatOptions()
     start = time.perf_counter()
@@ -101,9 +99,7 @@ def optimise(
     return gaussians if worse else fitted, StageReport(
         "splat",
         "rejected" if worse else "applied",
-        "The inputs are explained worse than before."
-        if worse
-        else f"{len(shown)} views, {len(gaussians)} Gaussians.",
+        "The fit to the inputs got worse." if worse else f"{len(shown)} views, {len(gaussians)} Gaussians.",
         before,
         after,
         time.perf_counter() - start,

@@ -1,4 +1,4 @@
-"""What an optimisation compares its renders with: the object's part of each view, on white."""
+"""Targets of an optimisation: the object's part of each view, on white."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import Floats
 
 MARGIN = 8
-"""Pixels of background kept around a mask, so that what spills over is seen."""
+"""Pixels of background kept around a mask, so that spill-over is penalised."""
 LEAST_PIXELS = 16
-"""A mask with fewer pixels shows nothing."""
+"""A mask with fewer pixels counts as empty."""
 
 _WHITE_ENOUGH = 0.98
 
@@ -22,8 +22,8 @@ _WHITE_ENOUGH = 0.98
 class Target:
     """One view cut to the object: ``image`` (h, w, 3) and ``mask`` (h, w) float32 in [0, 1].
 
-    ``image`` has white where the mask is 0. ``weight`` (h, w) is 0 where the view says nothing (the robot is before
-    the object); it is divided by the mask's pixels, so that views of any size count alike.
+    ``image`` has white where the mask is 0. ``weight`` (h, w) is 0 where the view is uninformative (the robot hides the
+    object); it is divided by the mask's pixels, so that views of any size count alike.
     """
 
     camera: Camera
@@ -33,7 +33,7 @@ class Target:
 
 
 def targets(views: Views) -> tuple[Target, ...]:
-    """One target a view; views without a mask, or with an empty one, give none."""
+    """One target per view; views without a mask, or with an empty one, give none."""
     return tuple(_cut(view, view.mask) for view in views if view.mask is not None and _shows(view.mask))
 
 

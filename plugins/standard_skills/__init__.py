@@ -1,4 +1,4 @@
-"""The skills that come with gvla2, offered through the same hook as anybody else's."""
+"""The skills that come with gvla2, offered through the same hook as third parties'."""
 
 from __future__ import annotations
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 class ScaledConfig(TaskConfig):
     """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
 
-    What the hand must span and the arm must reach stays within them, whatever the scale.
+    Sizes and distances stay within the hand's span and the arm's reach at any scale.
 
     ``world`` learnable draws how things behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
-    ``families`` how many there are of the task's kind, ``family`` the one that episodes are about (-1: any).
+    ``families`` how many there are of the task's kind, ``family`` the episodes' family (-1: any).
     """
 
     scale: float = 1.0
@@ -70,9 +70,9 @@ class LampOnConfig(ScaledConfig):
 
 @dataclass
 class OpenJarConfig(ScaledConfig):
-    """Options of ``open_jar``. ``turn`` (degrees, counter-clockwise) is where the lid comes free.
+    """Options of ``open_jar``. ``turn`` (degrees, counter-clockwise) is where the lid comes loose.
 
-    It is a little less than the quarter turn that the wrist makes, since fingers slip.
+    It is slightly less than the wrist's quarter turn, since fingers slip.
     """
 
     turn: float = 80.0

@@ -1,4 +1,4 @@
-"""The box with a hinged lid that is to be opened or closed."""
+"""The box with a hinged lid, to be opened or closed."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ HOOK_LEANS = (0.0, 0.35)
 
 
 LARGE = 1.05
-"""The edge of a lid that is larger by this is out of the reach of a hand that points down."""
+"""The edge of a lid larger by this is out of reach of a hand pointing down."""
 
 BESIDE, INTO = 0.6, 0.025
 """How far out along the lid fingers push it from beside, as a share of its length; how far they reach behind it."""

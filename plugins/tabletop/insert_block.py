@@ -23,13 +23,13 @@ SMOOTH = 0.2
 """Friction of ring and pillars: a wooden ring on a lacquered pillar slides down by itself."""
 
 LOW = 0.005
-"""A ring lies at the foot when it is no more than this above where it would lie flat, metres."""
+"""A ring is at the foot if it is at most this far above its flat position, metres."""
 
 IMAGE_SIZE = 512
 
 
 class InsertBlock:
-    """Put the ring over the named pillar. eased: it lies about the pillar's foot. strict: so it does, let go of."""
+    """Put the ring over the named pillar. eased: it lies about the pillar's foot. strict: the same, and released."""
 
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("insert_block")

@@ -45,7 +45,7 @@ class Learnable:
 
     @property
     def instructions(self) -> tuple[str, ...]:
-        """The published paraphrases that name the colour: nothing else tells the families apart."""
+        """The published paraphrases that name the colour: only the colour distinguishes the families."""
         return tuple(said for said in self._task.instructions if "{colour}" in said) or _NAMING[self._kind]
 
     def sample(
@@ -63,7 +63,7 @@ class Learnable:
             instance,
             instruction=sentence if instruction is None else instruction,
             goal=f"{instance.goal} (a world with something to learn)",
-            solution=None,  # by hand it is solved as published things behave
+            solution=None,  # the scripted solution assumes published behaviour
         )
 
     def _chosen(self, rng: np.random.Generator, instruction: str | None) -> Family:

@@ -1,7 +1,7 @@
-"""What can be learnt in the learnable world: properties that no camera sees, and the ranges that they are drawn from.
+"""The hidden properties of the learnable world, and their ranges.
 
-Each range holds what the planner's own defaults are right for, so that some families need no memory. The ranges were
-written down before any arm was measured in this world; docs/learnable_worlds.md tells them with their reasons.
+Each range includes values that suit the planner's defaults, so that some families need no memory. The ranges were fixed
+before any arm was measured in this world; docs/learnable_worlds.md gives their reasons.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Ranges:
-    """Where the properties of a family are drawn from, uniformly where nothing else is said.
+    """The ranges of a family's properties, uniform unless noted.
 
     ``jar`` and ``bottle``: degrees of turn at which a cap comes loose, and the share of bottles whose thread is
     ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``hold``: seconds that it has to be
@@ -60,10 +60,10 @@ TRAITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "open_box": ("spring",),
     }
 )
-"""The tasks that have something to learn, and what: of several traits the families have one each, in turn."""
+"""The tasks with something to learn, and their traits: with several, the families take them in turn."""
 
 COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
-"""Colours of families: hues that are told apart in any light."""
+"""Colours of families: hues that are distinct in any light."""
 
 
 def families(kind: str, world: int, count: int, ranges: Ranges = RANGES) -> tuple[Family, ...]:

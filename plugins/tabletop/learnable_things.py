@@ -1,4 +1,4 @@
-"""How the things of a family are made from published ones: their looks, and the property that no camera sees."""
+"""Making a family's things from published ones: their looks, and the hidden property."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from gvla2_plugins.tabletop.learnable_ranges import Family
 Change = Callable[[Task, np.random.Generator, TaskSite, Family, Sequence[Family]], TaskInstance]
 
 ROOM, STOPPED = 0.004, 0.00005
-"""From where the lamp is lit to the button's stop, and how near to that it has been rammed, metres."""
+"""Distance from the lamp's switching point to the button's stop, and from the stop at which it counts as rammed,
+metres."""
 PLATE, STANDS = 0.006, 0.030
 """The thickness of the plate that is pressed, and how far it stands out of its base, metres."""
 HELD_TRAVEL, HELD_AT = 0.012, 0.003

@@ -20,7 +20,7 @@ OPEN = np.pi / 2
 
 
 class OpenBox:
-    """Open the box. eased: the lid was opened by more than a right angle at some time. strict: it is so now."""
+    """Open the box. eased: the lid was opened by more than a right angle at some time. strict: it still is."""
 
     def __init__(self, config: OpenBoxConfig) -> None:
         if not 0.0 < config.swing <= TRAVEL:

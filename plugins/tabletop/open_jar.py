@@ -54,7 +54,7 @@ class OpenJar:
     def instructions(self) -> tuple[str, ...]:
         """Paraphrases; ``{colour}`` is the jar's colour, ``{target}`` the patch's.
 
-        Each says where the lid is to go: the strict rule asks for it, and nothing but the sentence tells.
+        Each says where to put the lid: the strict rule requires it, and only the sentence says it.
         """
         return (
             "open the {colour} jar and put its lid on the {target} square",

@@ -1,4 +1,4 @@
-"""Which colours things get: words that people can tell apart in any light, on this table."""
+"""Colours of things: words that people can distinguish in any light, on this table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def sample_colours(
 ) -> tuple[str, ...]:
     """``count`` colour words, each told apart from the others, from the table and from the colours ``beside``.
 
-    The first ones are those that the site asks for.
+    The first ones are those required by the site.
     """
     given = site.colours[:count]
     taken = [*beside, *([site.table_rgb] if site.table_rgb is not None else [])]

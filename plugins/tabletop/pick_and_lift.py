@@ -26,8 +26,8 @@ START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the eased profile, standing on the table about the cube's starting place, metres."""
 
 SENSOR_HEIGHT, SENSOR_THICKNESS = 0.248, 0.05
-"""The sensor of the strict profile, metres above the table. The published fact is its height alone; we read it as
-a slab of 5 cm about that height that is tripped by any part of the cube, as a proximity sensor is."""
+"""The sensor of the strict profile, metres above the table. Only its height is published; we assume a slab of 5 cm
+around that height, triggered by any part of the cube, like a proximity sensor."""
 
 
 class PickAndLift:
@@ -129,7 +129,7 @@ class PickAndLift:
             apart = np.linalg.norm(centres[:i] - centre, axis=1) - 2 * radius
             if not inside(site, centre, radius) or (apart < self._config.gap).any():
                 return None
-        # Reach last: it asks for inverse kinematics, which costs more than all the rest.
+        # Reach last: inverse kinematics costs more than everything else.
         if not all(in_reach(site, centre, (size / 2, SENSOR_HEIGHT + size)) for centre in centres):
             return None
         return [

@@ -16,7 +16,7 @@ from gvla2_plugins.tabletop.wording import sentence_of
 
 BRICK, MASS = (0.2, 0.067, 0.033), 0.448
 LOOSE = 0.9
-"""The brick to be pulled is so much smaller, and lighter by its cube: 0.327 kg."""
+"""The loose brick's scale; its mass goes with the cube: 0.327 kg."""
 
 LAYERS, LAYER, SLOT = 5, 3, 1
 """Layers of three bricks, and the loose one's place among them: its middle is 0.114 m above the table."""
@@ -33,8 +33,8 @@ WOOD = (0.93, 0.91, 0.86)
 
 
 class PlayJenga:
-    """Take the loose brick out of the tower. eased: some part of it is in the goal's cylinder. strict: so it is, let
-    go of, while all others still stand where they were.
+    """Take the loose brick out of the tower. eased: some part of it is in the goal's cylinder. strict: the same,
+    released, while all others still stand in place.
     """
 
     def __init__(self, config: ScaledConfig) -> None:

@@ -25,11 +25,11 @@ MASS = 0.1
 GAP = 0.05
 OVER = 0.10
 ASIDE = 0.035
-"""Metres, kilograms: a thing is in a bin when its middle is within its walls, no higher than ``OVER``.
-Two things of one colour have room ``ASIDE`` of the bin's middle, on either side."""
+"""Metres, kilograms: a thing is in a bin when its middle is within its walls, no higher than ``OVER``. Two things of
+one colour fit ``ASIDE`` of the bin's middle, on either side."""
 
 TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
-"""Draws of all five places at once, and of places one by one before starting over, which is done so often."""
+"""Number of draws of all five places together, of single places before starting over, and of restarts."""
 
 
 class SortObject:
@@ -111,7 +111,7 @@ class SortObject:
         return [_turned(root, site) for root in crowded]
 
     def _one_by_one(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:
-        """Each thing beside those that lie already: for a small reach, where five at once hardly ever fit."""
+        """Each thing beside those that lie already: for a small reach, where five together hardly ever fit."""
         roots: list[FloatArray] = []
         for _ in range(ONE_BY_ONE):
             root = sample_root(rng, site)

@@ -1,4 +1,4 @@
-"""The sentence of an episode, and which of several things of different colours it names."""
+"""An episode's sentence, and which of several coloured things it names."""
 
 from __future__ import annotations
 

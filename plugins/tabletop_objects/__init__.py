@@ -1,4 +1,4 @@
-"""A table with scanned objects: any folder of textured meshes, and what can be asked of them by their names."""
+"""A table with scanned objects: any folder of textured meshes, with instructions that use their names."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ if TYPE_CHECKING:
 
 @dataclass
 class ObjectsConfig:
-    """Which meshes lie there, and how.
+    """The meshes and their poses.
 
     ``root`` is a folder of meshes: ``mug.glb``, ``mug.obj`` or ``mug/textured.obj`` is the object "mug". ``names`` are
-    those that may lie there, all by default; ``count`` of them do, 1 to 8, by default all of ``names`` or one of the
-    folder. ``scale`` is metres a unit of the files (by default metres, or millimetres where nothing else makes sense),
-    ``mass`` kilograms (by default by size), ``pose`` is "upright", as the files have them, or "fallen", as they come to
-    lie when they are dropped.
+    the candidates, all by default; ``count`` of them do, 1 to 8, by default all of ``names`` or one of the folder.
+    ``scale`` is metres per unit of the files (by default metres, or millimetres if only that makes sense), ``mass``
+    kilograms (by default by size), ``pose`` is "upright", as in the files, or "fallen", as if dropped.
     """
 
     root: str = ""
@@ -34,8 +33,8 @@ class ObjectsConfig:
 
 @dataclass
 class TabletopObjectsConfig(TaskConfig):
-    """Options of ``tabletop_objects``. ``ask`` is what is asked for: lift, put_in, left_of, sort, or any of them that
-    the objects allow.
+    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift, put_in, left_of, sort, or any of them
+    that the objects allow.
     """
 
     required: ClassVar[tuple[str, ...]] = ("objects.root",)

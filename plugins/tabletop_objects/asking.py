@@ -1,4 +1,4 @@
-"""What can be asked of named objects, in words, and when it is done."""
+"""Instructions about named objects, and their success criteria."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LIFTED, LIFTED_WELL = 0.03, 0.08
 """Metres between a lifted thing's lowest point and the table: eased and strict."""
 
 BESIDE, IN_LINE = 0.40, 0.15
-"""A thing is left of another when it lies so near, metres, and no farther before or behind than this."""
+"""Largest distance, metres, of a thing to the left of another, and largest offset to the front or back."""
 
 WORDINGS = {
     "lift": (
@@ -50,8 +50,8 @@ WORDINGS = {
 
 @dataclass(frozen=True)
 class Wish:
-    """What is asked: the kind, the things ``themes``, the other thing ``goal`` (a body's name, or "") and ``word``,
-    what all themes are called together.
+    """The request: the kind, the things ``themes``, the other thing ``goal`` (a body's name, or "") and ``word``, what
+    all themes are called together.
     """
 
     kind: str
@@ -68,7 +68,7 @@ def wording(asked: Wish, labels: dict[str, str], rng: np.random.Generator) -> st
 
 
 def understood(sentence: str, labels: dict[str, str], own: Wish) -> tuple[Wish, str]:
-    """What a given sentence names, judged by its words alone, and a remark for the goal when it names nothing here."""
+    """The objects named by a given sentence's words, and a remark for the goal when it names none."""
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
     named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
@@ -91,7 +91,7 @@ def _place(said: str, label: str) -> int:
 def referee(
     asked: Wish, bodies: Sequence[Body], table: float
 ) -> tuple[dict[Profile, Callable[[WorldState], bool]], str]:
-    """The predicates of both profiles, and in words what they look for; ``table`` is world z, metres."""
+    """The predicates of both profiles, and their description; ``table`` is world z, metres."""
     by_name = {body.name: body for body in bodies}
     themes = [by_name[name] for name in asked.themes]
     label = asked.word or themes[0].label

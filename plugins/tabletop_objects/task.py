@@ -1,4 +1,4 @@
-"""Episodes with scanned objects: which of them lie where, and what is asked."""
+"""Episodes with scanned objects: their layout and the instruction."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GAP = 0.03
 """Metres between things, at least."""
 
 LIFT = 0.20
-"""Above the table to which the hand must get at a thing's place, metres."""
+"""Heights above the table that the hand must reach at a thing's place, metres."""
 
 DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
 """Kilograms a cubic metre of a thing's hull, and bounds in kilograms: household things are hollow or light."""
@@ -43,8 +43,8 @@ POSES = ("upright", "fallen")
 class TabletopObjects:
     """Implements :class:`gvla2.robot.task.Task` for a folder of meshes; see :mod:`.asking` for what counts as done.
 
-    Raises :class:`ConfigurationError` for a folder, names or options that are not sound; a mesh that cannot be used
-    says so when an episode needs it.
+    Raises :class:`ConfigurationError` for an invalid folder, names or options; an unusable mesh raises when an episode
+    needs it.
     """
 
     def __init__(self, config: TabletopObjectsConfig) -> None:
@@ -80,7 +80,7 @@ class TabletopObjects:
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
-        """One episode; a given ``instruction`` decides what is judged as far as it names objects that lie there."""
+        """One episode; a given ``instruction`` decides the goal as far as it names objects on the table."""
         names = [list(self._library)[i] for i in rng.permutation(len(self._library))[: self._count]]
         turned = [self._turned(name, rng) for name in names]
         for body in turned:
@@ -102,7 +102,7 @@ class TabletopObjects:
         )
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
-        """The thing at the origin, turned as it will lie."""
+        """The thing at the origin, in its final orientation."""
         objects = self._objects
         mesh = Mesh(self._library[name], objects.scale, friction=objects.friction)
         scan = _scan(mesh.body(name, np.eye(4)))
@@ -114,7 +114,7 @@ class TabletopObjects:
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
     def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Wish:
-        """What is asked of these things: of the kinds that they allow where any may be."""
+        """The request for these things; for "any", one of the kinds that they allow."""
         kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
         offers: dict[str, Callable[[], list[Wish]]] = {
             "lift": lambda: [Wish("lift", (body.name,)) for body in bodies],
@@ -139,7 +139,7 @@ class TabletopObjects:
         )
 
     def _undone(self, asked: Wish, things: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
-        """Whether there is still something to do: what is to go to the left lies on the right."""
+        """Whether there is still something to do: a thing to put left lies on the right."""
         if asked.kind != "left_of":
             return True
         place = {body.name: root[:2, 3] for body, root in zip(things, roots, strict=True)}
@@ -156,7 +156,7 @@ class TabletopObjects:
     def _placed(
         self, turned: list[Body], asked: Wish, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
-        """The things where they lie, and the tray where one is needed."""
+        """The things in place, and the tray if needed."""
         bins = [
             Body(
                 "tray",
@@ -190,7 +190,7 @@ class TabletopObjects:
 
 
 def _beside(asked: Wish, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
-    """The round on the table where something is to be put left of another."""
+    """The target circle on the table to the left of a thing."""
     if asked.kind != "left_of":
         return ()
     near = {body.name: body for body in bodies}

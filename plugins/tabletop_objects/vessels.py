@@ -1,4 +1,4 @@
-"""Which meshes are open at their top, and how wide."""
+"""Openings of meshes at their top."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.robot.scan import Scan
 
 CELL = 0.008
-"""Side of the columns that are looked down into, metres."""
+"""Side of the vertical columns that are sampled, metres."""
 
 DEEP, INNER = 0.45, 0.35
 """A vessel's bottom is lower than this share of its height; it is looked for within this share of its half width."""
 
 
 def mouth(scan: Scan, pose: FloatArray) -> float:
-    """How wide the thing, posed at ``pose`` (4, 4), is open at its top, metres; 0 where it is closed or shallow.
+    """Width of the opening at the top of the thing, posed at ``pose`` (4, 4), metres; 0 if it is closed or shallow.
 
     Seen from straight above: the lowest thing in sight about its middle is its bottom, and all about it the wall rises.
     A plate counts: what lies on it lies in it.

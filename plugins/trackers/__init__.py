@@ -1,4 +1,4 @@
-"""Runs told to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default."""
+"""Runs reported to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class TensorBoardConfig(ComponentConfig):
 
 
 def _mlflow(config: MLflowConfig) -> Tracker:
-    """Tells MLflow: configuration, numbers of each episode, pages."""
+    """Reports to MLflow: configuration, numbers of each episode, pages."""
     try:
         from gvla2_plugins.trackers.mlflow import MLflowTracker
     except ImportError as error:
@@ -56,7 +56,7 @@ def _mlflow(config: MLflowConfig) -> Tracker:
 
 
 def _wandb(config: WandbConfig) -> Tracker:
-    """Tells Weights & Biases: configuration, numbers of each episode, pages."""
+    """Reports to Weights & Biases: configuration, numbers of each episode, pages."""
     try:
         from gvla2_plugins.trackers.wandb import WandbTracker
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""The files of an episode that a tracker is worth sending."""
+"""The files of an episode worth sending to a tracker."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ NAMES = ("index.html", "result.json", "config.yaml", "after.png", "episode.gif",
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Those that are there."""
+    """The existing ones."""
     return [folder / name for name in NAMES if (folder / name).is_file()]

@@ -1,4 +1,4 @@
-"""MLflow: one run of its own for each of ours, one step an episode."""
+"""MLflow: one run for each of ours, one step per episode."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LONGEST = 500
 
 
 class MLflowTracker:
-    """Speaks through a client of its own: a run that somebody else has begun in this process is left alone."""
+    """Uses its own client: other MLflow runs in this process are not affected."""
 
     def __init__(self, config: MLflowConfig) -> None:
         self._config = config
@@ -29,7 +29,7 @@ class MLflowTracker:
         self._id = ""
 
     def begin(self, run: TrackedRun) -> None:
-        """Make the experiment where it is missing, and a run in it."""
+        """Create the experiment if missing, and a run in it."""
         uri = self._config.uri
         if not uri:
             Path("outputs").mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Weights & Biases: one run of its own for each of ours, one step an episode."""
+"""Weights & Biases: one run for each of ours, one step per episode."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class WandbTracker:
-    """Its own files go to the run's folder, so that `wandb sync` finds what was written offline."""
+    """Its own files go to the run's folder, so that `wandb sync` finds offline files."""
 
     def __init__(self, config: WandbConfig) -> None:
         self._config = config

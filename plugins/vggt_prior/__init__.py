@@ -23,9 +23,9 @@ class VggtPriorConfig(ComponentConfig):
     weights: str = ""
     """The checkpoint: ``model.pt``, ``model.safetensors``, or the folder that holds one of them."""
     factory: str = "vggt.models.vggt:VGGT"
-    """``module:callable`` that makes the network; another one with the same interface serves too."""
+    """``module:callable`` that makes the network; another one with the same interface works too."""
     device: str = ""
-    """``cpu``, ``cuda``, ``cuda:1``; empty for the GPU where there is one."""
+    """``cpu``, ``cuda``, ``cuda:1``; empty for the GPU if there is one."""
     width: int = 518
     """Width of the network's input in pixels, a multiple of 14; the height follows the views' shape."""
     white_background: bool = True
@@ -33,7 +33,7 @@ class VggtPriorConfig(ComponentConfig):
 
 
 def _build(config: VggtPriorConfig) -> GeometryPrior:
-    """Predicts depth and cameras by VGGT (weights of one's own, non-commercial licence)."""
+    """Predicts depth and cameras by VGGT (bring your own weights, non-commercial licence)."""
     from gvla2_plugins.vggt_prior.prior import VggtPrior
 
     return VggtPrior(config)

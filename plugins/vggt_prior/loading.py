@@ -20,7 +20,7 @@ _NAMES = ("model.safetensors", "model.pt")
 
 
 def import_torch() -> Any:
-    """The module torch, or an error that says how to get it."""
+    """The module torch, or an error on how to install it."""
     try:
         import torch
     except ImportError as error:
@@ -47,7 +47,7 @@ def make_network(factory: str) -> torch.nn.Module:
 
 
 def load_weights(network: torch.nn.Module, weights: str) -> None:
-    """Fill the network from a checkpoint; every weight that it needs must be there, in its shape.
+    """Fill the network from a checkpoint; every required weight must be present, in its shape.
 
     A checkpoint may hold more than the network (its tracking head, for example). Raises
     :class:`MissingDependencyError` when there is no file and :class:`ConfigurationError` when it does not fit.
@@ -92,8 +92,10 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         # Tensors only: a checkpoint is data, it must not run code.
         state = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises whatever the broken part raises
-        raise ConfigurationError(f"prior.weights: '{path}' is no checkpoint of tensors ({error}).") from error
+    except Exception as error:  # torch can raise anything
+        raise ConfigurationError(
+            f"prior.weights: '{path}' is not a checkpoint of tensors ({error})."
+        ) from error
     if isinstance(state, dict) and isinstance(state.get("model"), dict):
         state = state["model"]
     if not isinstance(state, dict):

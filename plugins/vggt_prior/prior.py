@@ -68,7 +68,7 @@ class VggtPrior:
         )
 
     def _picture(self, view: View) -> NDArray[np.float32]:
-        """The view as the network wants it: (3, h, w) in [0, 1]."""
+        """The view in the network's format: (3, h, w) in [0, 1]."""
         image = view.image.astype(np.float32)
         if self._config.white_background and view.mask is not None:
             image = 255.0 + (image - 255.0) * view.mask[..., None]
@@ -103,7 +103,7 @@ class VggtPrior:
 
 
 def _resized(maps: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
-    """Maps (S, h, w) at another size, by the nearest pixel: no depth appears between two surfaces."""
+    """Maps (S, h, w) at another size, by the nearest pixel, which invents no depth between surfaces."""
     rows = ((np.arange(height) + 0.5) * maps.shape[1] / height).astype(int)
     columns = ((np.arange(width) + 0.5) * maps.shape[2] / width).astype(int)
     return np.asarray(maps[:, rows[:, None], columns])

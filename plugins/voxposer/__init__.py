@@ -1,5 +1,5 @@
-"""VoxPoser: a language model writes value maps over the space, and a planner finds the way through them.
-After Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023).
+"""VoxPoser: a language model writes value maps over the workspace, and a planner finds the way through them. After
+Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class VoxPoserConfig(ComponentConfig):
     """Options of the ``voxposer`` planner; the run's ``language`` writes the maps.
 
-    ``voxel`` is the grid's step in metres. Being at something costs ``obstacles`` times the way itself, less within
-    ``margin`` metres of it, and a full avoidance ``avoidance`` times. There are ``tries`` answers in all.
+    ``voxel`` is the grid's step in metres. Touching an obstacle costs ``obstacles`` times the path length, decreasing
+    within ``margin`` metres, and full avoidance ``avoidance`` times. There are ``tries`` answers in all.
     """
 
     voxel: float = 0.02

@@ -1,6 +1,6 @@
-"""Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and what its maps are worth.
+"""Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and the values of its maps.
 
-``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names stand for things.
+``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names denote things.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gvla2.skills.asked_paths import check_lengths
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
-"""Characters, nodes of its tree, variables and moves of a program: what bounds its time and memory."""
+"""Characters, nodes of its tree, variables and moves of a program: these bound its time and memory."""
 Evaluate = Callable[[ast.expr], Value]
 
 
@@ -31,7 +31,7 @@ class MapProgram(NamedTuple):
 
 
 def read_program(text: str) -> MapProgram:
-    """The program in an answer; raises :class:`ValueError` that says what is no program in it."""
+    """The program in an answer; raises :class:`ValueError` on what is wrong with it."""
     source = text.split("```")[1].removeprefix("python").strip() if text.count("```") >= 2 else text.strip()
     if len(source) > LONGEST:
         raise ValueError(f"The program has {len(source)} characters; write at most {LONGEST}.")
@@ -64,7 +64,7 @@ def read_program(text: str) -> MapProgram:
 
 
 def check_units(program: MapProgram, wish: str) -> None:
-    """Raise :class:`ValueError` where a length of the wish stands in the program in another unit than mm."""
+    """Raise :class:`ValueError` if the program has a length of the instruction in another unit than mm."""
     trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
     nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
     check_lengths({float(n.value) for n in nodes if isinstance(n.value, int | float)}, wish)
@@ -81,7 +81,7 @@ class MapVocabulary:
         self._interpreter = Interpreter(self)
 
     def values(self, map_: ast.expr) -> FloatArray:
-        """(...) values of a map at the points; raises :class:`ValueError` for what is not of the language."""
+        """(...) values of a map at the points; raises :class:`ValueError` for anything outside the language."""
         return np.broadcast_to(self._interpreter.value(map_), self._points.shape[:-1])
 
     def array(self, name: str) -> Value | None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
 
 NEAR = 0.03
-"""A waypoint so near to a stop takes its turn of the hand, metres."""
+"""A waypoint this near to a stop takes its rotation of the hand, metres."""
 SLOWEST, FASTEST = 0.1, 2.0
 """Bounds of the speed map, shares of the usual speed."""
 
@@ -41,7 +41,7 @@ class Stop:
 
 
 def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
-    """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
+    """The hand's path, open at first; raises :class:`ValueError` for maps without a meaning."""
     scene, arm = request.scene, request.arm
     low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
@@ -54,12 +54,12 @@ def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: 
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
         peak = grid.peak(lambda p: MapVocabulary(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
         goal = np.clip(peak, box.low, box.high)
-        # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
+        # Not obstacles: the start and end of the move, held things, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
         ends = {held, *(object_at(point, scene) for point in line)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=c.margin)
         costs = 1.0 + c.obstacles * np.exp(-clear / c.margin) + c.avoidance * avoided
-        # A number for the hand is meant for the end of the move, a map with several of them for where it says so.
+        # A number for the hand applies at the end of the move, a map with several values at their places.
         varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
         way = grid.route(costs, at, goal)
         for number, point in enumerate(way[1:], 2):
@@ -86,7 +86,7 @@ class VoxPoserPlanner:
         self._prompt = files(__package__).joinpath("prompt.md").read_text("utf-8")
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
         brief, way = scene_brief(request.scene), list[Stop]()

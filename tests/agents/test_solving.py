@@ -98,7 +98,7 @@ def test_it_keeps_the_contract_of_an_agent():
 def test_settings_that_are_none_of_its_own_are_refused(tmp_path: Path, text):
     (tmp_path / "mine.yaml").write_text(text)
     config = MiniSweConfig(name="mini_swe", settings=str(tmp_path / "mine.yaml"))
-    with pytest.raises(ConfigurationError, match="no settings file"):
+    with pytest.raises(ConfigurationError, match="not a settings file"):
         MiniSwe(config, endpoint("http://127.0.0.1:9/v1"))
 
 

@@ -103,7 +103,7 @@ def test_what_is_no_depth_is_unknown(tmp_path):
     [
         ({"other": np.zeros(3)}, "neither 'depth' nor 'point_map', only other"),
         ({"depth": np.ones((4, 4))}, r"depth must be \(S, h, w\)"),
-        ({"depth": np.ones((2, 24, 32))}, "holds 2 pictures, there are 3 views"),
+        ({"depth": np.ones((2, 24, 32))}, "holds 2 pictures, but there are 3 views"),
         ({"depth": np.ones((3, 20, 90))}, "not the same shape"),
         ({"depth": np.full(stacked().shape, np.nan)}, "no depth in it"),
         ({"depth": stacked(), "confidence": np.ones((3, 2, 2))}, "confidence has shape"),

@@ -21,8 +21,8 @@ def test_an_edit_may_stand_in_a_fence_or_after_other_words():
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        ("no idea", "no edit"),
-        ('{"action": "FORGET", "target": "a"}', "no edit"),
+        ("no idea", "not an edit"),
+        ('{"action": "FORGET", "target": "a"}', "not an edit"),
         ('{"action": "MERGE", "target": "z", "content": "x"}', "was not shown"),
         ('{"action": "DISCARD"}', "was not shown"),
     ],

@@ -21,7 +21,7 @@ def test_it_tells_the_true_scene_without_the_names_of_bodies():
     instance = robot.reset(task.build(task.config()), 2)
     scene = oracle(robot).perceive(robot.observe(), instance.instruction, robot.arm.workspace)
     assert scene.perceiver == "oracle"
-    assert "no measure" in scene.notes[0]
+    assert "do not use its results" in scene.notes[0]
     assert [o.id for o in scene.objects] == [f"o{i + 1}" for i in range(5)]
     names = {body.name for body in instance.layout.bodies}
     assert not names & {o.id for o in scene.objects}

@@ -245,7 +245,7 @@ def test_the_log_is_appended_to_and_read_back(tmp_path):
     with pytest.raises(RobotError, match="can't be written"):
         CommandLog(tmp_path / "deep")
     path.write_text("nonsense\nmore\n")
-    with pytest.raises(RobotError, match="line 1, is no line of a command log"):
+    with pytest.raises(RobotError, match="line 1, is not a line of a command log"):
         list(read_log(path))
 
 

@@ -112,7 +112,7 @@ def test_a_stop_is_final_until_the_session_ends(rig):
     one.arm.faults = Faults()
     with pytest.raises(SafetyStopError):
         one.go(waypoint())
-    with pytest.raises(RobotError, match="start anew"):
+    with pytest.raises(RobotError, match="start again"):
         one.robot.reset(None, 1)
     assert one.at_rest()
     time.sleep(1.0)

@@ -204,7 +204,7 @@ TROUBLE = {
     "silent": ({"sends": ()}, "gave no picture at all within 0.4 s"),
     "blind": ({"sends": ("colour",)}, "gave colour pictures, and no depth"),
     "colourless": ({"sends": ("depth",)}, "gave depth pictures, and no colour"),
-    "frozen": ({"counting": False}, "stands still"),
+    "frozen": ({"counting": False}, "is frozen"),
     "of mixed sizes": ({"other_size": True}, "a depth picture of 32x24 pixels among those of 64x48"),
     "unplugged": ({"sends": (), "plugged": False}, "'f0123' was unplugged"),
 }

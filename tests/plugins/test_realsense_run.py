@@ -120,7 +120,7 @@ def test_a_recording_shows_again_what_the_camera_saw(software, hand_eye, tmp_pat
         assert np.array_equal(seen.camera.world_from_camera, wanted.camera.world_from_camera)
         assert np.array_equal(seen.camera.K, wanted.camera.K)
     assert record_main(asked, software.device) == 1
-    assert "holds something already" in capsys.readouterr().err
+    assert "is not empty" in capsys.readouterr().err
 
 
 def test_a_run_without_its_camera_ends_before_the_arm_is_asked_for(hand_eye, tmp_path, capfd):

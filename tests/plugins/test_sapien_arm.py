@@ -246,7 +246,7 @@ VISUAL = '<visual><geometry><mesh filename="package://six/none.stl"/></geometry>
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),
         (urdf(extra=f'<link name="cap">{VISUAL}</link>'), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),
         (urdf(travel=0.0), {}, r"The gripper cannot open: .*\(0\.0, 0\.0\).*finger_a_joint.*Mend the joints"),
-        ("<robot", {}, "is no XML"),
+        ("<robot", {}, "is not XML"),
         ("<sdf/>", {}, "needs a plain URDF"),
     ],
 )  # fmt: skip

@@ -147,7 +147,7 @@ def test_weights_that_do_not_fit_are_refused(module, tmp_path):
     with pytest.raises(ConfigurationError, match="not named tensors"):
         build(weights=str(path))
     path.write_bytes(b"cut off")
-    with pytest.raises(ConfigurationError, match="no checkpoint"):
+    with pytest.raises(ConfigurationError, match="not a checkpoint"):
         build(weights=str(path))
 
 

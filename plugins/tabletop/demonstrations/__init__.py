@@ -1,1 +1,1 @@
-"""How each task can be done, by hand and from true state: proofs of the tasks, out of every planner's sight."""
+"""Scripted solutions of each task from true state: proofs that the tasks are feasible, hidden from planners."""

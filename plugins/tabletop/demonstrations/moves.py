@@ -1,4 +1,4 @@
-"""Waypoints and grasps that demonstrations are put together from."""
+"""Waypoints and grasps for building demonstrations."""
 
 from __future__ import annotations
 

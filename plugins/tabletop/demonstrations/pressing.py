@@ -34,7 +34,7 @@ def press(button: str, beside: str, top: float, travel: float) -> Solution:
 def push_to(thing: str, goal: str, size: float) -> Solution:
     """Push the cube ``thing`` of that ``size`` over the table until its middle is on the origin of ``goal``.
 
-    Two pushes: the second sets right what friction turned aside in the first.
+    Two pushes: the second corrects the first one's drift from friction.
     """
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:

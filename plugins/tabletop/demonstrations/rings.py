@@ -1,4 +1,4 @@
-"""A ring over a pillar, 2.5 mm of room about it: grasp, look how it lies in the hand, correct, let it slide down."""
+"""A ring over a pillar, with 2.5 mm of clearance: grasp, measure its pose in the hand, correct, let it slide down."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lids and caps: grasped from above, turned with the wrist, lifted, and put down where that is asked."""
+"""Lids and caps: grasped from above, turned with the wrist, lifted, and put down if required."""
 
 from __future__ import annotations
 
