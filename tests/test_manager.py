@@ -275,7 +275,7 @@ def test_what_breaks_the_protocol_of_a_kind_of_ones_own_is_told():
     registry = load_plugins()
     with pytest.raises(PluginError, match=r"The gripper 'soft' of plugin 'grippers' built a Slack.*hold\(\)"):
         registry.build(composed(registry), "gripper")
-    with pytest.raises(ConformanceError, match=r"Slack is no gripper: it lacks hold\(\)"):
+    with pytest.raises(ConformanceError, match=r"Slack is not a gripper: it lacks hold\(\)"):
         check_component(registry.get("gripper", "soft"), registry.kinds["gripper"])
 
 

@@ -44,7 +44,7 @@ def test_a_memory_comes_through_a_pipe(tmp_path: Path):
 
 def test_a_file_of_nonsense_is_no_empty_memory(tmp_path: Path):
     (tmp_path / "m.jsonl").write_text("nonsense\n")
-    with pytest.raises(MemoryStoreError, match="is no memory"):
+    with pytest.raises(MemoryStoreError, match="is not a memory"):
         read_path(tmp_path / "m.jsonl")
 
 

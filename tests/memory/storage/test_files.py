@@ -55,7 +55,7 @@ def spoil(path: Path, how: str, make: Make) -> None:
     ("how", "said"),
     [
         ("garbage", "not a database"),
-        ("foreign", "something else"),
+        ("foreign", "another program"),
         ("newer", "schema 99"),
         ("older", "schema 3 of an earlier gvla2.*memory export.*memory import"),
         ("stateless", "damaged"),
