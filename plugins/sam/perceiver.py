@@ -99,7 +99,7 @@ class SamPerceiver:
             log.info("perceiver=sam: sheet %d of %d", number + 1, len(sheets))
             for mark, answer in asked(self._segmenter.encode(sheet.image), sheet.marks).items():
                 picture, k = divmod(mark, found.count)
-                answers[picture][k] = sheet.back(picture, answer)
+                answers[picture][k] = sheet.back(mark, answer)
         return answers
 
     def _drawn(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gvla2.perception.prompting import Segments
-from gvla2_plugins.sam.sheets import MARGIN, areas, packed, sheets_of
+from gvla2_plugins.sam.sheets import MARGIN, about, packed, sheets_of
 
 SIZE = (256, 256)
 
@@ -32,16 +32,17 @@ def test_an_answer_goes_back_to_where_it_was_asked():
     marks = [marked((10, 10, 40, 60)), np.where(marked((200, 150, 240, 200)) >= 0, 1, -1)]
     (sheet,) = sheets_of([picture(0), picture(1)], marks)
     logits = np.where(sheet.marks == 1, 5.0, -5.0).astype(np.float32)[None, None]
-    back = sheet.back(1, Segments(logits, np.array([[0.9]])))
-    assert (back.masks()[0, 0] == (marks[1] == 1)).all()
-    assert back.scores.tolist() == [[0.9]]
-    assert not sheet.back(0, Segments(logits, np.array([[0.9]]))).masks().any()
+    answer = Segments(logits, np.array([[0.9]]))
+    assert (sheet.back(1, answer).masks()[0, 0] == (marks[1] == 1)).all()
+    assert sheet.back(1, answer).scores.tolist() == [[0.9]]
+    assert not sheet.back(0, answer).masks().any()
 
 
 def test_where_sheets_save_nothing_pictures_stay_whole():
-    full = marked((5, 5, 250, 250))
+    full = marked((5, 5, 250, 250), (252, 5, 255, 9))
     images = [picture(0), picture(1)]
-    sheets = sheets_of(images, [full, full])
+    sheets = sheets_of(images, [full, np.where(full >= 0, full + 2, -1)])
+    assert [sorted(tile.mark for tile in sheet.tiles) for sheet in sheets] == [[0, 1], [2, 3]]
     assert [(s.image == i).all() for s, i in zip(sheets, images, strict=True)] == [True, True]
 
 
@@ -52,12 +53,17 @@ def test_pictures_of_two_sizes_have_sheets_of_their_own_and_empty_ones_none():
     assert sheets_of(images[2:], marks[2:]) == []
 
 
-def test_things_side_by_side_are_one_part_with_a_margin():
-    marks = marked((100, 100, 110, 110), (100, 120, 110, 140), (200, 30, 220, 50))
-    found = areas(marks)
-    assert len(found) == 2
-    assert (slice(100 - MARGIN, 110 + MARGIN), slice(100 - MARGIN, 140 + MARGIN)) in found
-    assert areas(marked((0, 0, 256, 256))) == [(slice(0, 256), slice(0, 256))]
+def test_neighbours_in_sight_are_not_asked_for_twice():
+    marks = marked((100, 100, 110, 110), (100, 115, 110, 140))
+    (sheet,) = sheets_of([picture(0), picture(1)], [marks, np.where(marks >= 0, marks + 2, -1)])
+    assert [int((sheet.marks == k).sum()) for k in range(4)] == [100, 250, 100, 250]
+
+
+def test_a_part_has_a_margin_inside_the_picture():
+    first, wide = marked((100, 100, 110, 130)) == 0, marked((0, 0, 256, 256)) == 0
+    margin = round(256 * MARGIN)
+    assert about(first) == (slice(100 - margin, 110 + margin), slice(100 - margin, 130 + margin))
+    assert about(wide) == (slice(0, 256), slice(0, 256))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -66,7 +72,7 @@ def test_tiles_lie_on_their_sheets_and_not_on_one_another(seed):
     parts = []
     for k in range(12):
         low, long = rng.integers(0, 100, 2), rng.integers(20, 150, 2)
-        parts.append((k, tuple(slice(int(a), int(a + b)) for a, b in zip(low, long, strict=True))))
+        parts.append((k, k, tuple(slice(int(a), int(a + b)) for a, b in zip(low, long, strict=True))))
     sheets = packed(parts, SIZE)
     assert sorted(t.picture for tiles in sheets for t in tiles) == list(range(12))
     for tiles in sheets:
