@@ -112,9 +112,9 @@ class Skin:
         of so low a side cameras see next to nothing.
         """
         normals = self._around() if self.known is None else self.known.copy()
-        outward = _off_centre(self.points[:, :2])
+        outward, top = _seen_from_above(self.points)
         length = np.linalg.norm(outward, axis=1)
-        edge = (self.points[:, 2] - self.foot < PAD) & (length > AT_EDGE * AROUND)
+        edge = (top - self.foot < PAD) & (length > AT_EDGE * AROUND)
         normals[edge] = np.column_stack([outward[edge] / length[edge, None], np.zeros(edge.sum())])
         return normals
 
@@ -140,14 +140,15 @@ def skin_of(thing: SceneObject) -> Skin | None:
     return Skin(points, foot=thing.bottom)
 
 
-def _off_centre(spots: FloatArray) -> FloatArray:
-    """(N, 2) how far each of spots (N, 2) is off the middle of those about it, metres."""
-    tree = cKDTree(spots)
-    pairs = tree.query_pairs(AROUND, output_type="ndarray")
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    count = 1 + np.bincount(both[:, 0], minlength=len(spots))
-    sums = [np.bincount(both[:, 0], spots[both[:, 1], k], len(spots)) + spots[:, k] for k in range(2)]
-    return spots - np.stack(sums, axis=1) / count[:, None]
+def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of each point (N, 3): how far it is off the middle of those about it, (N, 2), and how high these reach, (N,)."""
+    spots, count = points[:, :2], len(points)
+    pairs = cKDTree(spots).query_pairs(AROUND, output_type="ndarray")
+    one, other = np.concatenate([pairs, pairs[:, ::-1], np.arange(count)[:, None].repeat(2, 1)]).T
+    middle = np.stack([np.bincount(one, spots[other, k], count) for k in range(2)], axis=1)
+    top = np.full(count, -np.inf)
+    np.maximum.at(top, one, points[other, 2])
+    return spots - middle / np.bincount(one, minlength=count)[:, None], top
 
 
 @lru_cache(maxsize=64)
