@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View
+from gvla2.perception.holes import filled
 from gvla2.planning.scene import Box
 
 BoolArray = NDArray[np.bool_]
@@ -110,9 +111,11 @@ def _points(view: View) -> FloatArray:
         return np.full((*view.image.shape[:2], 3), np.nan)
     depth = view.depth.astype(np.float64)
     depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+    robot = np.zeros(depth.shape, dtype=bool)
     if view.robot_mask is not None:
-        depth[binary_dilation(view.robot_mask, np.ones((3, 3), bool))] = np.nan
-    return view.camera.backproject(depth)
+        robot = binary_dilation(view.robot_mask, np.ones((3, 3), bool))
+    depth[robot] = np.nan
+    return view.camera.backproject(filled(depth, view.image, ~robot))
 
 
 def why_not(view: View, points: FloatArray) -> str:

@@ -13,7 +13,7 @@ from gvla2.perception.clicks import Located, locate
 from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
 from gvla2.perception.fusing import TOUCHING, Fused, MaskCandidate, objects_of
 from gvla2.perception.options import VisionOptions
-from gvla2.perception.prompting import EncodedPicture
+from gvla2.perception.prompting import Segmenter
 from gvla2.planning.scene import Scene, SceneObject
 
 SAME = 0.6
@@ -23,7 +23,7 @@ SAME = 0.6
 def localized(
     scene: Scene,
     frames: Sequence[ViewFrame],
-    pictures: Sequence[EncodedPicture],
+    segmenter: Segmenter,
     table: TablePlane,
     instruction: str,
     model: LanguageModel,
@@ -35,7 +35,7 @@ def localized(
     shown = [[_shown(frame, thing) for thing in scene.objects] for frame in frames]
     view = int(np.argmax([sum(int(mask.sum()) for mask in masks) for masks in shown]))
     found = locate(
-        model, frames[view].view.image, pictures[view], shown[view], instruction,
+        model, frames[view].view.image, segmenter.encode(frames[view].view.image), shown[view], instruction,
         scale=options.scale, longest=options.longest,
     )  # fmt: skip
     if found.mask is None:

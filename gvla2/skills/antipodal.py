@@ -32,6 +32,10 @@ SPACING = 0.005
 NEIGHBOURS = 12
 """Points of which a normal is told."""
 
+AROUND, AT_EDGE = 0.008, 0.25
+"""Metres about a point, seen from above, and the share of them by which it is off the middle of what is there from
+which it lies on the outline: 0.42 on a straight edge."""
+
 PLAY, ROOM, BESIDE = 0.003, 0.012, 0.003
 """Metres a side: the least that an opened finger is off the thing, what it is off where there is room, and what it is
 off other parts of the thing."""
@@ -91,16 +95,30 @@ class Antipodal:
 
 @dataclass(frozen=True)
 class Skin:
-    """Points (N, 3) of a surface in the world, metres; ``known`` are their normals (N, 3) where a scan tells them."""
+    """Points (N, 3) of a surface in the world, metres; ``known`` are their normals (N, 3) where a scan tells them.
+
+    ``foot`` is the height of what the thing stands on, metres.
+    """
 
     points: FloatArray
     known: FloatArray | None = None
+    foot: float = -np.inf
 
     @cached_property
     def normals(self) -> FloatArray:
-        """(N, 3) unit normals of either sign: the scan's, else by what is around each point."""
-        if self.known is not None:
-            return self.known
+        """(N, 3) unit normals of either sign: the scan's, else by what is around each point.
+
+        What is lower than the pads meets them with its edge: there it is the outline that tells how it faces them, and
+        of so low a side cameras see next to nothing.
+        """
+        normals = self._around() if self.known is None else self.known.copy()
+        outward, top = _seen_from_above(self.points)
+        length = np.linalg.norm(outward, axis=1)
+        edge = (top - self.foot < PAD) & (length > AT_EDGE * AROUND)
+        normals[edge] = np.column_stack([outward[edge] / length[edge, None], np.zeros(edge.sum())])
+        return normals
+
+    def _around(self) -> FloatArray:
         _, near = cKDTree(self.points).query(self.points, min(NEIGHBOURS, len(self.points)))
         around = self.points[near] - self.points[near].mean(axis=1, keepdims=True)  # (N, K, 3)
         _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
@@ -112,13 +130,25 @@ def skin_of(thing: SceneObject) -> Skin | None:
     if thing.known is not None:
         whole = _skin_of_scan(thing.known.path, thing.known.scale)
         pose = thing.known.world_from_scan
-        return Skin(transform_points(pose, whole.points), whole.normals @ pose[:3, :3].T)
+        normals = whole.normals @ pose[:3, :3].T
+        return Skin(transform_points(pose, whole.points), normals, foot=thing.bottom)
     points = thing.points[np.isfinite(thing.points).all(axis=1)]
     if len(points) < FEWEST:
         return None
     if len(points) > MOST:
         points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
-    return Skin(points)
+    return Skin(points, foot=thing.bottom)
+
+
+def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of each point (N, 3): how far it is off the middle of those about it, (N, 2), and how high these reach, (N,)."""
+    spots, count = points[:, :2], len(points)
+    pairs = cKDTree(spots).query_pairs(AROUND, output_type="ndarray")
+    one, other = np.concatenate([pairs, pairs[:, ::-1], np.arange(count)[:, None].repeat(2, 1)]).T
+    middle = np.stack([np.bincount(one, spots[other, k], count) for k in range(2)], axis=1)
+    top = np.full(count, -np.inf)
+    np.maximum.at(top, one, points[other, 2])
+    return spots - middle / np.bincount(one, minlength=count)[:, None], top
 
 
 @lru_cache(maxsize=64)

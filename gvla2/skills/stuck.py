@@ -74,7 +74,8 @@ def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
             shift = theme.centre - other.centre
             gap = float(shift @ way) - _half(other, way) - _half(theme, way)
             aside = np.array([-way[1], way[0], 0.0])
-            if abs(gap) < TOUCHING and abs(float(shift @ aside)) < _half(other, aside):
+            # What seems to reach into the other errs by both and by how they are turned: it is in it all the same.
+            if -2 * TOUCHING < gap < TOUCHING and abs(float(shift @ aside)) < _half(other, aside):
                 exposed, depth = 2 * _half(theme, way), 2 * _half(other, way)
                 return Stuck(_prolonged(theme, way, 0.5 * depth), way, exposed, depth, frozenset({other.id}))
     return None

@@ -14,6 +14,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.perception.frames import why_not
+from gvla2.perception.holes import filled
 
 IntArray = NDArray[np.int64]
 
@@ -67,9 +68,12 @@ def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple
     for view in views:
         depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-        if view.robot_mask is not None:
-            robot = cv2.dilate(view.robot_mask.astype(np.uint8), np.ones((3, 3)), iterations=robot_margin)
-            depth[robot > 0] = np.nan
+        robot = (
+            np.zeros(depth.shape, np.uint8) if view.robot_mask is None else view.robot_mask.astype(np.uint8)
+        )
+        robot = np.asarray(cv2.dilate(robot, np.ones((3, 3)), iterations=robot_margin))
+        depth[robot > 0] = np.nan
+        depth = filled(depth, view.image, robot == 0)
         depth[_support(depth) < least] = np.nan
         if reason := why_not(view, depth):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")

@@ -130,6 +130,7 @@ def _session(path: str, threads: int) -> Any:
         raise MissingDependencyError("onnxruntime", "perceiver=sam", "pip install 'gvla2[sam]'") from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.log_severity_level = threads, 3
+    options.enable_mem_pattern = False  # a second set of buffers: 600 MB that save no time
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime raises a type of its own for each fault of a file

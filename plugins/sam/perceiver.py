@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import Clusters, IntArray, clusters
-from gvla2.perception.frames import BoolArray, frames_of, raised
+from gvla2.perception.frames import BoolArray, ViewFrame, frames_of, raised
 from gvla2.perception.fusing import MaskCandidate, fuse, iou, objects_of
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers, vision_model
@@ -19,6 +19,7 @@ from gvla2.perception.prompting import EncodedPicture, Prompt, Segmenter, Segmen
 from gvla2.perception.things import numbered, over_workspace
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.sam import SamConfig
+from gvla2_plugins.sam.sheets import sheets_of
 
 MODELS = ("sam2", "vit_b", "vit_l", "vit_h", "mobile_sam")
 LEAST = 6
@@ -69,14 +70,7 @@ class SamPerceiver:
         found = clusters(
             frames, [raised(f, table, workspace, config.min_height) for f in frames], config.min_points
         )
-        pictures: list[EncodedPicture] = []
-        answers: list[dict[int, Segments]] = []
-        for number, frame in enumerate(frames):
-            if not found.count and not config.localize:
-                break  # nothing stands on the table: there is nothing to ask
-            log.info("perceiver=sam: picture %d of %d ('%s')", number + 1, len(frames), frame.view.name)
-            pictures.append(self._segmenter.encode(frame.view.image))
-            answers.append(asked(pictures[-1], found.maps[number]))
+        answers = self._answers(frames, found)
         whole = wholes(found, answers)
         candidates = [
             each
@@ -90,8 +84,23 @@ class SamPerceiver:
         if self._vision is not None:
             from gvla2.perception.localizing import localized
 
-            scene = localized(scene, frames, pictures, table, instruction, self._vision, config.vision)
+            scene = localized(scene, frames, self._segmenter, table, instruction, self._vision, config.vision)
         return labelled(scene, observation, self._labellers)
+
+    def _answers(self, frames: Sequence[ViewFrame], found: Clusters) -> list[dict[int, Segments]]:
+        """For each picture the answer for each cluster that is in sight there."""
+        answers: list[dict[int, Segments]] = [{} for _ in frames]
+        marks = [
+            np.where(in_sight(clustered), clustered + number * found.count, -1)
+            for number, clustered in enumerate(found.maps)
+        ]
+        sheets = sheets_of([frame.view.image for frame in frames], marks)
+        for number, sheet in enumerate(sheets):
+            log.info("perceiver=sam: sheet %d of %d", number + 1, len(sheets))
+            for mark, answer in asked(self._segmenter.encode(sheet.image), sheet.marks).items():
+                picture, k = divmod(mark, found.count)
+                answers[picture][k] = sheet.back(mark, answer)
+        return answers
 
     def _drawn(
         self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
@@ -110,11 +119,17 @@ class SamPerceiver:
         return [MaskCandidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
 
 
-def asked(picture: EncodedPicture, clustered: IntArray) -> dict[int, Segments]:
-    """The answer for each cluster that is in sight in one picture (H, W)."""
-    shown = [int(k) for k in np.unique(clustered[clustered >= 0]) if (clustered == k).sum() >= LEAST]
-    given = picture.segment([prompt_for(clustered == k) for k in shown])
-    return {k: Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i, k in enumerate(shown)}
+def asked(picture: EncodedPicture, marks: IntArray) -> dict[int, Segments]:
+    """The answer for each mark >= 0 of one picture (H, W)."""
+    shown = np.unique(marks[marks >= 0]).tolist()
+    given = picture.segment([prompt_for(marks == mark) for mark in shown])
+    return {mark: Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i, mark in enumerate(shown)}
+
+
+def in_sight(clustered: IntArray) -> BoolArray:
+    """(H, W) the pixels of clusters that show enough of themselves in a picture to ask for them there."""
+    counts = np.bincount(clustered[clustered >= 0])
+    return np.append(counts >= LEAST, False)[clustered]  # -1 is the last
 
 
 def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[int]:

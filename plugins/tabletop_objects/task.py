@@ -26,6 +26,9 @@ MOST = 8
 GAP = 0.03
 """Metres between things, at least."""
 
+SPOTS = 60
+"""Places that are tried for a thing, those before it lying where they lie, until all are drawn anew."""
+
 LIFT = 0.20
 """Heights above the table that the hand must reach at a thing's place, metres."""
 
@@ -171,21 +174,31 @@ class TabletopObjects:
         radii = [_radius(body) for body in things]
         handled = {*asked.themes, asked.goal}
 
-        def draw() -> list[FloatArray] | None:
-            roots: list[FloatArray] = []
-            for body, radius in zip(things, radii, strict=True):
-                root = sample_root(rng, site)
-                spots = np.stack([*(r[:2, 3] for r in roots), root[:2, 3]])
-                if not inside(site, root[:2, 3], min(radius, 0.15)):
-                    return None
-                if not clear(spots, radii[: len(spots)], GAP):
-                    return None
-                if body.name in handled and not in_reach(site, root[:2, 3], (0.02, LIFT)):
-                    return None
-                roots.append(root)
-            return roots if self._undone(asked, things, roots, site) else None
+        widest_first = sorted(range(len(things)), key=lambda k: -radii[k])
 
-        roots = sample_until(draw, f"{len(things)} objects", tries=20000)
+        def draw() -> list[FloatArray] | None:
+            roots: dict[int, FloatArray] = {}
+            for k in widest_first:
+                for _ in range(SPOTS):
+                    root = sample_root(rng, site)
+                    spot = root[:2, 3]
+                    if (
+                        inside(site, spot, min(radii[k], 0.15))
+                        and clear(
+                            np.stack([*(r[:2, 3] for r in roots.values()), spot]),
+                            [*(radii[j] for j in roots), radii[k]],
+                            GAP,
+                        )
+                        and (things[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
+                    ):
+                        roots[k] = root
+                        break
+                else:
+                    return None
+            placed = [roots[k] for k in range(len(things))]
+            return placed if self._undone(asked, things, placed, site) else None
+
+        roots = sample_until(draw, f"{len(things)} objects", tries=150)
         return [_set_down(body, root, site) for body, root in zip(things, roots, strict=True)]
 
 

@@ -2,12 +2,14 @@
 
     python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses upright,fallen] [--seeds 0,1] [--count 1]
         [--perceiver oracle] [--gallery FOLDER] [--sentence "lift the object"] [--replan 0] [--out FILE]
+        [--pictures FILE.png]
 
 Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
 the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares: of all, of
 the objects whose narrowest side is below 75 mm, and of those of them where a hold fits; and those that failed. With
 ``--count`` 5, five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not
 know names wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
+``--pictures`` shows the narrow ones that were not lifted, as they lay, each with the planner's reason.
 """
 
 from __future__ import annotations
@@ -15,24 +17,29 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import textwrap
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
+from PIL import Image, ImageDraw
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, Parts, run_episode
 from gvla2.hydra_bridge import register
 from gvla2.plugins import Registry, load_plugins
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.drawing import Canvas, font
+from gvla2.record.placement import Rect
 from gvla2.robot.mesh_library import chosen, mesh_library, spoken
 from gvla2.robot.scan import read_scan
 
-NARROW = 0.075
+NARROW, TILE = 0.075, 240
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,7 @@ def main() -> None:
     parser.add_argument("--sentence", default="")
     parser.add_argument("--replan", type=int, default=0)
     parser.add_argument("--out", default="")
+    parser.add_argument("--pictures", default="")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     registry = load_plugins()
@@ -105,6 +113,14 @@ def main() -> None:
                     file.write(json.dumps(row) + "\n")
         rows.append(row)
     _tell(rows)
+    if options.pictures:
+        missed = [
+            (case, row)
+            for case, row in zip(cases, rows, strict=True)
+            if not row["strict"] and row["narrow"] < NARROW
+        ]
+        tiles = [_picture(registry, case, options.folder, row) for case, row in missed]
+        _sheet(tiles).quantize(128).save(options.pictures, optimize=True)
 
 
 def _tell(rows: list[dict]) -> None:
@@ -124,23 +140,54 @@ def _tell(rows: list[dict]) -> None:
     print(f"median planning {np.median([r['planning_s'] for r in rows]):.2f} s")
 
 
-def _episode(registry: Registry, case: Case, folder: str) -> dict:
+def _parts(case: Case, folder: str, registry: Registry) -> Parts:
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         asked = [f"task.objects.root={folder}", f"task.objects.names=[{','.join(case.names)}]"]
         asked += [f"task.objects.pose={case.pose}", f"task.objects.count={case.count}"]
         choices = ["memory=none", "task=tabletop_objects", f"perceiver={case.perceiver}", *asked]
         choices += [f"perceiver.gallery={case.gallery}"] if case.gallery else []
         config = OmegaConf.to_object(compose("run", overrides=choices))
-    parts = build_parts(config, registry)
+    return build_parts(config, registry)
+
+
+def _picture(registry: Registry, case: Case, folder: str, row: dict) -> Image.Image:
+    """The asked thing as it lay, in the picture that shows most of it, with why it was not lifted below."""
+    parts = _parts(case, folder, registry)
+    with closing(parts.robot), closing(parts.memory):
+        parts.robot.reset(parts.task, case.seed, None)
+        seen = parts.robot.observe()
+        names, images = parts.robot.true_masks(seen)
+        shown = [np.argwhere(image == names.index(row["name"])) for image in images]
+        most = int(np.argmax([len(spots) for spots in shown]))
+        fine = seen.pictured()[most].image
+        zoom = fine.shape[0] / images[most].shape[0]
+        low, high = zoom * shown[most].min(axis=0), zoom * shown[most].max(axis=0)
+        side = min(max(1.6 * (high - low).max(), 0.2 * fine.shape[0]), fine.shape[0])
+        top, left = np.clip(0.5 * (low + high - side), 0, np.array(fine.shape[:2]) - side)
+        cut = Canvas(fine, TILE, Rect(left, top, left + side, top + side)).picture()
+    tile = Image.new("RGB", (TILE, TILE + 64), "white")
+    tile.paste(cut)
+    text = "\n".join(textwrap.wrap(f"{spoken(row['name'])} {case.seed}: {row['why']}", 38)[:4])
+    ImageDraw.Draw(tile).multiline_text((4, TILE + 2), text, fill="black", font=font(11), spacing=3)
+    return tile
+
+
+def _sheet(tiles: list[Image.Image], columns: int = 4) -> Image.Image:
+    width, height = TILE, TILE + 64
+    rows = -(-len(tiles) // columns)
+    sheet = Image.new("RGB", (columns * width, max(1, rows) * height), "white")
+    for k, tile in enumerate(tiles):
+        sheet.paste(tile, (k % columns * width, k // columns * height))
+    return sheet
+
+
+def _episode(registry: Registry, case: Case, folder: str) -> dict:
+    parts = _parts(case, folder, registry)
     started = time.perf_counter()
-    try:
+    with closing(parts.robot), closing(parts.memory):
         request = EpisodeRequest(case.seed, case.sentence or None, replan=case.replan)
         record = run_episode(parts, request)
-        seconds = time.perf_counter() - started
-        return {**_row(record, case), "seconds": round(seconds, 1)}
-    finally:
-        parts.robot.close()
-        parts.memory.close()
+        return {**_row(record, case), "seconds": round(time.perf_counter() - started, 1)}
 
 
 def _row(record: EpisodeRecord, case: Case) -> dict:

@@ -158,14 +158,18 @@ def test_the_scene_says_which_thing_was_meant(world, two):
         for k in (1, 2)
     ]  # fmt: skip
     scene = Scene(tuple(things), world.TABLE, world.WORKSPACE)
-    model_of = world.ByColour(120.0)
-    pictures = [model_of.encode(f.view.image) for f in frames]
     # Clicks are asked for in the picture that shows most.
     shown = int(np.argmax([(t > 0).sum() for t in two.truth]))
     with clicking(at(two.truth[shown] == 2), DONE) as model:
         options = VisionOptions(base_url=model.url)
         asked = localized(
-            scene, frames, pictures, table, "lift the bottle", vision_model(options, "a test"), options
+            scene,
+            frames,
+            world.ByColour(120.0),
+            table,
+            "lift the bottle",
+            vision_model(options, "a test"),
+            options,
         )
     assert any(note.startswith("o2 is the target") for note in asked.notes)
     assert asked.objects == scene.objects
@@ -177,19 +181,20 @@ def test_a_part_that_geometry_did_not_tell_apart_is_added(world, two):
     whole = thing_of(points, np.ones_like(points), world.TABLE, 1.0, "o1")
     scene = Scene((whole,), world.TABLE, world.WORKSPACE)
 
+    shown = int(np.argmax([(t == 1).sum() for t in two.truth]))
+    painted = (two.truth[shown] == 1) & (frames[shown].view.image[..., 1] > 120)
+
     class Painted:
-        def __init__(self, image, own):
-            self.mask = own & (image[..., 1] > 120)
+        def encode(self, image):
+            return self
 
         def segment(self, prompts):
-            return Segments(np.where(self.mask, 5.0, -5.0).astype(np.float32)[None, None], np.array([[0.9]]))
+            return Segments(np.where(painted, 5.0, -5.0).astype(np.float32)[None, None], np.array([[0.9]]))
 
-    pictures = [Painted(f.view.image, t == 1) for f, t in zip(frames, two.truth, strict=True)]
-    shown = int(np.argmax([(t == 1).sum() for t in two.truth]))
-    with clicking(at(pictures[shown].mask), DONE) as model:
+    with clicking(at(painted), DONE) as model:
         options = VisionOptions(base_url=model.url)
         asked = localized(
-            scene, frames, pictures, table, "press the end", vision_model(options, "a test"), options
+            scene, frames, Painted(), table, "press the end", vision_model(options, "a test"), options
         )
     assert asked.objects[1].parent == "o1"
     assert asked.objects[1].extents[:2].prod() < 0.6 * whole.extents[:2].prod()

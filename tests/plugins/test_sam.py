@@ -52,10 +52,10 @@ def test_it_conforms(perceiver):
     check_perceiver(perceiver)
 
 
-def test_one_encode_a_picture_one_prompt_a_thing(perceiver):
+def test_one_prompt_a_thing_and_picture_and_no_more_encodes_than_pictures(perceiver):
     scene = perceiver.perceive(inputs.observation(), "", inputs.WORKSPACE)
     assert [o.label for o in scene.objects] == ["red cube", "blue cube"]
-    assert perceiver._segmenter.encodes == 3
+    assert 1 <= perceiver._segmenter.encodes <= 3
     assert 4 <= perceiver._segmenter.prompts <= 6
     assert scene["o1"].extents == pytest.approx([0.052] * 3, abs=0.006)
 

@@ -50,6 +50,16 @@ def test_sentences_are_made_of_names(folder):
     assert "gray tray" in together.instruction
 
 
+def test_wide_things_find_room_beside_one_another(tmp_path):
+    for k in range(5):
+        write(tmp_path, f"board_{k}", painted(box(0.15, 0.15, 0.02)))
+    for seed in range(8):
+        bodies = sample(task(tmp_path, count=5), seed).layout.bodies
+        spots = np.array([body.world_from_body[:2, 3] for body in bodies])
+        apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1)[~np.eye(5, dtype=bool)]
+        assert apart.min() > 0.15
+
+
 def test_a_given_sentence_decides_what_is_judged(folder):
     made = task(folder, "any", count=4)
     given = sample(made, 3, "please pick up the sugar box")

@@ -55,10 +55,30 @@ def test_what_is_too_wide_everywhere_is_not_held(thing):
 
 
 @pytest.mark.parametrize(
-    "mesh", [trimesh.creation.box(extents=(0.21, 0.16, 0.07)), cylinder(0.051, 0.14)], ids=["box", "can"]
+    "mesh",
+    [
+        trimesh.creation.box(extents=(0.21, 0.16, 0.07)),
+        cylinder(0.051, 0.14),
+        trimesh.creation.box(extents=(0.21, 0.16, 0.012)),
+        cylinder(0.051, 0.012),
+    ],
+    ids=["box", "can", "board", "lid"],
 )
 def test_what_would_be_squeezed_out_by_a_corner_or_a_rim_is_not_held(thing, mesh):
     assert antipodal(thing(mesh), HAND, 0.0, OUT) == []
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_seen(thing, seen):
+    blades = [trimesh.creation.box(extents=(0.2, 0.02, 0.014)) for _ in range(2)]
+    for sign, blade in zip((1, -1), blades, strict=True):
+        blade.apply_transform(trimesh.transformations.rotation_matrix(0.25 * sign, [0, 0, 1]))
+    it = thing(trimesh.util.concatenate(blades), seen=seen)
+    it = replace(it, points=it.points[it.points[:, 2] > 0.0135])
+    best = antipodal(it, HAND, 0.0, OUT)[0]
+    assert best.width < 0.05
+    assert abs(best.rotation[1, 1]) > 0.9
+    assert np.hypot(*best.centre[:2]) < 0.06
 
 
 @pytest.mark.parametrize(("side", "count"), [(0.04, 1500), (0.1, 2400), (0.3, 4000)])

@@ -139,7 +139,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
 
 
 SQUARE = 0.9
-"""Of a can too wide for the hand the surface offers chords, which squeeze it out: its sides must be square to them."""
+"""Of a can too wide for the hand the surface offers chords, of a box its corners, which squeeze it out: the sides must
+be square to them. Of a plate, its box tells next to nothing of the outline."""
 
 
 def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
@@ -149,7 +150,7 @@ def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
     if irregular:
         return [*found, *by_surface(job)]
-    return found or by_surface(job, SQUARE) or boxed
+    return found or by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
 
 
 def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
