@@ -25,12 +25,12 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck, drop * off, put * away|back""",
+        loop|lodge|settle|tuck|pop|plonk|plop, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
         give|use * push|shove|nudge, press against""",
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
-        flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap, apply pressure,
+        flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap|poke, poke, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
@@ -39,7 +39,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
     close="""close|seal * up, close|shut|seal, swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
-        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing * down, turn * lid over, cover * with,
+        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down, swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up, turn * lid over, cover * with,
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
@@ -50,7 +50,7 @@ UNSUPPORTED = frozenset(
     _phrases("""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
     stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
     spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
-    sell|watch|read|dim|extinguish|release|assemble|build|poke""")
+    sell|watch|read|dim|extinguish|release|assemble|build""")
 )
 """Verbs that are understood and that no schema carries out."""
 
@@ -93,9 +93,9 @@ SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".sp
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, leftmost,
+    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, at|on the far left, leftmost,
         left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
+    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right, at|on the far right,
         rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
@@ -121,7 +121,7 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
 )  # fmt: skip
 RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 """Relation to its wordings."""
-UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
+UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
@@ -160,8 +160,10 @@ FILLERS = frozenset(
 """Words that carry nothing for us."""
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = frozenset("want like need needs should must belongs goes shall let have has wish".split())
+WISHING = frozenset("ought love want like need needs should must belongs goes shall let have has wish".split())
 """A clause with one of them asks for a state of things."""
+NEEDING = frozenset("want need like have love".split())
+"""Those that ask for a thing where no place is said."""
 SHINING = frozenset("shine shines shining glow glows glowing lit bright burning alight".split())
 """States of a lamp that is on."""
 CARRYING = frozenset("move carry put transport relocate position transfer".split())
@@ -195,6 +197,19 @@ BACKGROUND = re.compile(
     r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
+FOR_WHAT = re.compile(
+    r"\bso (?:that )?(?:no|nothing|nobody|it (?:no|doesn't|isn't|can't)|they)\b[^,.;!?:]*"
+    r"|\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b|\bas you see it\b"
+)
+"""What it is for, and the robot's own point of view, which is taken anyway."""
+WHY = re.compile(r"^([^,.;!?:]+) , so (?!that\b)")
+"""A reason before what is asked for."""
+STANDS = re.compile(
+    r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b(?! out of| from| out from)(?: out| up| there| right)*\b"
+)
+"""Where something is, not where it is to go."""
+THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
+"""What parts wishes that follow one another."""
 WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import cast
 
@@ -12,6 +13,7 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.chaining import kept_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
+from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
@@ -48,7 +50,30 @@ class SkillPlanner:
 
 
 def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading | Abstention:
-    """The skill calls of a sentence; an abstention where it cannot be read with certainty."""
+    """The skill calls of a sentence; an abstention where it cannot be read with certainty.
+
+    Read as it stands; where that fails, in the words that perception has for what is there; then part by part.
+    """
+    found = _read(sentence, scene, spelling)
+    known = in_scene_words(sentence, scene)
+    if isinstance(found, Abstention) and known != sentence:
+        found = _read(known, scene, spelling)
+    if isinstance(found, Abstention) and found.kind == "other" and len(parts := lexicon.THEN.split(known)) > 1:
+        return _in_turn([_read(part, scene, spelling) for part in parts], found)
+    return found
+
+
+def _in_turn(parts: Sequence[SentenceReading | Abstention], refusal: Abstention) -> SentenceReading | Abstention:
+    """The calls of all parts, one after the other; the refusal of the whole where one of them is not read."""
+    read_parts = [p for p in parts if isinstance(p, SentenceReading)]
+    if len(read_parts) < len(parts):
+        return refusal
+    return SentenceReading(
+        tuple(c for p in read_parts for c in p.calls), tuple(n for p in read_parts for n in p.notes)
+    )
+
+
+def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abstention:
     if isinstance(pairs := sorting(sentence, scene, spelling), Abstention):
         return pairs
     if pairs:
