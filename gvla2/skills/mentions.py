@@ -46,7 +46,7 @@ ACTING = frozenset(
     "lower settle tuck pop push slide shove nudge sweep scoot shift drag propel steer guide drive poke press hit "
     "tap click switch turn light activate toggle flick open prise pry flip swing fold pull draw tug yank extract "
     "remove ease wiggle unscrew twist untwist uncap unseal rotate uncork loosen undo unfasten spin close shut "
-    "seal cover belong go want need build tidy clear off onto into up out down".split()
+    "seal cover belong go want need build tidy clear sit look off onto into up out down".split()
 )
 """Words of acts that some skill may do; a wish without any of them is for another kind of robot."""
 TOGETHER = re.compile(
@@ -99,6 +99,16 @@ def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
         for role, m in (("theme", theme), ("goal", goal))
         if m is not None
     }
+
+
+def onto_itself(wish: str, scene: Scene) -> str:
+    """The label of a whole thing that a wish speaks of as moved and as where it goes, so that another like it is
+    missing here; "" where there is none.
+    """
+    roles = roles_said(wish, scene)
+    if len(roles) == 2 and roles["theme"] == roles["goal"] and len(roles["theme"]) == 1:
+        return scene[next(iter(roles["theme"]))].label
+    return ""
 
 
 def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, frozenset[str]]:

@@ -36,6 +36,8 @@ ACTS = {
     "open": {"open", "pull", "twist"}, "close": {"close"}, "unscrew": {"twist"}, "insert": {"insert", "place"},
 }  # fmt: skip
 """What the authors' verbs allow."""
+TAKEN = {"place": {"lift"}, "draw": {"lift"}, "twist": {"unscrew", "open"}}
+"""What a skill that leads somewhere does first."""
 
 
 def seen(parts):
@@ -64,10 +66,15 @@ def is_right(acts, right, scene):
     def kin(one, other):
         return one == other or (one and other and root_of(scene[one], scene) is root_of(scene[other], scene))
 
-    return len(acts) == len(right) and all(
-        any(skill in ACTS[a["act"]] and kin(thing, a["thing"]) and kin(goal, a["goal"]) for a in allowed)
-        for (skill, thing, goal), allowed in zip(acts, right, strict=True)
-    )
+    def done(act, allowed):
+        skill, thing, goal = act
+        return any(skill in ACTS[a["act"]] and kin(thing, a["thing"]) and kin(goal, a["goal"]) for a in allowed)
+
+    if len(acts) == 1 and len(right) == 2 and acts[0][2]:  # one that takes a thing and puts it somewhere is both
+        skill, thing, _ = acts[0]
+        taken = any(a["act"] in TAKEN.get(skill, ()) and kin(thing, a["thing"]) for a in right[0])
+        return taken and done(("place", *acts[0][1:]), right[1])
+    return len(acts) == len(right) and all(map(done, acts, right))
 
 
 def outcome(record, row, consultation):
