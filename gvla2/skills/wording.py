@@ -43,7 +43,7 @@ LOOKS: dict[str, frozenset[str]] = {
         "square": f"{_FLAT} rectangle",
         "patch": f"{_FLAT} rectangle square",
         "circle": f"{_FLAT} disc disk dot round",
-        "tray": f"{_PACK} basket dish basin pan platter rack",
+        "tray": f"{_PACK} dish basin pan platter rack",
         "plate": "board slab dish tile platter panel sheet tray",
         "disc": "puck coin counter token plate saucer",
         "ball": "sphere orb marble globe",
@@ -76,9 +76,13 @@ def in_scene_words(wish: str, scene: Scene) -> str:
         if begin is None:
             continue
         at, colour = _colour(plain[begin:i], scene)
+        if at and not colour:  # of a colour that is not there
+            continue
         noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
         if noun and noun != word:
-            first = i - (i > begin and noun.startswith(f"{plain[i - 1]} "))  # "the knife stand", a knife block
+            first = i - (
+                i > begin and noun.startswith(f"{plain[i - 1]} ")
+            )  # "the knife stand", a knife block
             told.append((words[first].start(), words[i].end(), noun))
         if noun and colour and at:
             told.append((words[begin + at[0]].start(), words[begin + at[1] - 1].end(), colour))
@@ -92,8 +96,10 @@ def _noun_phrase(words: Sequence[str], i: int) -> int | None:
     for begin in range(i - 1, max(-1, i - 6), -1):
         if words[begin] in PLACES or not words[begin].isalpha():
             return None
-        if words[begin] in DETERMINERS:  # "that covers it" is none
-            return None if words[begin] == "that" and words[i].endswith("s") else begin + 1
+        if words[begin] in DETERMINERS:
+            clause = words[begin] == "that" and words[i].endswith("s")  # "that covers it"
+            place = words[i] == "top" and begin > 0 and words[begin - 1] in PLACES  # "at the top"
+            return None if clause or place else begin + 1
     return None
 
 

@@ -33,12 +33,16 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    text = lexicon.STANDS.sub("standing", lexicon.WHATEVER.sub("the thing ", " ".join(tokens)))
+    text = lexicon.WHATEVER.sub("the thing ", lexicon.WHICHEVER.sub(r"the \1 ", " ".join(tokens)))
+    text = lexicon.STANDS.sub("standing", text)
     text = lexicon.FOR_WHAT.sub(" ", text)
-    if (why := lexicon.WHY.match(text)) and not verbs_of(next((t for t in why[1].split() if t not in _ASKING), "")):
+    if (why := lexicon.WHY.match(text)) and not verbs_of(
+        next((t for t in why[1].split() if t not in _ASKING), "")
+    ):
         text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
-    tokens = (asked if any(verbs_of(t) for t in asked.split()) else text).split()
+    text = asked if any(verbs_of(t) for t in asked.split()) else text
+    tokens = lexicon.LOOK_IN.sub("open ", text).split()
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
@@ -158,7 +162,12 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
-    if lexicon.NEEDING & set(tokens) and theme is not None and theme.noun not in ("", "lamp") and not theme.unknown:
+    if (
+        lexicon.NEEDING & set(tokens)
+        and theme is not None
+        and theme.noun not in ("", "lamp")
+        and not theme.unknown
+    ):
         return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
     words = [t for t in tokens if t.isalpha()]
     dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
@@ -225,7 +234,12 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     """Theme, goal and the goal's relation. What is no goal says where the theme (or the goal) is."""
     theme = chunks[0].phrase
     shown = next((c.phrase for c in chunks[1:2] if c.relation == "with"), None)
-    if shown is not None and shown.noun in lexicon.PARTS and theme.noun in ("object", "") and not theme.colour:
+    if (
+        shown is not None
+        and shown.noun in lexicon.PARTS
+        and theme.noun in ("object", "")
+        and not theme.colour
+    ):
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
     aim = _aim(skill, told)
@@ -250,5 +264,9 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
 def _aim(skill: str, told: Sequence[_Chunk]) -> _Chunk | None:
     if skill in ("pick", "press", "unsupported", "open", "close"):
         return None
-    aims = [c for c in told if c.relation != "from" and not c.fixed and (c.dynamic or skill not in ("fetch", "pull"))]
+    aims = [
+        c
+        for c in told
+        if c.relation != "from" and not c.fixed and (c.dynamic or skill not in ("fetch", "pull", "twist"))
+    ]
     return next((c for c in aims if c.dynamic), aims[0] if aims else None)

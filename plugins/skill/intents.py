@@ -176,6 +176,8 @@ def settle(intent: Intent) -> Intent:
     )
     if pressed and intent.skill in ("open", "close", "push", "place"):
         return replace(intent, skill="press")
+    if intent.skill == "place" and intent.verb == "pop" and nowhere and noun == "lid":  # "pop the cork"
+        return replace(intent, skill="open")
     if intent.skill == "press" and intent.verb in ("push down", "press down", "push on") and noun == "lid":
         return replace(intent, skill="close")
     downward = intent.skill == "press" and intent.verb in ("push down", "push on")

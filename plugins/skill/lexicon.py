@@ -21,11 +21,12 @@ def _table(**lists: str) -> dict[str, tuple[str, ...]]:
 VERBS: dict[str, tuple[str, ...]] = _table(
     pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|bring|move * up, pick|lift|grab|raise|grasp|
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
-        give * lift, close|wrap * around, make * rise""",
-    fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out""",
+        give * lift, whisk|whip * up, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
+    fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
+        hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck|pop|plonk|plop, drop * off, put * away|back""",
+        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling, pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
         give|use * push|shove|nudge, press against""",
@@ -38,7 +39,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         swing|fold|tip|tilt|flip * back""",
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
-    close="""close|seal * up, close|shut|seal, swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
+    close="""close|seal * up, close|shut|seal|cover, swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
         swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down, swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up, turn * lid over, cover * with,
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
@@ -152,6 +153,7 @@ FILLERS = frozenset(
     looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
     simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has have
     some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away
+    wooden wood plastic metal metallic steel cardboard rubber ceramic
     further make sure ok okay hey hi well let let's lets we off table being by entire whole very rather fully nicely
     direction distance about around roughly approximately exactly at marked painted highlighted outlined designated
     indicated namely meaning as among find locate spot see notice identify look search reach approach head come begin
@@ -160,7 +162,9 @@ FILLERS = frozenset(
 """Words that carry nothing for us."""
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = frozenset("ought love want like need needs should must belongs goes shall let have has wish".split())
+WISHING = frozenset(
+    "ought love want like need needs should must belongs goes shall let have has wish".split()
+)
 """A clause with one of them asks for a state of things."""
 NEEDING = frozenset("want need like have love".split())
 """Those that ask for a thing where no place is said."""
@@ -191,7 +195,7 @@ MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".spli
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
 BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
-    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to (?!have\b|see\b))"
+    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to(?! have\b| see\b| look\b| peek\b))"
     r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
     r"|^(?:it's|it is) (?:too|so|very|quite|really|rather|getting|starting|a bit|a little) [^,.;!?:]*(?=[,.;!?:])"
     r"| , (?:the )?\w+ and all\b"
@@ -210,7 +214,13 @@ STANDS = re.compile(
 """Where something is, not where it is to go."""
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
-WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
+WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)")
+WHICHEVER = re.compile(r"\bwhichever (\w+) (?:is|'s) ")
+LOOK_IN = re.compile(
+    r"\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
+    r"|\b(?:look|peek|peep) (?:inside|into) "
+)
+"""Wishes to see into something, which is opened for that."""
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"

@@ -58,12 +58,18 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading
     known = in_scene_words(sentence, scene)
     if isinstance(found, Abstention) and known != sentence:
         found = _read(known, scene, spelling)
-    if isinstance(found, Abstention) and found.kind == "other" and len(parts := lexicon.THEN.split(known)) > 1:
+    if (
+        isinstance(found, Abstention)
+        and found.kind == "other"
+        and len(parts := lexicon.THEN.split(known)) > 1
+    ):
         return _in_turn([_read(part, scene, spelling) for part in parts], found)
     return found
 
 
-def _in_turn(parts: Sequence[SentenceReading | Abstention], refusal: Abstention) -> SentenceReading | Abstention:
+def _in_turn(
+    parts: Sequence[SentenceReading | Abstention], refusal: Abstention
+) -> SentenceReading | Abstention:
     """The calls of all parts, one after the other; the refusal of the whole where one of them is not read."""
     read_parts = [p for p in parts if isinstance(p, SentenceReading)]
     if len(read_parts) < len(parts):

@@ -186,7 +186,7 @@ def test_the_body_of_a_thing_is_the_thing():
 @pytest.mark.parametrize(
     ("sentence", "unread"),
     [
-        ("put the green carton in the tray", True),  # what a carton is it does not know
+        ("put the green dingus in the tray", True),  # what a dingus is it does not know
         ("lift the dingus", False),  # nothing tells what it may be
         ("put the pink box in the tray", False),
         ("lift the umbrella", False),

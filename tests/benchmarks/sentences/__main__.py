@@ -68,9 +68,13 @@ def is_right(acts, right, scene):
 
     def done(act, allowed):
         skill, thing, goal = act
-        return any(skill in ACTS[a["act"]] and kin(thing, a["thing"]) and kin(goal, a["goal"]) for a in allowed)
+        return any(
+            skill in ACTS[a["act"]] and kin(thing, a["thing"]) and kin(goal, a["goal"]) for a in allowed
+        )
 
-    if len(acts) == 1 and len(right) == 2 and acts[0][2]:  # one that takes a thing and puts it somewhere is both
+    if (
+        len(acts) == 1 and len(right) == 2 and acts[0][2]
+    ):  # one that takes a thing and puts it somewhere is both
         skill, thing, _ = acts[0]
         taken = any(a["act"] in TAKEN.get(skill, ()) and kin(thing, a["thing"]) for a in right[0])
         return taken and done(("place", *acts[0][1:]), right[1])
