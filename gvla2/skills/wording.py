@@ -2,10 +2,8 @@
 
 Perception calls things by their shape, people by their use: what it sees as a cylinder is somebody's mug, tin or
 candle. Where a noun is none of the scene's own, and what it is said of looks like one kind of thing there, that kind's
-word takes its place, and the colour that is meant that of its colour word. What looks like nothing there stays as it is.
+word takes its place, and the scene's colour word that of a colour. What looks like nothing there stays as it is.
 """
-
-# ruff: noqa: SIM905 - word lists read best as words
 
 from __future__ import annotations
 

@@ -14,17 +14,15 @@ from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, 
 
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
-_ASKING = frozenset("please can could would will you kindly just".split())
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Words after a relation ("" for the first), and what they name; ``fixed``: it says where something stands."""
+    """Words after a relation ("" for the first), and what they name; ``dynamic`` None: where something stands."""
 
     relation: str
-    dynamic: bool
-    fixed: bool
+    dynamic: bool | None
     tokens: tuple[str, ...]
     phrase: Phrase
 
@@ -33,12 +31,11 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    text = lexicon.WHATEVER.sub("the thing ", lexicon.WHICHEVER.sub(r"the \1 ", " ".join(tokens)))
-    text = lexicon.STANDS.sub("standing", text)
-    text = lexicon.FOR_WHAT.sub(" ", text)
-    if (why := lexicon.WHY.match(text)) and not verbs_of(
-        next((t for t in why[1].split() if t not in _ASKING), "")
-    ):
+    text = " ".join(tokens)
+    for wording, plainer in lexicon.PLAINER:
+        text = wording.sub(plainer, text)
+    why = lexicon.WHY.match(text)
+    if why and not verbs_of(why["first"]):
         text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
     text = asked if any(verbs_of(t) for t in asked.split()) else text
@@ -162,12 +159,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
-    if (
-        lexicon.NEEDING & set(tokens)
-        and theme is not None
-        and theme.noun not in ("", "lamp")
-        and not theme.unknown
-    ):
+    named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
+    if named and lexicon.NEEDING.search(" ".join(tokens)):
         return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
     words = [t for t in tokens if t.isalpha()]
     dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
@@ -183,7 +176,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
 
 def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, float] | None]:
     """The clause's words parted at relations, selectors set aside, and a direction if there is one."""
-    parts: list[tuple[str, bool, bool, list[str], list[str]]] = [("", False, False, [], [])]
+    parts: list[tuple[str, bool | None, list[str], list[str]]] = [("", False, [], [])]
     direction: tuple[float, float] | None = None
     i = 0
     while i < len(tokens):
@@ -192,16 +185,17 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
         if filler and len(filler) >= len(wording):
             wording = filler
         elif kind == "relation":
-            parts.append((value, wording in DYNAMIC, tokens[i - 1 : i] == ["standing"], [], []))
+            stands = tokens[i - 1 : i] == ["standing"]
+            parts.append((value, None if stands else wording in DYNAMIC, [], []))
         elif kind == "selector":
-            parts[-1][4].append(value)
+            parts[-1][3].append(value)
         elif kind == "direction":
             direction = lexicon.DIRECTIONS[wording]
         else:
             wording = tokens[i]
-            parts[-1][3].append(wording)
+            parts[-1][2].append(wording)
         i += len(wording.split())
-    return [_Chunk(r, d, f, tuple(t), read_phrase(t, s)) for r, d, f, t, s in parts], direction
+    return [_Chunk(r, d, tuple(t), read_phrase(t, s)) for r, d, t, s in parts], direction
 
 
 def _marker(tokens: Sequence[str], i: int, skill: str) -> tuple[str, str, str]:
@@ -234,12 +228,7 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     """Theme, goal and the goal's relation. What is no goal says where the theme (or the goal) is."""
     theme = chunks[0].phrase
     shown = next((c.phrase for c in chunks[1:2] if c.relation == "with"), None)
-    if (
-        shown is not None
-        and shown.noun in lexicon.PARTS
-        and theme.noun in ("object", "")
-        and not theme.colour
-    ):
+    if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
     aim = _aim(skill, told)
@@ -264,9 +253,6 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
 def _aim(skill: str, told: Sequence[_Chunk]) -> _Chunk | None:
     if skill in ("pick", "press", "unsupported", "open", "close"):
         return None
-    aims = [
-        c
-        for c in told
-        if c.relation != "from" and not c.fixed and (c.dynamic or skill not in ("fetch", "pull", "twist"))
-    ]
+    taking = skill in ("fetch", "pull", "twist")
+    aims = [c for c in told if c.relation != "from" and (c.dynamic or (c.dynamic is not None and not taking))]
     return next((c for c in aims if c.dynamic), aims[0] if aims else None)

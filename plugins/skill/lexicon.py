@@ -26,12 +26,13 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling, pass * over|through|onto, drop * off, put * away|back""",
+        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling,
+        pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
         give|use * push|shove|nudge, press against""",
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
-        flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap|poke, poke, apply pressure,
+        flip|enable|trigger|flick|brighten|touch|poke, push|press down on, push in|on, give * press|tap|poke, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
@@ -39,8 +40,10 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         swing|fold|tip|tilt|flip * back""",
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
-    close="""close|seal * up, close|shut|seal|cover, swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
-        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down, swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up, turn * lid over, cover * with,
+    close="""close|seal * up, close|shut|seal|cover,
+        swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
+        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down,
+        swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up|with, turn * lid over,
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
@@ -94,10 +97,10 @@ SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".sp
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, at|on the far left, leftmost,
-        left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right, at|on the far right,
-        rightmost, right most, right hand, right""",
+    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left,
+        at|on the far left, leftmost, left most, left hand, left""",
+    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
+        at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
         frontmost, nearest, closest, front, nearer, closer""",
@@ -166,8 +169,10 @@ WISHING = frozenset(
     "ought love want like need needs should must belongs goes shall let have has wish".split()
 )
 """A clause with one of them asks for a state of things."""
-NEEDING = frozenset("want need like have love".split())
-"""Those that ask for a thing where no place is said."""
+NEEDING = re.compile(
+    r"\b(?:(?:i|we) (?:want|need)|(?:i'd|we'd|could|would|can|may) (?:\w+ )?(?:like|love|have))\b"
+)
+"""Where no place is said, it asks for a thing."""
 SHINING = frozenset("shine shines shining glow glows glowing lit bright burning alight".split())
 """States of a lamp that is on."""
 CARRYING = frozenset("move carry put transport relocate position transfer".split())
@@ -201,21 +206,33 @@ BACKGROUND = re.compile(
     r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
-FOR_WHAT = re.compile(
-    r"\bso (?:that )?(?:no|nothing|nobody|it (?:no|doesn't|isn't|can't)|they)\b[^,.;!?:]*"
-    r"|\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b|\bas you see it\b"
+PLAINER = [
+    (re.compile(pattern), plainer)
+    for pattern, plainer in (
+        (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+        (
+            r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)",
+            "the thing ",
+        ),
+        (
+            r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)"
+            r"(?:s|es|ing|e|ed)?\b(?! out of| from| out from)(?: out| up| there| right)*\b",
+            "standing",
+        ),
+        (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
+        (
+            r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
+            "",
+        ),
+    )
+]
+"""What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
+WHY = re.compile(
+    r"^(?:(?:please|can|could|would|will|you|kindly|just) )*(?P<first>\w+)[^,.;!?:]* , so (?!that\b)"
 )
-"""What it is for, and the robot's own point of view, which is taken anyway."""
-WHY = re.compile(r"^([^,.;!?:]+) , so (?!that\b)")
 """A reason before what is asked for."""
-STANDS = re.compile(
-    r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b(?! out of| from| out from)(?: out| up| there| right)*\b"
-)
-"""Where something is, not where it is to go."""
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
-WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)")
-WHICHEVER = re.compile(r"\bwhichever (\w+) (?:is|'s) ")
 LOOK_IN = re.compile(
     r"\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
     r"|\b(?:look|peek|peep) (?:inside|into) "

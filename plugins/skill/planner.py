@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import cast
 
@@ -54,29 +53,19 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading
 
     Read as it stands; where that fails, in the words that perception has for what is there; then part by part.
     """
-    found = _read(sentence, scene, spelling)
     known = in_scene_words(sentence, scene)
+    found = _read(sentence, scene, spelling)
     if isinstance(found, Abstention) and known != sentence:
         found = _read(known, scene, spelling)
-    if (
-        isinstance(found, Abstention)
-        and found.kind == "other"
-        and len(parts := lexicon.THEN.split(known)) > 1
-    ):
-        return _in_turn([_read(part, scene, spelling) for part in parts], found)
+    if isinstance(found, Abstention) and found.kind == "other":
+        parts = [_read(part, scene, spelling) for part in lexicon.THEN.split(known)]
+        said = [part for part in parts if isinstance(part, SentenceReading)]
+        if len(said) == len(parts) > 1:
+            calls, notes = (
+                (each for part in said for each in getattr(part, of)) for of in ("calls", "notes")
+            )
+            return SentenceReading(tuple(calls), tuple(notes))
     return found
-
-
-def _in_turn(
-    parts: Sequence[SentenceReading | Abstention], refusal: Abstention
-) -> SentenceReading | Abstention:
-    """The calls of all parts, one after the other; the refusal of the whole where one of them is not read."""
-    read_parts = [p for p in parts if isinstance(p, SentenceReading)]
-    if len(read_parts) < len(parts):
-        return refusal
-    return SentenceReading(
-        tuple(c for p in read_parts for c in p.calls), tuple(n for p in read_parts for n in p.notes)
-    )
 
 
 def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abstention:
