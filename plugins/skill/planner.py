@@ -61,9 +61,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading
         parts = [_read(part, scene, spelling) for part in lexicon.THEN.split(known)]
         said = [part for part in parts if isinstance(part, SentenceReading)]
         if len(said) == len(parts) > 1:
-            calls, notes = (
-                (each for part in said for each in getattr(part, of)) for of in ("calls", "notes")
-            )
+            calls, notes = [c for part in said for c in part.calls], [n for part in said for n in part.notes]
             return SentenceReading(tuple(calls), tuple(notes))
     return found
 
