@@ -92,7 +92,7 @@ def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
     nothing for are left out.
     """
     said = mentions(wish, scene)
-    theme = next((m for m in said if not m.after), None)
+    theme = _acted_on(said, scene)
     goal = next((m for m in said if m.after in GOALS and m is not theme), None)
     return {
         role: frozenset(o.id for o in scene.objects if root_of(o, scene).id in m.roots)
@@ -116,7 +116,7 @@ def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, f
     they are to act on.
     """
     said = mentions(wish, scene)
-    acted = next((m for m in said if not m.after), None)
+    acted = _acted_on(said, scene)
     themes = {root_of(scene[c.theme], scene).id for c in calls}
     if acted is not None and not themes & acted.roots:
         return "The task first names what is to be moved, and it is something else.", acted.roots
@@ -133,6 +133,12 @@ def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, f
             others = frozenset(o.id for o in scene.objects if not o.parent and o is not theme)
             return f"The {theme.label} is only where something goes or comes from.", others
     return "", frozenset()
+
+
+def _acted_on(said: Sequence[Mention], scene: Scene) -> Mention | None:
+    """The first that no preposition stands before and that may be moved: a painted patch is not."""
+    moved = (m for m in said if not m.after and any(scene[root].shape != "region" for root in m.roots))
+    return next(moved, None)
 
 
 def asked(wish: str) -> str:
