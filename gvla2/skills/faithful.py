@@ -117,6 +117,11 @@ def doubts(
     is moved than what the wish speaks of as moved.
     """
     about = {names[i] for call in calls for i in _beside(call.theme, scene)}
+    if RAISED.search(
+        asked(instruction)
+    ):  # what is only spoken of after a preposition tells where the thing is
+        told = [m for m in mentions(instruction, scene) if m.after]
+        about |= {names[o.id] for m in told for o in scene.objects if root_of(o, scene).id in m.roots}
     found = [
         n for n in named_things(instruction, scene, names) if not n.met(calls, names) and not n.about & about
     ]
