@@ -15,19 +15,23 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mentions import DETERMINERS, PLACES
 from gvla2.skills.parts import root_of
 
-_VESSEL = "mug cup tumbler beaker glass goblet chalice teacup tankard pot pail bucket vessel tub jar can tin canister"
+_VESSEL = (
+    "mug cup tumbler beaker glass goblet teacup tankard pot pail bucket vessel vase tub jar can tin canister"
+)
 _PACK = "box carton packet pack package parcel crate case chest trunk container bin coffer casket tub"
-_FLAT = "mat sheet paper tile patch pad cloth napkin towel card panel rug carpet coaster marker sticker spot area zone"
+_FLAT = (
+    "mat sheet paper note tile patch pad cloth napkin towel card board panel rug carpet marker spot area zone"
+)
 _LONG = "umbrella parasol brolly brush broom mop stick cane rod wand scrubber plunger pole duster"
 _COVER = "lid flap cover top cap hatch stopper cork bung plug"
-_BAR = "brick block piece bar plank plug peg slab tile bit strip stick log wedge"
+_BAR = "brick block piece bar plank plug peg slab slat tile tab drawer bit strip stick log wedge"
 
 LOOKS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
         "cup": _VESSEL,
         "bowl": "basin dish saucer pan pot tub vessel",
-        "cylinder": f"{_VESSEL} drum barrel tube roll candle spool keg container",
+        "cylinder": f"{_VESSEL} drum barrel tube keg container",
         "bottle": "flask carafe flagon vial phial decanter jug pitcher dispenser tube container carton",
         "jar": f"{_VESSEL} bottle vial flask urn crock tube barrel drum container",
         "box": f"{_PACK} block brick cuboid bar",
@@ -37,25 +41,25 @@ LOOKS: dict[str, frozenset[str]] = {
         "top": _COVER,
         "cube": "block box brick die dice cuboid lump chunk",
         "brick": _BAR,
-        "tower": "box cube block stack pile column crate case",
+        "tower": "box cube block stack pile column pillar wall crate case container",
         "square": f"{_FLAT} rectangle",
         "patch": f"{_FLAT} rectangle square",
         "circle": f"{_FLAT} disc disk dot round",
         "tray": f"{_PACK} dish basin pan platter rack",
-        "plate": "board slab dish tile platter panel sheet tray",
+        "plate": f"{_FLAT} slab dish platter tray square rectangle",
         "disc": "puck coin counter token plate saucer",
         "ball": "sphere orb marble globe",
         "ring": "hoop loop frame band washer collar",
-        "post": "peg pole stick rod pin stake pillar column bar spike dowel",
+        "post": "peg pole stick rod pin stake pillar column bar spike dowel stump block brick slab tile domino",
         "umbrella": _LONG,
         "stick": _LONG,
-        "stand": "holder pot rack base bucket pail cup box container pedestal vase tub",
+        "stand": "holder pot rack base bucket pail cup box container pedestal planter vase tub",
         "handle": "grip knob shaft haft hilt stem",
         "knife": "blade dagger cutter cleaver",
         "knife block": "stand holder rack block base",
-        "button": "knob switch key toggle pushbutton",
-        "lamp base": "lamp light base plate foot board stand",
-        "lamp shade": "shade lamp head dome",
+        "button": "knob switch toggle pushbutton disc disk dot dome",
+        "lamp base": "lamp light base plate platform foot board stand",
+        "lamp shade": "shade lampshade lamp head",
         "cabinet": "cupboard dresser chest unit box",
         "drawer cabinet": "cupboard dresser chest unit cabinet box",
     }.items()
@@ -115,8 +119,8 @@ def _colour(words: Sequence[str], scene: Scene) -> tuple[tuple[int, int] | None,
 
 def _seen_as(word: str, colour: str, scene: Scene) -> str:
     """The scene's one word for what a noun may be said of, "" where there is none or more than one."""
-    single = word if word.endswith("ss") else word.removesuffix("s")
-    alike = [o for o in scene.objects if {word, single} & LOOKS.get(_kind(o), frozenset())]
+    forms = {word, word.removesuffix("s"), word.removesuffix("es")}
+    alike = [o for o in scene.objects if forms & LOOKS.get(_kind(o), frozenset())]
     alike = [o for o in alike if not colour or colour in (o.colour, root_of(o, scene).colour)]
     kinds = {_kind(o) for o in alike}
     return kinds.pop() if len(kinds) == 1 else ""
