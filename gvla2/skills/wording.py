@@ -69,10 +69,10 @@ LOOKS: dict[str, frozenset[str]] = {
 
 def in_scene_words(wish: str, scene: Scene) -> str:
     """The wish with the scene's words for what it names otherwise; the wish itself where there is nothing to change."""
-    words = list(re.finditer(r"[a-z]+|[,.;:!?]", wish.casefold()))
-    plain = [w.group() for w in words]
+    words = list(re.finditer(r"[A-Za-z]+|[,.;:!?]", wish))
+    plain = [w.group().lower() for w in words]
     own = {word for o in scene.objects for word in _kind(o).split()}
-    told: list[tuple[int, int, str]] = []
+    told: dict[tuple[int, int], str] = {}
     for i, word in enumerate(plain):
         begin = _noun_phrase(plain, i)
         if begin is None:
@@ -82,14 +82,14 @@ def in_scene_words(wish: str, scene: Scene) -> str:
             continue
         noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
         if noun and noun != word:
-            first = i - (
-                i > begin and noun.startswith(f"{plain[i - 1]} ")
-            )  # "the knife stand", a knife block
-            told.append((words[first].start(), words[i].end(), noun))
+            doubled = i > begin and noun.startswith(f"{plain[i - 1]} ")  # "the knife stand", a knife block
+            told[words[i - doubled].start(), words[i].end()] = noun
         if noun and colour and at:
-            told.append((words[begin + at[0]].start(), words[begin + at[1] - 1].end(), colour))
-    for start, end, new in sorted(told, reverse=True):
-        wish = wish[:start] + new + wish[end:]
+            told[words[begin + at[0]].start(), words[begin + at[1] - 1].end()] = colour
+    kept = len(wish)
+    for (start, end), new in sorted(told.items(), reverse=True):
+        if end <= kept:
+            wish, kept = wish[:start] + new + wish[end:], start
     return wish
 
 

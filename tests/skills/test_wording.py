@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Box, Scene, SceneObject
@@ -57,3 +59,16 @@ def test_the_scenes_own_words_take_the_place_of_others(wish, labels, told):
 )
 def test_what_is_not_told_stays(wish, labels):
     assert in_scene_words(wish, scene(*labels)) == wish
+
+
+@given(st.text(max_size=80))
+def test_any_text_is_taken(wish):
+    assert isinstance(
+        in_scene_words(f"{wish} the İßcup the red red knife stand", scene("red cup", "navy knife block")), str
+    )
+
+
+def test_a_phrase_of_several_nouns_is_told_once():
+    where = scene("navy knife block", "white plate")
+    assert in_scene_words("Lift the blue knife block.", where) == "Lift the navy knife block."
+    assert in_scene_words("Lift the blue knife rack.", where) == "Lift the navy knife block."
