@@ -3,8 +3,9 @@
 A planner that fails (no answer, no plan, rejected twice) or declines for want of means may be followed by another one.
 That is never silent: the plan names who stepped in, and a note says why.
 
-With ``agreement`` the fallback planner is asked about every instruction. Where both mean the same the planner's plan is
-taken; where they do not, the one of them that is sure decides; where neither is, nothing is done.
+With ``agreement`` the fallback planner is asked first, about every instruction. Where it is sure, or refuses for good,
+it has decided, and the planner is not asked at all. Where it gives way the planner decides; where both have plans and
+mean the same the planner's is taken, and where they do not, nothing is done.
 """
 
 from __future__ import annotations
@@ -51,14 +52,16 @@ class Consultation:
         An answer that is no plan is given back once, with what is wrong with it. Raises :class:`PlanningError`,
         :class:`PlannerTimeoutError` or :class:`LanguageModelError` where nobody had a plan.
         """
-        try:
-            record = self._answered(record, self.first)
-        except _FAILED as error:
-            if self.fallback is None:
-                raise
-            record = self._stepped_in(record, self.fallback, f"failed: {error}")
-        if self.agreement and self.fallback is not None and not self._is_out(record):
-            record = self._compared(record, self.fallback)
+        record, other = self._heard(record)
+        if other is None or not _decides(other):
+            try:
+                record = self._answered(record, self.first)
+            except _FAILED as error:
+                if self.fallback is None:
+                    raise
+                record = self._stepped_in(record, self.fallback, f"failed: {error}")
+            if other is not None and not self._is_out(record):
+                record = self._compared(record, other)
         plan = record.plan
         assert plan is not None
         gave_way = plan.abstention is not None and plan.abstention.gives_way
@@ -76,30 +79,36 @@ class Consultation:
             return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
         return record
 
-    def _compared(self, record: EpisodeRecord, fallback: Asked) -> EpisodeRecord:
-        """The record with what the two planners come to: see the module. One that gives way leaves the other's plan."""
+    def _heard(self, record: EpisodeRecord) -> tuple[EpisodeRecord, Plan | None]:
+        """What the fallback planner says where the two are to agree, with the record, where it decides its own plan."""
+        if not self.agreement or self.fallback is None:
+            return record, None
+        try:
+            other = self._ask(record, self.fallback)
+        except _FAILED as error:
+            return _noted(record, f"The fallback planner was to agree, and failed: {error}"), None
+        return (self._taken_over(record, other) if _decides(other) else record), other
+
+    def _compared(self, record: EpisodeRecord, other: Plan) -> EpisodeRecord:
+        """The record with what the planner's plan and one of which the fallback is not sure come to: see the module."""
         plan = record.plan
         assert plan is not None
-        try:
-            other = self._ask(record, fallback)
-        except _FAILED as error:
-            return _noted(record, f"The fallback planner was to agree, and failed: {error}")
-        refusal = other.abstention
-        if (refusal is not None and refusal.gives_way) or _alike(plan, other):
+        if other.abstention is not None or _alike(plan, other):
             return record
-        if plan.abstention is not None and not plan.abstention.gives_way and not other.sure:
-            return record  # a refusal for good needs no second voice
-        if refusal is not None or other.sure or plan.abstention is not None:
-            said = f"refused ({refusal.kind})" if refusal is not None else f"planned to {other.skill}"
-            record = _noted(
-                record,
-                f"The planner '{self.first.name}' and '{fallback.name}' disagree; the latter {said} and decided.",
-            )
-            transcript = (*plan.transcript, *other.transcript)
-            return replace(record, plan=replace(other, fallback=fallback.name, transcript=transcript))
-        words = f"'{self.first.name}' would {plan.skill}, '{fallback.name}' would {other.skill}, of other things or so."
+        if plan.abstention is not None:
+            return self._taken_over(record, other) if plan.abstention.gives_way else record
+        words = f"'{self.first.name}' would {plan.skill}, the fallback {other.skill}, of other things or so."
         disagree = Abstention("ambiguous", f"The two planners read the instruction differently: {words}")
         return replace(record, plan=replace(plan, trajectory=None, abstention=disagree))
+
+    def _taken_over(self, record: EpisodeRecord, other: Plan) -> EpisodeRecord:
+        """The record with the fallback's plan or refusal, and what was said before it."""
+        assert self.fallback is not None
+        did = f"refused ({other.abstention.kind})" if other.abstention else f"planned to {other.skill}"
+        said = record.plan.transcript if record.plan is not None else ()
+        plan = replace(other, fallback=self.fallback.name, transcript=(*said, *other.transcript))
+        note = f"The fallback planner '{self.fallback.name}' {did} and decided."
+        return _noted(replace(record, plan=plan), note)
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
         """Check the plan; on findings repair it, ask its planner once more with them, then the fallback."""
@@ -212,6 +221,11 @@ class Consultation:
             rejected=rejected,
         )
         return ask(asked.planner, request, asked.name, self.seconds)
+
+
+def _decides(plan: Plan) -> bool:
+    """Whether it needs no second voice: it is sure, or a refusal for good."""
+    return plan.sure if plan.abstention is None else not plan.abstention.gives_way
 
 
 def _alike(plan: Plan, other: Plan) -> bool:
