@@ -88,8 +88,8 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked in any case, and where the two do
-    not mean the same the one that is sure decides (:mod:`gvla2.loop.consulting`).
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and where it is sure it alone
+    (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int

@@ -26,8 +26,8 @@ class RunConfig(EveryKind):
     ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
     looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
-    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
-    not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
+    means, ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and where it is sure it
+    alone. A program that takes several plans is carried out in up to
     ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept,
     unless ``results.fresh``.
     """

@@ -24,7 +24,7 @@ _FLAT = (
 )
 _LONG = "umbrella parasol brolly brush broom mop stick cane rod wand scrubber plunger pole duster"
 _COVER = "lid flap cover top cap hatch stopper cork bung plug"
-_BAR = "brick block piece bar plank plug peg slab slat tile tab drawer bit strip stick log wedge"
+_BAR = "brick block piece bar plank plug peg slab slat tile tab bit strip stick log wedge"
 
 LOOKS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())

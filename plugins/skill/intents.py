@@ -172,7 +172,9 @@ def settle(intent: Intent) -> Intent:
     pressed = (
         (noun in ("button", "lamp") and intent.verb in ("flip", "flip up", "work"))
         or (noun == "button" and intent.skill == "push" and nowhere)
-        or (noun == "lamp" and intent.skill == "place" and nowhere)  # "put the light on"
+        or (
+            noun == "lamp" and intent.skill == "place" and nowhere and intent.verb != "move"
+        )  # "put the light on"
     )
     if pressed and intent.skill in ("open", "close", "push", "place"):
         return replace(intent, skill="press")

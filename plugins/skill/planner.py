@@ -79,6 +79,8 @@ def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abs
         return refusal
     if isinstance(out := _excepted(intent, scene), Abstention):
         return out
+    if intent.theme is not None and "other" in intent.theme.text.split() and not intent.denials:
+        return Abstention("ambiguous", f"What is not meant by '{intent.theme.text}' is not said.")
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
         intent, theme = aimed, _theme(aimed, scene, out)
