@@ -151,6 +151,8 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
+    if any(one.noun and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
+        return None  # "the box" and "the ladle", whatever that is
     return replace(
         phrase,
         text=" ".join(dict.fromkeys((*phrase.text.split(), *more.text.split()))),
