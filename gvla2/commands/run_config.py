@@ -26,8 +26,8 @@ class RunConfig(EveryKind):
     ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot looks and plans
     again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
-    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they
-    disagree the confident one decides. A program that takes several plans is carried out in up to ``max_parts``. A
+    means, ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and decides if it is
+    confident. A program that takes several plans is carried out in up to ``max_parts``. A
     sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept, unless
     ``results.fresh``.
     """

@@ -3,8 +3,9 @@
 If a planner fails (no answer, no plan, rejected twice) or declines for lack of means, another one may follow. That is
 never silent: the plan names the one that stepped in, and a note says why.
 
-With ``agreement`` the fallback planner is asked about every instruction. Where both agree the planner's plan is taken;
-where they do not, the confident one decides; if neither is confident, nothing is done.
+With ``agreement`` the fallback planner is asked first, about every instruction. If it is confident, or its refusal is
+final, it decides and the planner is not asked. Otherwise the planner decides; if both have plans that mean the same,
+the planner's is taken, and if they do not, nothing is done.
 """
 
 from __future__ import annotations
@@ -51,14 +52,16 @@ class Consultation:
         An invalid plan is returned to its planner once, with what is wrong with it. Raises :class:`PlanningError`,
         :class:`PlannerTimeoutError` or :class:`LanguageModelError` if no planner had a plan.
         """
-        try:
-            record = self._answered(record, self.first)
-        except _FAILED as error:
-            if self.fallback is None:
-                raise
-            record = self._stepped_in(record, self.fallback, f"failed: {error}")
-        if self.agreement and self.fallback is not None and not self._is_out(record):
-            record = self._compared(record, self.fallback)
+        record, other = self._heard(record)
+        if other is None or not _decides(other):
+            try:
+                record = self._answered(record, self.first)
+            except _FAILED as error:
+                if self.fallback is None:
+                    raise
+                record = self._stepped_in(record, self.fallback, f"failed: {error}")
+            if other is not None and not self._is_out(record):
+                record = self._compared(record, other)
         plan = record.plan
         assert plan is not None
         gave_way = plan.abstention is not None and plan.abstention.gives_way
@@ -76,33 +79,36 @@ class Consultation:
             return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
         return record
 
-    def _compared(self, record: EpisodeRecord, fallback: Asked) -> EpisodeRecord:
-        """The record with the two planners' joint decision: see the module."""
+    def _heard(self, record: EpisodeRecord) -> tuple[EpisodeRecord, Plan | None]:
+        """The record, with the fallback's plan where that decides, and the fallback's answer if the two must agree."""
+        if not self.agreement or self.fallback is None:
+            return record, None
+        try:
+            other = self._ask(record, self.fallback)
+        except _FAILED as error:
+            return _noted(record, f"The fallback planner was to agree, and failed: {error}"), None
+        return (self._taken_over(record, other) if _decides(other) else record), other
+
+    def _compared(self, record: EpisodeRecord, other: Plan) -> EpisodeRecord:
+        """The record with the joint decision about the planner's plan and an unsure fallback's: see the module."""
         plan = record.plan
         assert plan is not None
-        try:
-            other = self._ask(record, fallback)
-        except _FAILED as error:
-            return _noted(record, f"The fallback planner was asked to agree, and failed: {error}")
-        refusal = other.abstention
-        if (refusal is not None and refusal.gives_way) or _alike(plan, other):
+        if other.abstention is not None or _alike(plan, other):
             return record
-        if plan.abstention is not None and not plan.abstention.gives_way and not other.sure:
-            return record  # a final refusal needs no second opinion
-        if refusal is not None or other.sure or plan.abstention is not None:
-            said = f"refused ({refusal.kind})" if refusal is not None else f"planned to {other.skill}"
-            record = _noted(
-                record,
-                f"The planner '{self.first.name}' and '{fallback.name}' disagree; the latter {said} and decided.",
-            )
-            transcript = (*plan.transcript, *other.transcript)
-            return replace(record, plan=replace(other, fallback=fallback.name, transcript=transcript))
-        words = (
-            f"'{self.first.name}' would {plan.skill}, '{fallback.name}' would {other.skill}, "
-            "with different objects or details."
-        )
+        if plan.abstention is not None:
+            return self._taken_over(record, other) if plan.abstention.gives_way else record
+        words = f"'{self.first.name}' would {plan.skill}, the fallback {other.skill}, of other things or so."
         disagree = Abstention("ambiguous", f"The two planners read the instruction differently: {words}")
         return replace(record, plan=replace(plan, trajectory=None, abstention=disagree))
+
+    def _taken_over(self, record: EpisodeRecord, other: Plan) -> EpisodeRecord:
+        """The record with the fallback's plan or refusal, and what was said before it."""
+        assert self.fallback is not None
+        did = f"refused ({other.abstention.kind})" if other.abstention else f"planned to {other.skill}"
+        said = record.plan.transcript if record.plan is not None else ()
+        plan = replace(other, fallback=self.fallback.name, transcript=(*said, *other.transcript))
+        note = f"The fallback planner '{self.fallback.name}' {did} and decided."
+        return _noted(replace(record, plan=plan), note)
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
         """Check the plan; on findings repair it, ask its planner once more with them, then the fallback."""
@@ -215,6 +221,11 @@ class Consultation:
             rejected=rejected,
         )
         return ask(asked.planner, request, asked.name, self.seconds)
+
+
+def _decides(plan: Plan) -> bool:
+    """Whether it needs no second voice: it is sure, or a refusal for good."""
+    return plan.sure if plan.abstention is None else not plan.abstention.gives_way
 
 
 def _alike(plan: Plan, other: Plan) -> bool:

@@ -43,14 +43,14 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "dark blue": ("navy",), "navy blue": ("navy",), "azure blue": ("azure",), "bright blue": ("blue", "azure"),
     "green": ("lime", "olive"), "light green": ("lime",), "bright green": ("lime",), "lime green": ("lime",),
     "dark green": ("green",), "olive green": ("olive",), "khaki": ("olive",), "emerald": ("green",),
-    "purple": ("violet",), "violet": ("purple",), "lilac": ("violet",), "light purple": ("violet",),
+    "purple": ("violet", "magenta"), "violet": ("purple",), "lilac": ("violet",), "light purple": ("violet",),
     "dark purple": ("purple",), "indigo": ("violet",), "magenta": (), "fuchsia": ("magenta",),
     "pink": ("rose", "magenta"), "hot pink": ("magenta", "rose"), "bright pink": ("magenta", "rose"),
     "dark pink": ("magenta", "rose"), "light gray": ("silver",), "gray": ("silver",), "silvery": ("silver",),
-    "dark gray": ("gray",), "brown": ("maroon", "olive"), "dark red": ("maroon",), "burgundy": ("maroon",),
+    "dark gray": ("gray",), "brown": ("maroon", "olive", "orange"), "dark red": ("maroon",), "burgundy": ("maroon",),
     "bright red": ("red",), "crimson": ("red",), "scarlet": ("red",), "turquoise": ("teal", "cyan"),
     "blue green": ("teal",), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",), "golden": ("yellow",),
-    "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",),
+    "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",), "cream": ("white", "silver"),
 }  # fmt: skip
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""

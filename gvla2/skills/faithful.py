@@ -12,7 +12,7 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mentions import acting, asked, mentions, misread, noun_of, undoable
+from gvla2.skills.mentions import acting, asked, mentions, misread, noun_of, onto_itself, undoable
 from gvla2.skills.parts import root_of
 
 SELECTING = frozenset(
@@ -49,6 +49,8 @@ ACTS = {
     **dict.fromkeys(("put", "place", "lay", "set", "stack", "belongs"), PUT),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
+SPEAKERS = re.compile(r"\bmy (?:\w+ )?(?:left|right|side|end)\b")
+"""Places as the speaker sees them, who may stand anywhere."""
 RAISED = re.compile(
     r"^(?!.*\b(?:on|onto|on to|in|into|over|beside|next to)\b).*\b(?:lift|raise|hoist|heave)\b"
 )
@@ -115,6 +117,11 @@ def doubts(
     is moved than what the wish speaks of as moved.
     """
     about = {names[i] for call in calls for i in _beside(call.theme, scene)}
+    if RAISED.search(
+        asked(instruction)
+    ):  # what is only spoken of after a preposition tells where the thing is
+        told = [m for m in mentions(instruction, scene) if m.after]
+        about |= {names[o.id] for m in told for o in scene.objects if root_of(o, scene).id in m.roots}
     found = [
         n for n in named_things(instruction, scene, names) if not n.met(calls, names) and not n.about & about
     ]
@@ -161,6 +168,8 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
     """Why a small model had better not be asked: words that it reads past, a colour that is not there, a verb that no
     skill is for.
     """
+    if SPEAKERS.search(instruction.casefold()):
+        return Abstention("ambiguous", "Where the speaker stands is not known.")
     if verb := undoable(instruction):
         return Abstention("unknown_skill", f"No skill does '{verb}' (planner.cautious=false asks anyway).")
     if not acting(instruction):
@@ -172,6 +181,8 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
         return Abstention("other", message)
     if colour := colour_absent(instruction, scene):
         return Abstention("nothing_matches", f"Nothing is {colour} (planner.cautious=false asks anyway).")
+    if alone := onto_itself(instruction, scene):
+        return Abstention("nothing_matches", f"There is only one {alone} here.")
     return None
 
 

@@ -36,7 +36,7 @@ MOVING = ("pick", "place", "push", "insert", "draw")
 UNDOABLE = frozenset(
     "pour fill unfold wipe clean wash rinse dry cut slice chop saw halve peel break smash crush tear eat drink "
     "taste cook bake heat boil fry stir mix shake paint measure weigh count tie untie plug unplug squeeze bend "
-    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix sell buy".split()
+    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub sell buy".split()
 )
 """What no hand does here by any skill; a model that may only call skills would do another thing instead."""
 ACTING = frozenset(
@@ -46,13 +46,15 @@ ACTING = frozenset(
     "lower settle tuck pop push slide shove nudge sweep scoot shift drag propel steer guide drive poke press hit "
     "tap click switch turn light activate toggle flick open prise pry flip swing fold pull draw tug yank extract "
     "remove ease wiggle unscrew twist untwist uncap unseal rotate uncork loosen undo unfasten spin close shut "
-    "seal cover belong go want need build tidy clear off onto into up out down".split()
+    "seal cover belong go want need build tidy clear sit look off onto into up out down".split()
 )
 """Words of acts that some skill may do; a wish without any of them is for another kind of robot."""
 TOGETHER = re.compile(
     r"\b(?:both|two|all|every|each)\b.*\b(?:at the same time|simultaneously|together in the air)\b"
 )
 """What one hand cannot do."""
+LIGHT_OFF = re.compile(r"\b(?:turn|switch|power|put)\b(?=[^.,;]*\boff\b)[^.,;]*\b(?:light|lamp)s?\b")
+"""What no skill is for: a button is pressed to switch something on."""
 JOINTS = re.compile(r"[,;.:](?=\s*\w)|\b(?:and|then|after|afterwards|before|first|once|while)\b")
 MANY = re.compile(
     r"\b(?:all|both|each|every|everything|them|others|rest|things|items|objects|pieces|toys|ones)\b"
@@ -92,7 +94,7 @@ def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
     nothing for are left out.
     """
     said = mentions(wish, scene)
-    theme = next((m for m in said if not m.after), None)
+    theme = _acted_on(said, scene)
     goal = next((m for m in said if m.after in GOALS and m is not theme), None)
     return {
         role: frozenset(o.id for o in scene.objects if root_of(o, scene).id in m.roots)
@@ -101,12 +103,22 @@ def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
     }
 
 
+def onto_itself(wish: str, scene: Scene) -> str:
+    """The label of a whole thing that a wish speaks of as moved and as where it goes, so that another like it is
+    missing here; "" where there is none.
+    """
+    roles = roles_said(wish, scene)
+    if len(roles) == 2 and roles["theme"] == roles["goal"] and len(roles["theme"]) == 1:
+        return scene[next(iter(roles["theme"]))].label
+    return ""
+
+
 def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, frozenset[str]]:
     """Why calls do not act on what the wish speaks of as acted on, "" where they do; and the ids of whole things that
     they are to act on.
     """
     said = mentions(wish, scene)
-    acted = next((m for m in said if not m.after), None)
+    acted = _acted_on(said, scene)
     themes = {root_of(scene[c.theme], scene).id for c in calls}
     if acted is not None and not themes & acted.roots:
         return "The task first names what is to be moved, and it is something else.", acted.roots
@@ -125,6 +137,12 @@ def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, f
     return "", frozenset()
 
 
+def _acted_on(said: Sequence[Mention], scene: Scene) -> Mention | None:
+    """The first that no preposition stands before and that may be moved: a painted patch is not."""
+    moved = (m for m in said if not m.after and any(scene[root].shape != "region" for root in m.roots))
+    return next(moved, None)
+
+
 def asked(wish: str) -> str:
     """The wish in small letters without how it is not to be done: "without toppling the tower"."""
     return WITHOUT.sub(" ", wish.casefold())
@@ -132,8 +150,8 @@ def asked(wish: str) -> str:
 
 def undoable(wish: str) -> str:
     """The verb of a clause that no skill does, or words that ask for two hands; "" where there is neither."""
-    if together := TOGETHER.search(wish.casefold()):
-        return together.group()
+    if beyond_one := TOGETHER.search(wish.casefold()) or LIGHT_OFF.search(wish.casefold()):
+        return beyond_one.group()
     for clause in re.split(r"[,;.:!?]|\b(?:and|then)\b", wish.casefold()):
         words: list[str] = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
         if words and words[0] in UNDOABLE:

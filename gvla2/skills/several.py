@@ -22,7 +22,8 @@ PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
     """One plan for the calls of a part; the first refusal of ``plan_one`` is the refusal of all.
 
-    What is beyond the longest trajectory is left out: the plan's ``calls`` say how many there are in it.
+    What is beyond the longest trajectory, or can be done only from where the arm begins, is left out: the plan's
+    ``calls`` say how many there are in it.
     """
     waypoints: list[Waypoint] = []
     now, last, done = request, Plan(None), 0
@@ -30,6 +31,9 @@ def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
     for call, share in zip(part.calls, part.shares, strict=True):
         plan = plan_one(call, now, share)
         if plan.trajectory is None:
+            rested = replace(now, start=request.start, joints=request.joints)
+            if done and plan_one(call, rested, share).trajectory is not None:
+                break
             return replace(plan, calls=part.calls)
         more = brief(plan.trajectory)
         if done and len(waypoints) + len(more) > MAX_WAYPOINTS:

@@ -19,6 +19,7 @@ from gvla2.skills.program import WHY, Declined, ProgramInterpreter, lines_of
 from gvla2.skills.program_grammar import Fitting, fitting, grammar
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
+from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.code_policies import CodePoliciesConfig
 from gvla2_plugins.code_policies.prompt import correction, messages
 
@@ -58,6 +59,8 @@ class CodePolicies:
         """
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
+        if self.config.cautious:
+            request = replace(request, instruction=in_scene_words(request.instruction, request.scene))
         skills, brief = request.skills or STANDARD, scene_brief(request.scene)
         can = fitting(request, skills, brief)
         if not can:

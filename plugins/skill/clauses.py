@@ -87,4 +87,5 @@ def _leaves_alone(words: Sequence[str]) -> bool:
     letting = said & (lexicon.UNTOUCHED | lexicon.REMAINDER) or words[-1] == "be"
     marks = said & lexicon.STAYING | (said & lexicon.LETTING if letting else set())
     first = min((words.index(word) for word in marks), default=0)
-    return bool(marks) and not any(verbs_of(words[i]) and not noun_use(words, i) for i in range(first))
+    acts = (i for i in range(first) if words[i] != "let" and verbs_of(words[i]) and not noun_use(words, i))
+    return bool(marks) and next(acts, None) is None

@@ -19,10 +19,10 @@ MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Words after a relation ("" for the first), and what they name."""
+    """Words after a relation ("" for the first), and what they name; ``dynamic`` None: where something stands."""
 
     relation: str
-    dynamic: bool
+    dynamic: bool | None
     tokens: tuple[str, ...]
     phrase: Phrase
 
@@ -31,9 +31,15 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    text = lexicon.WHATEVER.sub("the thing ", " ".join(tokens))
+    text = " ".join(tokens)
+    for wording, plainer in lexicon.PLAINER:
+        text = wording.sub(plainer, text)
+    why = lexicon.WHY.match(text)
+    if why and not verbs_of(why["first"]):
+        text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
-    tokens = (asked if any(verbs_of(t) for t in asked.split()) else text).split()
+    text = asked if any(verbs_of(t) for t in asked.split()) else text
+    tokens = lexicon.LOOK_IN.sub("open ", text).split()
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
@@ -91,6 +97,8 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     if word == "off":  # "screw the lid off the jar", but "screw off the lid"
         named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
         return named and i > verb_at + 1
+    if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
+        return True
     return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
 
@@ -151,6 +159,9 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
+    named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
+    if named and lexicon.NEEDING.search(" ".join(tokens)):
+        return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
     words = [t for t in tokens if t.isalpha()]
     dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
     if dull and amount is None and direction is None and goal is None:
@@ -165,7 +176,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
 
 def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, float] | None]:
     """The clause's words parted at relations, selectors set aside, and a direction if there is one."""
-    parts: list[tuple[str, bool, list[str], list[str]]] = [("", False, [], [])]
+    parts: list[tuple[str, bool | None, list[str], list[str]]] = [("", False, [], [])]
     direction: tuple[float, float] | None = None
     i = 0
     while i < len(tokens):
@@ -174,7 +185,8 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
         if filler and len(filler) >= len(wording):
             wording = filler
         elif kind == "relation":
-            parts.append((value, wording in DYNAMIC, [], []))
+            stands = tokens[i - 1 : i] == ["standing"]
+            parts.append((value, None if stands else wording in DYNAMIC, [], []))
         elif kind == "selector":
             parts[-1][3].append(value)
         elif kind == "direction":
@@ -215,6 +227,9 @@ def _marker(tokens: Sequence[str], i: int, skill: str) -> tuple[str, str, str]:
 def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase | None, str]:
     """Theme, goal and the goal's relation. What is no goal says where the theme (or the goal) is."""
     theme = chunks[0].phrase
+    shown = next((c.phrase for c in chunks[1:2] if c.relation == "with"), None)
+    if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
+        theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
     aim = _aim(skill, told)
     goal, relation = None, ""
@@ -238,5 +253,6 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
 def _aim(skill: str, told: Sequence[_Chunk]) -> _Chunk | None:
     if skill in ("pick", "press", "unsupported", "open", "close"):
         return None
-    aims = [c for c in told if c.relation != "from" and (c.dynamic or skill not in ("fetch", "pull"))]
+    taking = skill in ("fetch", "pull", "twist")
+    aims = [c for c in told if c.relation != "from" and (c.dynamic or (c.dynamic is not None and not taking))]
     return next((c for c in aims if c.dynamic), aims[0] if aims else None)

@@ -151,6 +151,8 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
+    if any(one.noun and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
+        return None  # "the box" and "the ladle", whatever that is
     return replace(
         phrase,
         text=" ".join(dict.fromkeys((*phrase.text.split(), *more.text.split()))),
@@ -172,10 +174,14 @@ def settle(intent: Intent) -> Intent:
     pressed = (
         (noun in ("button", "lamp") and intent.verb in ("flip", "flip up", "work"))
         or (noun == "button" and intent.skill == "push" and nowhere)
-        or (noun == "lamp" and intent.skill == "place" and nowhere)  # "put the light on"
+        or (
+            noun == "lamp" and intent.skill == "place" and nowhere and intent.verb != "move"
+        )  # "put the light on"
     )
     if pressed and intent.skill in ("open", "close", "push", "place"):
         return replace(intent, skill="press")
+    if intent.skill == "place" and intent.verb == "pop" and nowhere and noun == "lid":  # "pop the cork"
+        return replace(intent, skill="open")
     if intent.skill == "press" and intent.verb in ("push down", "press down", "push on") and noun == "lid":
         return replace(intent, skill="close")
     downward = intent.skill == "press" and intent.verb in ("push down", "push on")

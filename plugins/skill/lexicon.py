@@ -21,16 +21,18 @@ def _table(**lists: str) -> dict[str, tuple[str, ...]]:
 VERBS: dict[str, tuple[str, ...]] = _table(
     pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|bring|move * up, pick|lift|grab|raise|grasp|
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
-        give * lift, close|wrap * around, make * rise""",
-    fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out""",
+        give * lift, whisk|whip * up, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
+    fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
+        hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck, drop * off, put * away|back""",
+        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling,
+        pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
         give|use * push|shove|nudge, press against""",
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
-        flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap, apply pressure,
+        flip|enable|trigger|flick|brighten|touch|poke, push|press down on, push in|on, give * press|tap|poke, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
@@ -38,8 +40,10 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         swing|fold|tip|tilt|flip * back""",
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
-    close="""close|seal * up, close|shut|seal, swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
-        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing * down, turn * lid over, cover * with,
+    close="""close|seal * up, close|shut|seal|cover,
+        swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
+        swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down,
+        swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up|with, turn * lid over,
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
@@ -50,7 +54,7 @@ UNSUPPORTED = frozenset(
     _phrases("""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
     stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
     spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
-    sell|watch|read|dim|extinguish|release|assemble|build|poke""")
+    sell|watch|read|dim|extinguish|release|assemble|build""")
 )
 """Verbs that are understood and that no schema carries out."""
 
@@ -93,10 +97,10 @@ SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".sp
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, leftmost,
-        left most, left hand, left""",
+    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left,
+        at|on the far left, leftmost, left most, left hand, left""",
     right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
-        rightmost, right most, right hand, right""",
+        at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
         frontmost, nearest, closest, front, nearer, closer""",
@@ -121,7 +125,7 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
 )  # fmt: skip
 RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 """Relation to its wordings."""
-UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
+UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
@@ -152,6 +156,7 @@ FILLERS = frozenset(
     looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
     simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has have
     some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away
+    wooden wood plastic metal metallic steel cardboard rubber ceramic
     further make sure ok okay hey hi well let let's lets we off table being by entire whole very rather fully nicely
     direction distance about around roughly approximately exactly at marked painted highlighted outlined designated
     indicated namely meaning as among find locate spot see notice identify look search reach approach head come begin
@@ -160,8 +165,14 @@ FILLERS = frozenset(
 """Words that carry nothing for us."""
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = frozenset("want like need needs should must belongs goes shall let have has wish".split())
+WISHING = frozenset(
+    "ought love want like need needs should must belongs goes shall let have has wish".split()
+)
 """A clause with one of them asks for a state of things."""
+NEEDING = re.compile(
+    r"\b(?:(?:i|we) (?:want|need)|(?:i'd|we'd|could|would|can|may) (?:\w+ )?(?:like|love|have))\b"
+)
+"""Where no place is said, it asks for a thing."""
 SHINING = frozenset("shine shines shining glow glows glowing lit bright burning alight".split())
 """States of a lamp that is on."""
 CARRYING = frozenset("move carry put transport relocate position transfer".split())
@@ -189,13 +200,44 @@ MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".spli
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
 BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
-    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to (?!have\b|see\b))"
+    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to(?! have\b| see\b| look\b| peek\b))"
     r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
     r"|^(?:it's|it is) (?:too|so|very|quite|really|rather|getting|starting|a bit|a little) [^,.;!?:]*(?=[,.;!?:])"
     r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
-WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
+PLAINER = [
+    (re.compile(pattern), plainer)
+    for pattern, plainer in (
+        (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+        (
+            r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)",
+            "the thing ",
+        ),
+        (
+            r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)"
+            r"(?:s|es|ing|e|ed)?\b(?! out of| from| out from)(?: out| up| there| right)*\b",
+            "standing",
+        ),
+        (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
+        (
+            r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
+            "",
+        ),
+    )
+]
+"""What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
+WHY = re.compile(
+    r"^(?:(?:please|can|could|would|will|you|kindly|just) )*(?P<first>\w+)[^,.;!?:]* , so (?!that\b)"
+)
+"""A reason before what is asked for."""
+THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
+"""What parts wishes that follow one another."""
+LOOK_IN = re.compile(
+    r"\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
+    r"|\b(?:look|peek|peep) (?:inside|into) "
+)
+"""Wishes to see into something, which is opened for that."""
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"

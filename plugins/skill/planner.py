@@ -12,6 +12,7 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.chaining import kept_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
+from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
@@ -48,7 +49,24 @@ class SkillPlanner:
 
 
 def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading | Abstention:
-    """The skill calls of a sentence; an abstention where it cannot be read with certainty."""
+    """The skill calls of a sentence; an abstention where it cannot be read with certainty.
+
+    Read as it stands; where that fails, in the words that perception has for what is there; then part by part.
+    """
+    known = in_scene_words(sentence, scene)
+    found = _read(sentence, scene, spelling)
+    if isinstance(found, Abstention) and known != sentence:
+        found = _read(known, scene, spelling)
+    if isinstance(found, Abstention) and found.kind == "other":
+        parts = [_read(part, scene, spelling) for part in lexicon.THEN.split(known)]
+        said = [part for part in parts if isinstance(part, SentenceReading)]
+        if len(said) == len(parts) > 1:
+            calls, notes = [c for part in said for c in part.calls], [n for part in said for n in part.notes]
+            return SentenceReading(tuple(calls), tuple(notes))
+    return found
+
+
+def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abstention:
     if isinstance(pairs := sorting(sentence, scene, spelling), Abstention):
         return pairs
     if pairs:
@@ -61,6 +79,8 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading
         return refusal
     if isinstance(out := _excepted(intent, scene), Abstention):
         return out
+    if intent.theme is not None and "other" in intent.theme.text.split() and not intent.denials:
+        return Abstention("ambiguous", f"What is not meant by '{intent.theme.text}' is not said.")
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
         intent, theme = aimed, _theme(aimed, scene, out)

@@ -43,7 +43,8 @@ def _verb_forms() -> dict[str, frozenset[str]]:
     for form, base in lexicon.IRREGULAR.items():
         if base in bases:
             forms.setdefault(form, set()).add(base)
-    forms.pop("left", None)  # a side far more often than a form of "leave"
+    for form in ("left", "standing", "sitting", "lying"):  # a side, and where things are
+        forms.pop(form, None)
     return {form: frozenset(found) for form, found in forms.items()}
 
 

@@ -159,21 +159,30 @@ def agreeing(parts, planner, fallback=None):
     return run(replace(parts, fallback=fallback or parts.fallback), planner, agreement=True)
 
 
+def unsure(parts, skill="pick"):
+    """A planner that plans as the parts' fallback does, and says that it is not sure."""
+    return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False, transcript=TALK)
+
+
 def test_where_both_mean_the_same_the_planners_own_plan_is_taken(parts):
-    record = agreeing(parts, Answering(parts.fallback.plan))
+    record = agreeing(parts, Answering(parts.fallback.plan), Answering(unsure(parts)))
     assert (record.plan.fallback, record.failure) == ("", None)
 
 
-def test_of_two_that_disagree_the_sure_one_decides(parts):
-    def another(request):
-        plan = parts.fallback.plan(request)
-        return replace(plan, skill="push", sure=False, transcript=TALK)
+def test_where_the_fallback_is_sure_nobody_else_is_asked(parts):
+    planner = Answering()
+    record = agreeing(parts, planner)
+    assert (record.plan.fallback, record.plan.skill, record.failure) == ("skill", "pick", None)
+    assert not planner.requests
+    assert any("decided" in note for note in record.notes)
 
-    record = agreeing(parts, Answering(another))
-    assert record.plan.fallback == "skill"
-    assert record.plan.skill == "pick"
+
+@pytest.mark.parametrize(("kind", "who"), [("other", "skill"), ("nothing_matches", "")])
+def test_a_plan_that_is_not_sure_stands_where_the_planner_gives_way(parts, kind, who):
+    record = agreeing(parts, Answering(declined(kind)), Answering(unsure(parts)))
+    assert record.plan.fallback == who
+    assert (record.report is not None) == bool(who)
     assert record.plan.transcript[: len(TALK)] == TALK
-    assert any("disagree" in note for note in record.notes)
 
 
 @pytest.mark.parametrize(
@@ -195,10 +204,7 @@ def test_a_refusal_of_words_that_were_not_understood_leaves_the_plan(parts):
 
 
 def test_where_neither_is_sure_a_disagreement_moves_nothing(parts):
-    def unsure(skill):
-        return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False)
-
-    record = agreeing(parts, Answering(unsure("pick")), Answering(unsure("push")))
+    record = agreeing(parts, Answering(unsure(parts)), Answering(unsure(parts, "push")))
     assert (record.failure.kind, record.report) == ("ambiguous", None)
 
 

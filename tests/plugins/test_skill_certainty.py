@@ -184,9 +184,26 @@ def test_the_body_of_a_thing_is_the_thing():
 
 
 @pytest.mark.parametrize(
+    ("sentence", "calls"),
+    [
+        ("put the green carton in the tray", [("g", "t")]),
+        ("Put the green parcel in the bin, and then the yellow one", None),
+        ("put the green box in the tray, then put the flask in the tray", [("g", "t"), ("y", "t")]),
+        ("put the green box in the tray, then put the ladle in the tray", None),
+        ("put the thing with the green handle in the tray", [("g", "t")]),
+        ("lift the box that is standing next to the tray", [("g", "")]),
+        ("lift the other bottle", None),
+    ],
+)
+def test_things_by_what_they_look_like_and_one_wish_after_another(sentence, calls):
+    found = read(sentence, TRAY)
+    assert (None if isinstance(found, Abstention) else [(c.theme, c.goal) for c in found.calls]) == calls
+
+
+@pytest.mark.parametrize(
     ("sentence", "unread"),
     [
-        ("put the green carton in the tray", True),  # what a carton is it does not know
+        ("put the green dingus in the tray", True),  # what a dingus is it does not know
         ("lift the dingus", False),  # nothing tells what it may be
         ("put the pink box in the tray", False),
         ("lift the umbrella", False),

@@ -16,6 +16,9 @@ uncover the box
 pop the cap off the bottle
 the box should be open
 open the jar and put its lid on the blue square
+i'd like to have a look inside that box
+let me see what's in the box
+pop the cap
 please open that jar for me and leave the lid on the blue square""",
     "close": """shut the box
 fold the lid down
@@ -25,7 +28,9 @@ tip the lid over until the box is shut
 cover the box with its lid
 seal the box
 turn the lid over so the box shuts
-make sure the box is closed""",
+make sure the box is closed
+swing the lid back over the box
+it gets dusty in there, so cover the box up""",
     "twist": """screw the lid off the red jar
 twist off the lid of the red jar
 open the red jar by twisting its lid
@@ -44,12 +49,18 @@ extract the drawer""",
     "pick": """take the umbrella out
 the umbrella should come out of the stand
 take off the lid of the red jar
-remove the umbrella from its stand""",
+remove the umbrella from its stand
+hand me the umbrella
+whisk the cup up off the table
+could I have the cup, please
+we have to paint, so fish the umbrella out of the stand""",
     "place": """hang the ring on the red pillar
 lower the ring over the red pillar
 stick the ring on the red pillar
 mount the ring on the red pillar
 put away the mustard in the tray
+pop the block onto the circle
+pass the ring over the red pillar
 draw the red block from the tower and lay it on the circle
 get the red brick out of the stack and onto the blue circle
 take out the red brick and drop it on the blue circle""",

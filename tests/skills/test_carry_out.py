@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import gvla2.skills.carry_out as carry_out_module
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Advice, Done
+from gvla2.planning.contracts import Abstention, Advice, Done, Plan
 from gvla2.planning.effects import Effect
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
@@ -230,6 +231,21 @@ def test_several_things_into_containers_are_one_trajectory_side_by_side():
     places = [np.array(w.xyz[:2]) for w in plan.trajectory if w.stage == "release"]
     gaps = [np.linalg.norm(p - q) for i, p in enumerate(places) for q in places[:i]]
     assert min(gaps) > 0.04
+
+
+def test_what_can_be_done_only_from_where_the_arm_begins_remains(monkeypatch):
+    asked = request(cube("a", (0.3, 0.0), 0.04), cube("b", (0.25, -0.2), 0.04), TRAY)
+    calls = tuple(SkillCall("place", name, "tray", relation="in") for name in "ab")
+    one = carry_out_module._one
+
+    def at_rest(call, now, *more):
+        if now.joints is asked.joints:
+            return one(call, now, *more)
+        return Plan(None, abstention=Abstention("unreachable", "No way."))
+
+    monkeypatch.setattr(carry_out_module, "_one", at_rest)
+    plan = sound(carry_out(calls, asked), asked)
+    assert (plan.calls, plan.remaining) == (calls[:1], calls[1:])
 
 
 def test_a_rejected_way_is_not_proposed_again():

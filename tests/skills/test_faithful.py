@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.scene_brief import unique_names
-from gvla2.skills.faithful import colour_absent, doubts, ruled_out, unclear
+from gvla2.skills.faithful import beyond, colour_absent, doubts, ruled_out, unclear
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -35,6 +35,7 @@ def three():
         (PICK, "push the red cube", False),
         (PICK, "lift the blue cube", False),
         (PICK, "lift something", True),
+        (PICK, "lift the red cube behind the blue cube", True),
     ],
 )
 def test_doubts_are_about_what_no_call_is_about(calls, wish, faithful):
@@ -88,3 +89,9 @@ def test_several_of_a_kind_are_unclear_without_a_word_that_tells_them_apart(call
 def test_words_that_rule_out():
     assert ruled_out("Lift it, but don't drop it") == "but"
     assert ruled_out("Lift the knot") == ""
+
+
+def test_what_only_the_speaker_sees_and_what_is_not_there_twice_is_not_asked():
+    assert beyond("take the cube on my left", SCENE).kind == "ambiguous"
+    assert beyond("put the red cube on top of the tall red cube", SCENE).kind == "nothing_matches"
+    assert beyond("put the red cube on top of the blue cube", SCENE) is None

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.calls import SkillCall
-from gvla2.skills.mentions import MOST, acting, mentions, misread, most_calls, undoable
+from gvla2.skills.mentions import MOST, acting, mentions, misread, most_calls, onto_itself, undoable
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -55,7 +55,8 @@ def test_what_goes_on_about_it_acts_on_nothing_else():
     ("wish", "verb"),
     [
         ("please pour me some tea", "pour"), ("could you unfold the umbrella", "unfold"),
-        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""), ("lift it and throw it", "throw"),
+        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""), ("switch the lamp off", "switch the lamp"),
+        ("put the lamp on", ""), ("lift it and throw it", "throw"),
     ],
 )  # fmt: skip
 def test_a_verb_that_no_skill_is_for(wish, verb):
@@ -97,3 +98,16 @@ def test_what_one_hand_cannot_do_is_told(wish, why):
 )
 def test_a_wish_without_any_act_is_told(wish, is_act):
     assert acting(wish) == is_act
+
+
+def test_a_painted_patch_is_never_what_is_moved():
+    patched = replace(THREE, objects=(RED, BLUE, replace(TRAY, shape="region")))
+    call = SkillCall("place", "red_cube", "tray")
+    assert not misread([call], "see the tray there? put the red cube onto it", patched)[0]
+    assert misread([call], "see the tray there? put the red cube onto it", THREE)[0]
+
+
+def test_what_goes_onto_itself_is_told():
+    assert onto_itself("put the small red cube on top of the big red cube", THREE) == "red cube"
+    assert not onto_itself("put the red cube on top of the blue cube", THREE)
+    assert not onto_itself("put the cube on the other cube", THREE)

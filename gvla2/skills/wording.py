@@ -1,0 +1,131 @@
+"""Wording: a wish in the words that perception has for what is there.
+
+Perception calls things by their shape, people by their use: what it sees as a cylinder is somebody's mug, tin or
+candle. Where a noun is none of the scene's own, and what it is said of looks like one kind of thing there, that kind's
+word takes its place, and the scene's colour word that of a colour. What looks like nothing there stays as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from gvla2.planning.colours import FAMILIES, SYNONYMS, meant_by
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mentions import DETERMINERS, PLACES
+from gvla2.skills.parts import root_of
+
+_VESSEL = (
+    "mug cup tumbler beaker glass goblet teacup tankard pot pail bucket vessel vase tub jar can tin canister"
+)
+_PACK = "box carton packet pack package parcel crate case chest trunk container bin coffer casket tub"
+_FLAT = (
+    "mat sheet paper note tile patch pad cloth napkin towel card board panel rug carpet marker spot area zone"
+)
+_LONG = "umbrella parasol brolly brush broom mop stick cane rod wand scrubber plunger pole duster"
+_COVER = "lid flap cover top cap hatch stopper cork bung plug"
+_BAR = "brick block piece bar plank plug peg slab slat tile tab bit strip stick log wedge"
+
+LOOKS: dict[str, frozenset[str]] = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "cup": _VESSEL,
+        "bowl": "basin dish saucer pan pot tub vessel",
+        "cylinder": f"{_VESSEL} drum barrel tube keg container",
+        "bottle": "flask carafe flagon vial phial decanter jug pitcher dispenser tube container carton",
+        "jar": f"{_VESSEL} bottle vial flask urn crock tube barrel drum container",
+        "box": f"{_PACK} block brick cuboid bar",
+        "open box": f"{_PACK} basket tray",
+        "lid": _COVER,
+        "cap": _COVER,
+        "top": _COVER,
+        "cube": "block box brick die dice cuboid lump chunk",
+        "brick": _BAR,
+        "tower": "box cube block stack pile column pillar wall crate case container",
+        "square": f"{_FLAT} rectangle",
+        "patch": f"{_FLAT} rectangle square",
+        "circle": f"{_FLAT} disc disk dot round",
+        "tray": f"{_PACK} dish basin pan platter rack",
+        "plate": f"{_FLAT} slab dish platter tray square rectangle",
+        "disc": "puck coin counter token plate saucer",
+        "ball": "sphere orb marble globe",
+        "ring": "hoop loop frame band washer collar",
+        "post": "peg pole stick rod pin stake pillar column bar spike dowel stump block brick slab tile domino",
+        "umbrella": _LONG,
+        "stick": _LONG,
+        "stand": "holder pot rack base bucket pail cup box container pedestal planter vase tub",
+        "handle": "grip knob shaft haft hilt stem",
+        "knife": "blade dagger cutter cleaver",
+        "knife block": "stand holder rack block base",
+        "button": "knob switch toggle pushbutton disc disk dot dome",
+        "lamp base": "lamp light base plate platform foot board stand",
+        "lamp shade": "shade lampshade lamp head",
+        "cabinet": "cupboard dresser chest unit box",
+        "drawer cabinet": "cupboard dresser chest unit cabinet box",
+    }.items()
+}
+"""What perception calls things of a shape, and what people may call such a thing."""
+
+
+def in_scene_words(wish: str, scene: Scene) -> str:
+    """The wish with the scene's words for what it names otherwise; the wish itself where there is nothing to change."""
+    words = list(re.finditer(r"[A-Za-z]+|[,.;:!?]", wish))
+    plain = [w.group().lower() for w in words]
+    own = {word for o in scene.objects for word in _kind(o).split()}
+    told: dict[tuple[int, int], str] = {}
+    for i, word in enumerate(plain):
+        begin = _noun_phrase(plain, i)
+        if begin is None:
+            continue
+        at, colour = _colour(plain[begin:i], scene)
+        if at and not colour:  # of a colour that is not there
+            continue
+        noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
+        if noun and noun != word:
+            doubled = i > begin and noun.startswith(f"{plain[i - 1]} ")  # "the knife stand", a knife block
+            told[words[i - doubled].start(), words[i].end()] = noun
+        if noun and colour and at:
+            told[words[begin + at[0]].start(), words[begin + at[1] - 1].end()] = colour
+    kept = len(wish)
+    for (start, end), new in sorted(told.items(), reverse=True):
+        if end <= kept:
+            wish, kept = wish[:start] + new + wish[end:], start
+    return wish
+
+
+def _noun_phrase(words: Sequence[str], i: int) -> int | None:
+    """Where the phrase begins whose noun may be the word at ``i``: after an article, with few words between."""
+    for begin in range(i - 1, max(-1, i - 6), -1):
+        if words[begin] in PLACES or not words[begin].isalpha():
+            return None
+        if words[begin] in DETERMINERS:
+            clause = words[begin] == "that" and words[i].endswith("s")  # "that covers it"
+            place = words[i] == "top" and begin > 0 and words[begin - 1] in PLACES  # "at the top"
+            return None if clause or place else begin + 1
+    return None
+
+
+def _colour(words: Sequence[str], scene: Scene) -> tuple[tuple[int, int] | None, str]:
+    """Where the words of a phrase say a colour, and the colour of the scene that is meant; "" where none is."""
+    plain = [SYNONYMS.get(w, w) if w not in FAMILIES else w for w in words]
+    present = [o.colour for o in scene.objects if o.colour]
+    for width in (2, 1):
+        for i in range(len(plain) - width + 1):
+            said = " ".join(plain[i : i + width])
+            if said in FAMILIES:
+                return (i, i + width), meant_by(said, present)
+    return None, ""
+
+
+def _seen_as(word: str, colour: str, scene: Scene) -> str:
+    """The scene's one word for what a noun may be said of, "" where there is none or more than one."""
+    forms = {word, word.removesuffix("s"), word.removesuffix("es")}
+    alike = [o for o in scene.objects if forms & LOOKS.get(_kind(o), frozenset())]
+    alike = [o for o in alike if not colour or colour in (o.colour, root_of(o, scene).colour)]
+    kinds = {_kind(o) for o in alike}
+    return kinds.pop() if len(kinds) == 1 else ""
+
+
+def _kind(thing: SceneObject) -> str:
+    """Its label without its colour."""
+    return thing.label.casefold().removeprefix(f"{thing.colour} ")
