@@ -90,8 +90,8 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if it is confident
-    (:mod:`gvla2.loop.consulting`).
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
+    it is confident (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int

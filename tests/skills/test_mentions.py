@@ -55,7 +55,8 @@ def test_what_goes_on_about_it_acts_on_nothing_else():
     ("wish", "verb"),
     [
         ("please pour me some tea", "pour"), ("could you unfold the umbrella", "unfold"),
-        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""), ("switch the lamp off", "switch the lamp"),
+        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""),
+        ("switch the lamp off", "switch the lamp"),
         ("put the lamp on", ""), ("lift it and throw it", "throw"),
     ],
 )  # fmt: skip
