@@ -121,6 +121,8 @@ def _aimed(intent: Intent) -> Intent | None:
     relation, goal = (intent.theme and intent.theme.landmark) or ("", None)
     if intent.skill != "pick" or intent.theme is None or relation not in ("on", "in", "to"):
         return None
+    if goal is None or not (goal.noun or goal.colour or goal.unknown):
+        return None  # "on its left side"
     theme = replace(intent.theme, landmark=None)
     return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
 
