@@ -63,7 +63,7 @@ def test_what_is_wrong_with_a_task_is_said(tmp_path: Path, files, message):
 def test_names_that_are_not_there_and_folders_that_are_none(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="Available: all-lines"):
         read_tasks(OURS, ["nothing"])
-    with pytest.raises(ConfigurationError, match="no folder"):
+    with pytest.raises(ConfigurationError, match="not a folder"):
         read_tasks(tmp_path / "missing")
 
 

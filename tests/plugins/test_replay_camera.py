@@ -227,7 +227,7 @@ def test_a_spoilt_recording_is_refused_before_anything_is_shown(folder, case):
 
 def test_another_cameras_recording_is_refused(folder):
     replay(folder, serial="f0123")
-    with pytest.raises(RobotError, match="'f0123', the camera in use is 'f9999'"):
+    with pytest.raises(RobotError, match="'f0123', but the camera in use is 'f9999'"):
         replay(folder, serial="f9999")
 
 

@@ -71,7 +71,7 @@ def test_the_answer_is_read():
     ("answer", "said"),
     [
         ("the drawer", "JSON"),
-        ("[1, 2]", "no JSON object"),
+        ("[1, 2]", "not a JSON object"),
         ('{"skill": "juggle", "theme": "a"}', "no skill 'juggle'; there are pick, open and none"),
         ('{"skill": ["open"], "theme": "a"}', "no skill"),
         ('{"skill": "open", "theme": ""}', "name the thing"),

@@ -206,7 +206,7 @@ def test_text_that_databases_refuse(store: Store, tmp_path: Path):
     [
         (lambda p: p / "absent", "nothing at"),
         (lambda p: p, "no active.jsonl"),
-        (lambda p: write(p / "x.jsonl", [{"a": 1}]), "is no memory"),
+        (lambda p: write(p / "x.jsonl", [{"a": 1}]), "is not a memory"),
     ],
 )
 def test_a_path_that_is_no_memory_is_explained(store: Store, tmp_path: Path, make, message: str):

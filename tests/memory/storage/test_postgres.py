@@ -94,7 +94,7 @@ def test_later_and_foreign_tables_are_refused(postgres_url: str) -> None:
         with pytest.raises(MemoryStoreError, match="damaged"):
             Store.open(postgres_url)
         other.execute("DROP TABLE memory_meta")
-        with pytest.raises(MemoryStoreError, match="something else"):
+        with pytest.raises(MemoryStoreError, match="another program"):
             Store.open(postgres_url)
 
 
