@@ -137,7 +137,7 @@ class _Tried(Generic[T]):
     def correction(self) -> tuple[Message, ...]:
         """The message that asks for a correction."""
         said = self.said if len(self.said) <= LONGEST_SHOWN else f"{self.said[:LONGEST_SHOWN]} ..."
-        words = f"That answer cannot be used. {self.why}\nAnswer the question again in the requested form."
+        words = f"That answer cannot be used. {self.why}\nAnswer the question again, in the form that was asked for."
         return {"role": "assistant", "content": said}, {"role": "user", "content": words}
 
 
