@@ -36,8 +36,9 @@ MOVING = ("pick", "place", "push", "insert", "draw")
 UNDOABLE = frozenset(
     "pour fill unfold wipe clean wash rinse dry cut slice chop saw halve peel break smash crush tear eat drink "
     "taste cook bake heat boil fry stir mix shake paint measure weigh count tie untie plug unplug squeeze bend "
-    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub wrap crumple "
-    "sell buy".split()
+    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub wrap "
+    "crumple sell buy".split()
+)
 )
 """What no hand does here by any skill; a model that may only call skills would do another thing instead."""
 ACTING = frozenset(
