@@ -39,7 +39,6 @@ UNDOABLE = frozenset(
     "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub wrap "
     "crumple sell buy".split()
 )
-)
 """What no hand does here by any skill; a model that may only call skills would do another thing instead."""
 ACTING = frozenset(
     "pick lift raise hoist snatch hold heave scoop gather bring move grab grasp seize grip clutch get take fetch "
