@@ -36,8 +36,8 @@ MOVING = ("pick", "place", "push", "insert", "draw")
 UNDOABLE = frozenset(
     "pour fill unfold wipe clean wash rinse dry cut slice chop saw halve peel break smash crush tear eat drink "
     "taste cook bake heat boil fry stir mix shake paint measure weigh count tie untie plug unplug squeeze bend "
-    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub sell "
-    "buy".split()
+    "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub wrap "
+    "crumple sell buy".split()
 )
 """What no hand does here by any skill; a model that may only call skills would do another thing instead."""
 ACTING = frozenset(
@@ -54,8 +54,11 @@ TOGETHER = re.compile(
     r"\b(?:both|two|all|every|each)\b.*\b(?:at the same time|simultaneously|together in the air)\b"
 )
 """What one hand cannot do."""
-LIGHT_OFF = re.compile(r"\b(?:turn|switch|power|put)\b(?=[^.,;]*\boff\b)[^.,;]*\b(?:light|lamp)s?\b")
-"""What no skill is for: a button is pressed to switch something on."""
+NO_SKILL = re.compile(
+    r"\b(?:turn|switch|power|put)\b(?=[^.,;]*\boff\b)[^.,;]*\b(?:light|lamp)s?\b"
+    r"|\bin(?:to)? (?:two |equal |small )*(?:half|halves|pieces|slices)\b"
+)
+"""What no skill is for: switching off, and making several things of one."""
 JOINTS = re.compile(r"[,;.:](?=\s*\w)|\b(?:and|then|after|afterwards|before|first|once|while)\b")
 MANY = re.compile(
     r"\b(?:all|both|each|every|everything|them|others|rest|things|items|objects|pieces|toys|ones)\b"
@@ -151,13 +154,14 @@ def asked(wish: str) -> str:
 
 def undoable(wish: str) -> str:
     """The verb of a clause that no skill does, or words that ask for two hands; "" where there is neither."""
-    if beyond_one := TOGETHER.search(wish.casefold()) or LIGHT_OFF.search(wish.casefold()):
-        return beyond_one.group()
+    if together := TOGETHER.search(wish.casefold()):
+        return together.group()
     for clause in re.split(r"[,;.:!?]|\b(?:and|then)\b", wish.casefold()):
         words: list[str] = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
         if words and words[0] in UNDOABLE:
             return words[0]
-    return ""
+    nothing = NO_SKILL.search(wish.casefold())
+    return nothing.group() if nothing else ""
 
 
 def acting(wish: str) -> bool:

@@ -55,9 +55,9 @@ def test_what_goes_on_about_it_acts_on_nothing_else():
     ("wish", "verb"),
     [
         ("please pour me some tea", "pour"), ("could you unfold the umbrella", "unfold"),
-        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""),
-        ("switch the lamp off", "switch the lamp"),
-        ("put the lamp on", ""), ("lift it and throw it", "throw"),
+        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""), ("lift it and throw it", "throw"),
+        ("switch the lamp off", "switch the lamp"), ("put the lamp on", ""), ("fold the mat in half", "in half"),
+        ("put it in the half-open box", ""),
     ],
 )  # fmt: skip
 def test_a_verb_that_no_skill_is_for(wish, verb):
