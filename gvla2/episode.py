@@ -12,10 +12,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.errors import (
     Gvla2Error,
@@ -39,6 +38,7 @@ from gvla2.loop.continuing import (
 )
 from gvla2.loop.evidence import RobotEvidence
 from gvla2.loop.lessons import memory_task, transcript
+from gvla2.loop.listener import EpisodeListener, SilentListener
 from gvla2.loop.refine import GeometryParts, refine_scene
 from gvla2.loop.telling import told_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
@@ -102,35 +102,6 @@ class EpisodeRequest:
     planner_timeout: float = 60.0
     max_parts: int = 6
     agreement: bool = False
-
-
-class EpisodeListener(Protocol):
-    """Follows an episode while it runs (a recorder, a progress line). Exceptions stop the episode."""
-
-    def begin(self, stage: Stage) -> None:
-        """A stage starts."""
-        ...
-
-    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """A stage ended, successfully or not; ``record`` holds everything so far."""
-        ...
-
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """The robot moves: an RGB image (H, W, 3)."""
-        ...
-
-
-class SilentListener(EpisodeListener):
-    """Ignores everything."""
-
-    def begin(self, stage: Stage) -> None:
-        """Nothing."""
-
-    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """Nothing."""
-
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """Nothing."""
 
 
 _SILENT = SilentListener()

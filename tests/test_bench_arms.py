@@ -91,7 +91,8 @@ def test_task_options_are_in_the_rows_name_and_key(registry):
     assert other.task == "open_jar (turn=175)"
     assert set(one.keys.values()).isdisjoint(other.keys.values())
     for wrong, said in (
-        ("task_options.open_jar.trun=3", "Did you mean 'turn'"), ("task_options.lamp_on.travel=3", "none of the tasks"),
+        ("task_options.open_jar.trun=3", "Did you mean 'turn'"),
+        ("task_options.lamp_on.travel=3", "not among the tasks"),
     ):  # fmt: skip
         with pytest.raises(ConfigurationError, match=said):
             subjects(config_of(registry, "tasks=[open_jar]", wrong), registry)

@@ -175,7 +175,7 @@ def test_what_is_not_there_is_said_before_anything_runs(
     assert message in str(told.value)
     config = config_for(tmp_path, "quality")
     config.data.root = str(tmp_path)
-    with pytest.raises(ConfigurationError, match=r"no locomo10\.json lies"):
+    with pytest.raises(ConfigurationError, match=r"contains neither locomo10\.json"):
         run_bench(config, catalog, tmp_path / "out")
 
 

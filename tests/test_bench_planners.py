@@ -176,7 +176,7 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
     [
         (["planners=[skil]"], "No planner named 'skil'. Did you mean 'skill'"),
         (["teacher=skil"], "No planner named 'skil'"),
-        ([BOTH, "+planner_options.voxposer.tries=2"], "'voxposer' is none of the planners"),
+        ([BOTH, "+planner_options.voxposer.tries=2"], "'voxposer' is not among the planners"),
         ([BOTH, "+planner_options.code_policies.sample=2"], "no such option. Did you mean 'samples'"),
         ([BOTH, "+planner_options.code_policies.samples=few"], "configured wrongly"),
         ([BOTH, "+planner_options.code_policies=3"], "give options: planner_options.code_policies.OPTION"),

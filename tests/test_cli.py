@@ -240,10 +240,10 @@ def test_version(word: str, capsys: pytest.CaptureFixture[str]):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--seed", "3"], "in place of `--seed 3` write seed=3"),
-        (["--seed=3"], "in place of `--seed=3` write seed=3"),
-        (["task=push_block", "--quiet"], "in place of `--quiet` write quiet=true"),
-        (["--depth-noise", "l515", "seed=1"], "in place of `--depth-noise l515` write depth_noise=l515"),
+        (["--seed", "3"], "instead of `--seed 3` write seed=3"),
+        (["--seed=3"], "instead of `--seed=3` write seed=3"),
+        (["task=push_block", "--quiet"], "instead of `--quiet` write quiet=true"),
+        (["--depth-noise", "l515", "seed=1"], "instead of `--depth-noise l515` write depth_noise=l515"),
         (["--cfg", "job"], ""),
         (["--multirun", "--config-dir", "x"], ""),
         (["--multi"], ""),

@@ -70,4 +70,4 @@ def test_as_a_command(url, tmp_path, capsys, monkeypatch):
     assert status == 0
     assert (folder / "report.md").is_file()
     assert launch("report", job, ["results.url=sqlite:///gone.sqlite", f"hydra.run.dir={folder}"]) == 1
-    assert "There is no results database gone.sqlite" in capsys.readouterr().err
+    assert "gone.sqlite. `gvla2 bench` makes one" in capsys.readouterr().err

@@ -34,7 +34,7 @@ def test_options_reach_the_retriever() -> None:
     hybrid, semantic = gvla2_retrievers()
     task, vector = MemoryTask("compile the cube"), StaticEmbedder().embed(["compile the cube"])[0]
     strict = hybrid.build(HybridConfig(name="hybrid", min_score=9.0))
-    assert "9.00 is asked" in strict.rank(task, candidates(TEXTS), vector)[1]
+    assert "9.00 is required" in strict.rank(task, candidates(TEXTS), vector)[1]
     one = semantic.build(SemanticConfig(name="semantic", top_k=1))
     assert len(one.rank(task, candidates(TEXTS), vector)[0]) == 1
 

@@ -234,7 +234,7 @@ def test_a_camera_that_never_sends_is_refused_at_the_start(device, opened):
 
 
 UNFIT = {
-    "another camera": ({"serial": "f9999"}, "of camera 'f9999', the camera in use is 'f0123'"),
+    "another camera": ({"serial": "f9999"}, "for camera 'f9999', but the camera in use is 'f0123'"),
     "another size": ({"optics": Optics(80, 60, 60.0)}, r"no colour of 80x60 at 60 a second; it has 64x48@60"),
     "another focal length": ({"optics": Optics(64, 48, 70.0)}, "fx 60.0 for 70.0"),
     "another axis": ({"K": (60.0, 60.0, 40.0, 24.0)}, "cx 32.0 for 40.0"),
@@ -253,7 +253,7 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
     [
         ({"T_base_camera": np.diag([1.0, 1, -1, 1]).tolist()}, "mirrored"),
         ({"rmse": 0.0061}, "off by 6.1 mm"),
-        ({"serial": None}, "of camera 'None'"),
+        ({"serial": None}, "for camera 'None'"),
     ],
 )
 def test_a_bad_calibration_is_refused(device, opened, calibrate, change, told):

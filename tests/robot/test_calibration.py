@@ -124,7 +124,7 @@ def test_mirrored_inexact_and_foreign_calibrations_are_refused(tmp_path: Path):
         made(rmse=float("nan"))
     path = tmp_path / "hand_eye.json"
     made().save(path)
-    with pytest.raises(RobotError, match="camera 'f0123', the camera in use is 'other'"):
+    with pytest.raises(RobotError, match="camera 'f0123', but the camera in use is 'other'"):
         Calibration.load(path, serial="other")
     body = json.loads(path.read_text())
     body["T_base_camera"][0] = [-v for v in body["T_base_camera"][0]]

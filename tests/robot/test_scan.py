@@ -76,7 +76,7 @@ def test_a_very_fine_mesh_is_thinned_and_keeps_its_colours(tmp_path):
     path = write(tmp_path, "ball", painted(ball, checkered(dark=(250, 0, 0), light=(0, 0, 250))), "glb")
     scan = read_scan(path)
     assert 0.3 * MOST_FACES < len(scan.textured.mesh.faces) <= MOST_FACES
-    assert "thinned" in scan.notes[0]
+    assert "simplified" in scan.notes[0]
     np.testing.assert_allclose(scan.size, (0.1, 0.1, 0.1), atol=0.002)
     red, _, blue = scan.face_colours.T
     assert (red > 0.8).mean() > 0.3

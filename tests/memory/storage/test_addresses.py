@@ -22,7 +22,7 @@ from gvla2.memory.storage.store import Store
         ("file:///x.db", "are SQLite or PostgreSQL, not 'file'"),
         ("", "Not a database address"),
         ("C:x.db", "Not a database address"),
-        ("sqlite:///~no-such-user/x.db", "cannot be: Could not determine home"),
+        ("sqlite:///~no-such-user/x.db", "is not valid: Could not determine home"),
     ],
 )
 def test_mistakes_are_named(url: str, said: str) -> None:
