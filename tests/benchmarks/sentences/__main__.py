@@ -10,7 +10,7 @@ The second runs sentences of your own, the third draws the scenes for who is to 
 One scene a task of the paper, layout 310, seen by the perceiver. The sentences were written by people who saw the
 scenes as lists of shapes, colours and places and knew no lexicon; a quarter of them ask for what cannot be done there.
 ``first`` (70) and ``second`` (56) are what the planners were developed on; ``third`` (56) was kept back until the last
-change to them, and is development data from then on. ``fourth``, ``fifth`` and ``sixth`` (56 each) are by three
+change to them, and is development data from then on. ``fourth`` to ``eighth`` (56 each) are by five
 strangers who saw pictures of the scenes.
 Nothing moves: a plan counts as right when skill, thing and goal are ones that the sentence's author allowed, and as
 declined when it has no trajectory, whatever the reason.
