@@ -33,7 +33,7 @@ class Meddler(SilentListener):
         self.robot, self.at, self.speed, self.turn, self.seen = robot, at, speed, turn, 0
         self.task = None
 
-    def frame(self, image):
+    def moment(self, moment):  # pictures come later, from the film's own thread
         self.seen += 1
         if self.seen == self.at:
             body = self.robot._world._movers[self.task.index]

@@ -38,10 +38,10 @@ class Moment:
 
 @runtime_checkable
 class MotionListener(Protocol):
-    """A listener of an episode that also gets the robot's measured state, just before each frame."""
+    """A listener of an episode that also gets the robot's measured state at the time of each frame."""
 
     def moment(self, moment: Moment) -> None:
-        """The state at the time of the next frame."""
+        """The state now; its frame follows, in order, perhaps after further moments."""
         ...
 
 

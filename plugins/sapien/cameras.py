@@ -93,12 +93,13 @@ class Filming:
     def __init__(self, listener: ExecutionListener) -> None:
         self._listener = listener
         self._studio = ThreadPoolExecutor(1, "film")
-        self._awaited: deque[tuple[Moment, Future[list[View]]]] = deque()
+        self._awaited: deque[Future[list[View]]] = deque()
 
     def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
-        """Have one more frame drawn; those that are ready go to the listener."""
-        self._awaited.append((moment, self._studio.submit(sight)))
-        while self._awaited and self._awaited[0][1].done():
+        """Tell of the moment, and have its frame drawn; the frames that are ready go to the listener."""
+        self._listener.moment(moment)
+        self._awaited.append(self._studio.submit(sight))
+        while self._awaited and self._awaited[0].done():
             self._deliver()
 
     def __enter__(self) -> Filming:
@@ -110,6 +111,4 @@ class Filming:
                 self._deliver()
 
     def _deliver(self) -> None:
-        moment, drawn = self._awaited.popleft()
-        self._listener.moment(moment)
-        self._listener.frame(drawn.result()[0].image)
+        self._listener.frame(self._awaited.popleft().result()[0].image)
