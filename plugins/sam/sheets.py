@@ -30,7 +30,7 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class TileSheet:
     """A picture of tiles (H, W, 3), as large as the pictures that they are from and black between them.
 
     ``marks`` (H, W): of each pixel the mark, each in its own tile, -1 for nothing.
@@ -48,12 +48,12 @@ class Sheet:
         return Segments(logits, answer.scores)
 
 
-def sheets_of(images: Sequence[NDArray[np.uint8]], marks: Sequence[IntArray]) -> list[Sheet]:
+def sheets_of(images: Sequence[NDArray[np.uint8]], marks: Sequence[IntArray]) -> list[TileSheet]:
     """Sheets that show what is marked in pictures (H, W, 3), ``marks`` (H, W) >= 0, at the pictures' own scale.
 
     Each mark is of one picture. Pictures of one size share sheets; where that saves none, each that has marks is one.
     """
-    made: list[Sheet] = []
+    made: list[TileSheet] = []
     for size in sorted({image.shape[:2] for image in images}):
         numbers = [n for n, image in enumerate(images) if image.shape[:2] == size and (marks[n] >= 0).any()]
         own = [(int(mark), n) for n in numbers for mark in np.unique(marks[n][marks[n] >= 0])]
@@ -66,7 +66,7 @@ def sheets_of(images: Sequence[NDArray[np.uint8]], marks: Sequence[IntArray]) ->
             for tile in tiles:
                 image[tile.place] = images[tile.picture][tile.area]
                 marked[tile.place][marks[tile.picture][tile.area] == tile.mark] = tile.mark
-            made.append(Sheet(image, marked, tuple(tiles)))
+            made.append(TileSheet(image, marked, tuple(tiles)))
     return made
 
 
