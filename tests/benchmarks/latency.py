@@ -53,9 +53,9 @@ def seconds(task, layout, times, what, overrides, registry):
 
 
 def main() -> None:
-    what, *overrides = sys.argv[1:]
+    what, *overrides = sys.argv[1:] or [""]
     if what not in ("see", "plan"):
-        raise SystemExit(f"'{what}' is neither see nor plan.")
+        raise SystemExit(f"'{what}' is neither see nor plan.\n\n{__doc__}")
     registry = load_plugins()
     register(registry, PRIMARY)
     tasks, layout, times = SEEN if what == "see" else PLANNED
