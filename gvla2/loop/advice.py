@@ -10,7 +10,7 @@ from gvla2.errors import PlanningError
 from gvla2.loop.diagnosis import diagnose, theme_of
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice, Done
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, reconciled
 from gvla2.planning.programs import Program
 from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.outcome import Signal
@@ -19,10 +19,10 @@ from gvla2.skills.table import STANDARD
 
 
 def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
-    """Memory's text, effects and programs, then those of failed attempts, which bind in the same way."""
+    """Memory's text, effects (reconciled) and programs, then those of failed attempts, which bind in the same way."""
     context = record.recalled or MemoryContext()
     told = [(item.effect, item.id) for item in context.items if item.effect]
-    effects = [Effect.from_json(effect, source) for effect, source in told if not _is_program(effect)]
+    effects = [*reconciled(Effect.from_json(one, source) for one, source in told if not _is_program(one))]
     programs = [Program.from_json(effect, source) for effect, source in told if _is_program(effect)]
     lines = [context.text] if context.text else []
     done: list[Done] = []

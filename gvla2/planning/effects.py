@@ -130,6 +130,38 @@ def sides_of(thing: SceneObject) -> dict[str, float]:
     return {"length": length, "width": width, "height": thing.top - thing.bottom}
 
 
+def reconciled(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The effects without bounds on one parameter (of one skill, look and scale) that exclude each other.
+
+    No plan could obey both. What succeeded is a fact, why something failed is a guess: such bounds are moved to admit
+    what succeeded; those that exclude each other even then, or of which nothing succeeded, are left out.
+    """
+    given = tuple(effects)
+    moved = [_admitting(e, given) if _excluded(e, given) else e for e in given]
+    return tuple(e for e in moved if not _excluded(e, moved))
+
+
+def _about(effect: Effect) -> tuple[str, ...]:
+    return effect.parameter, effect.skill, effect.object, effect.scale
+
+
+def _admitting(bound: Effect, others: Sequence[Effect]) -> Effect:
+    succeeded = [e.value for e in others if e.kind == "prior" and e.count > 0 and _about(e) == _about(bound)]
+    loosest = min if bound.op == ">=" else max
+    return replace(bound, value=loosest([bound.value, *succeeded]))
+
+
+def _excluded(bound: Effect, others: Iterable[Effect]) -> bool:
+    """Whether another bound leaves no value that ``bound`` allows."""
+    sign = 1.0 if bound.op == ">=" else -1.0
+    rivals = (
+        o
+        for o in others
+        if o.kind == bound.kind == "bound" and o.op != bound.op and _about(o) == _about(bound)
+    )
+    return any(sign * bound.value > sign * rival.value for rival in rivals)
+
+
 def apply_effects(
     parameters: Mapping[str, float],
     effects: Iterable[Effect],

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2.errors import PlanningError
-from gvla2.planning.effects import Effect, apply_effects, disordered
+from gvla2.planning.effects import Effect, apply_effects, disordered, reconciled
 
 THETA = {"lift_height": 0.25, "grasp_depth": 0.02}
 
@@ -117,3 +117,21 @@ def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
 def test_an_order_names_two_stages(said):
     with pytest.raises(PlanningError, match="before"):
         Effect.from_json({"kind": "order", "parameter": said})
+
+
+def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
+    def bound(op, value, **rest):
+        return Effect("bound", "press_depth", value, op, skill="press", **rest)
+
+    success = Effect("prior", "press_depth", 0.67, count=1, skill="press")
+    assert reconciled([bound(">=", 0.70), bound("<=", 0.50), success]) == (
+        bound(">=", 0.67), bound("<=", 0.67), success,
+    )  # fmt: skip
+    assert reconciled([bound(">=", 0.60), bound("<=", 0.80), success]) == (
+        bound(">=", 0.60), bound("<=", 0.80), success,
+    )  # fmt: skip
+    assert reconciled([bound(">=", 0.70), success]) == (bound(">=", 0.70), success)
+    other = bound("<=", 0.40, object="red")
+    assert reconciled([bound(">=", 0.70), bound("<=", 0.50), bound("<=", 0.90), other]) == (
+        bound("<=", 0.90), other,
+    )  # fmt: skip
