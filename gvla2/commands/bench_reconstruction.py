@@ -75,7 +75,7 @@ def _check_names(config: BenchConfig) -> None:
     if config.depth_noise.kind != "none":
         raise ConfigurationError(
             "depth_noise is the robot's cameras'; of the suite reconstruction, noise=[...] sets the prior's error. "
-            "Available: {', '.join(NOISES)}."
+            f"Available: {', '.join(NOISES)}."
         )
     lists = (
         ("variant", config.variants, VARIANTS), ("drift", config.drifts, DRIFTS), ("noise", config.noise, NOISES),
