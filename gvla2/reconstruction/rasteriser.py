@@ -73,7 +73,6 @@ class Frame:
 
     gaussians: Gaussians
     camera: Camera
-    background: tuple[float, float, float]
     options: RasterOptions
     image: Floats
     alpha: Floats
@@ -157,7 +156,7 @@ def forward(
         )  # fmt: skip
 
     _share(composite, parts)
-    return Frame(gaussians, camera, background, options, image, 1 - left, splats, boxes, offsets, members)
+    return Frame(gaussians, camera, options, image, 1 - left, splats, boxes, offsets, members)
 
 
 def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> GaussianGradients:
@@ -236,17 +235,11 @@ def _pack(camera: Camera, options: RasterOptions) -> Floats:
     return packed.astype(np.float32)
 
 
-def _contiguous(gaussians: Gaussians) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+def _contiguous(of: Gaussians) -> list[Floats]:
     """What the kernels read: centres, log-scales, rotations, logits, constant and higher harmonics (none: (0, 0))."""
-    rest = np.zeros((0, 0), np.float32) if gaussians.sh_rest is None else gaussians.sh_rest
-    return (
-        np.ascontiguousarray(gaussians.centres),
-        np.ascontiguousarray(gaussians.log_scales),
-        np.ascontiguousarray(gaussians.rotations),
-        np.ascontiguousarray(gaussians.opacity_logits),
-        np.ascontiguousarray(gaussians.sh_dc),
-        np.ascontiguousarray(rest),
-    )
+    rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
+    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
+    return [np.ascontiguousarray(array) for array in arrays]
 
 
 def _parts(options: RasterOptions, count: int) -> int:
