@@ -25,7 +25,7 @@ from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
 from gvla2.hydra_bridge import register
-from gvla2.reconstruction.rasteriser import render
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.robot.noise_options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
@@ -39,11 +39,6 @@ class PlainConfig(ComponentConfig):
     """No options."""
 
 
-class Rasterised:
-    def render(self, gaussians, camera, background=(1.0, 1.0, 1.0)):
-        return render(gaussians, camera, background)
-
-
 @pytest.fixture(scope="module")
 def parts() -> Registry:
     """The real components, whichever of them are installed as plugins."""
@@ -52,7 +47,7 @@ def parts() -> Registry:
         "prior": depth_prior.gvla2_geometry_priors(),
         "axis": axes.gvla2_axis_compensations(),
         "fusion": fusions.gvla2_fusion_strategies(),
-        "renderer": [Component("raster", PlainConfig, lambda config: Rasterised())],
+        "renderer": [Component("raster", PlainConfig, lambda config: Rasteriser())],
     }
     return Registry(
         {kind: {made.name: Offer(made, PLUGIN) for made in found} for kind, found in offers.items()},

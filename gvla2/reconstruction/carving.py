@@ -122,15 +122,15 @@ def _agreeing(shown: tuple[Silhouette, ...], depth: float | None) -> tuple[tuple
             return used, dropped
         if len(used) == 2:
             raise GeometryError(
-                f"The views '{used[0].name}' and '{used[1].name}' contradict each other: no point lies in both "
-                "silhouettes. Check the cameras' poses and that the masks show the same object."
+                f"The views '{used[0].camera.name}' and '{used[1].camera.name}' contradict each other: no point "
+                "lies in both silhouettes. Check the cameras' poses and that the masks show the same object."
             )
         without = [used[:i] + used[i + 1 :] for i in range(len(used))]
         scores = [_coarse_agreement(rest, depth) for rest in without]
         best = int(np.argmax(scores))
         if now > 0 and scores[best] < now + _GAIN:
             return used, dropped
-        dropped.append(f"view '{used[best].name}'")
+        dropped.append(f"view '{used[best].camera.name}'")
         used = without[best]
 
 

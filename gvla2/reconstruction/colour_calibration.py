@@ -22,7 +22,7 @@ themselves always leave a per cent or two to gain, at the cost of the views that
 
 
 def calibrate_colours(
-    thing: Reconstruction, views: Views, renderer: Renderer, beta: float = 0.01
+    thing: Reconstruction, views: Views, renderer: Renderer
 ) -> tuple[Reconstruction, StageReport]:
     """The object with its base colours (SH-DC, mesh colours) under the median of the views' affines (g, b).
 
@@ -32,15 +32,12 @@ def calibrate_colours(
         return thing, StageReport("appearance", "skipped", "There are no Gaussians to render.")
     shots = [(view, *renderer.render(thing.gaussians, view.camera)) for view in views]
     before = float(np.nanmean([_error(*shot) for shot in shots]))
-    fits = []
-    for view, rendered, alpha in shots:
-        fit = fit_affine(rendered, view.image, _solid(view, alpha), beta)
-        if not fit.reason:
-            fits.append((fit.gain, fit.bias))
-    if not fits:
+    fits = [fit_affine(rendered, view.image, _solid(view, alpha)) for view, rendered, alpha in shots]
+    clear = [(fit.gain, fit.bias) for fit in fits if not fit.reason]
+    if not clear:
         reason = "No view shows enough of the object to compare colours."
         return thing, StageReport("appearance", "skipped", reason)
-    gain, bias = np.median([g for g, _ in fits], axis=0), np.median([b for _, b in fits], axis=0)
+    gain, bias = np.median(clear, axis=0)
     # A picture of solid things takes the affine as its Gaussians do: what cannot gain so is not rendered again.
     after = float(np.nanmean([_error(view, gain * image + bias, alpha) for view, image, alpha in shots]))
     calibrated = _recoloured(thing, gain, bias)

@@ -27,7 +27,7 @@ def judged(
     tolerance. Support may fall besides by as much as the IoU rises: a shape grown to its true size has its rim on the
     masks' edges, where a mask is worth one half, and support alone would only ever let shapes shrink.
     ``faces`` (F, 3) are those of :func:`gvla2.reconstruction.silhouette.symmetric_iou`.
-    Raises :class:`GeometryError` for malformed points and a view without a mask.
+    Raises :class:`GeometryError` for malformed points or faces and a view without a mask.
     """
     old, new = as_points(before, "before"), as_points(after, "after")
     if len(old) == 0 or len(new) == 0:

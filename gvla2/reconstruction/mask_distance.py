@@ -34,11 +34,6 @@ class Silhouette:
     cut: NDArray[np.bool_]
 
     @property
-    def name(self) -> str:
-        """The camera's name."""
-        return self.camera.name
-
-    @property
     def inside(self) -> NDArray[np.bool_]:
         """(H, W) bool, where the object is."""
         return np.asarray((self.distance > 0) & np.isfinite(self.distance))
@@ -86,17 +81,11 @@ def signed_distance(mask: NDArray[np.floating]) -> NDArray[np.float32]:
     if inside.all() or not inside.any():
         return np.full(mask.shape, np.inf if inside.all() else -np.inf, dtype=np.float32)
     padded = np.pad(mask, 1, mode="edge")
-    steps = np.stack(
-        [
-            np.abs(mask - padded[1:-1, :-2]),
-            np.abs(mask - padded[1:-1, 2:]),
-            np.abs(mask - padded[:-2, 1:-1]),
-            np.abs(mask - padded[2:, 1:-1]),
-        ]
-    )
+    down, across = np.abs(np.diff(padded[:, 1:-1], axis=0)), np.abs(np.diff(padded[1:-1], axis=1))
+    steepest = np.maximum.reduce([down[:-1], down[1:], across[:, :-1], across[:, 1:]])
     contour = binary_dilation(inside) & ~binary_erosion(inside, border_value=1)
     # At a pixel beside the contour the mask itself tells where between two centres the contour runs.
-    own = np.clip((mask - 0.5) / np.maximum(steps.max(axis=0), 0.05), -1.0, 1.0)
+    own = np.clip((mask - 0.5) / np.maximum(steepest, 0.05), -1.0, 1.0)
     far, nearest = distance_transform_edt(~contour, return_indices=True)
     return np.asarray(np.where(inside, far, -far) + own[nearest[0], nearest[1]], dtype=np.float32)
 

@@ -56,8 +56,9 @@ def outline(points: FloatArray, camera: Camera, radius: float | None = None) -> 
         radius = closing_radius(uv, width, height)
     distance = np.full((height, width), np.inf, dtype=np.float32)
     nearest = np.full((height, width), -1, dtype=np.int32)
-    inside = np.empty((height, width), dtype=np.float32)
     _draw(uv, radius, distance, nearest)
+    reach = np.float32(radius + SHELL)
+    inside = np.where(distance <= reach, np.float32(SHELL), -reach)
     _close(distance, radius, inside)
     return Outline(inside, nearest, radius)
 
@@ -176,12 +177,8 @@ def _draw(
 
 @compiled
 def _close(distance: Field, radius: float, inside: Field) -> None:
-    """Signed distance (H, W) to the outline that is left when discs of ``radius`` are taken back."""
+    """Lower ``inside`` (H, W) to the signed distance to the outline left when discs of ``radius`` are taken back."""
     height, width = distance.shape
-    limit = np.float32(radius + SHELL)
-    for i in range(height):
-        for j in range(width):
-            inside[i, j] = SHELL if distance[i, j] <= limit else -limit
     window = int(np.ceil(radius + SHELL + 1))
     for i in range(height):
         for j in range(width):

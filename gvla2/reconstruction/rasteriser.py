@@ -1,9 +1,9 @@
 """A tile-based rasteriser of Gaussians on the CPU, with gradients.
 
-``render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the gradients that
-an optimiser needs. The kernels are numba's, compiled on
-first use and cached. Work is shared by plain threads (the kernels leave Python's lock), and no result depends on
-how many there are: tiles are independent, and sums over tiles are taken in a fixed order.
+``Rasteriser.render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the
+gradients that an optimiser needs. The kernels are numba's, compiled on first use and cached. Work is shared by plain
+threads (the kernels leave Python's lock), and no result depends on how many there are: tiles are independent, and sums
+over tiles are taken in a fixed order.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
 
 
 @dataclass(frozen=True)
-class RasterOptions:
-    """How Gaussians are painted; the defaults are those of 3D Gaussian splatting.
+class Rasteriser:
+    """Paints Gaussians; the defaults are those of 3D Gaussian splatting.
 
     ``low_pass`` square pixels added to both variances of an ellipse; ``near`` metres, nearer centres are left
     out; ``min_alpha`` contributions below it are left out; ``max_alpha`` no Gaussian alone hides more;
@@ -61,6 +61,13 @@ class RasterOptions:
                 f"threads >= 0, got {self}."
             )
 
+    def render(
+        self, gaussians: Gaussians, camera: Camera, background: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ) -> tuple[Floats, Floats]:
+        """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]; the image has the background added."""
+        frame = forward(gaussians, camera, background, self)
+        return np.clip(frame.image, 0.0, 1.0), frame.alpha
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -73,8 +80,7 @@ class Frame:
 
     gaussians: Gaussians
     camera: Camera
-    background: tuple[float, float, float]
-    options: RasterOptions
+    rasteriser: Rasteriser
     image: Floats
     alpha: Floats
     splats: Floats
@@ -94,33 +100,21 @@ class GaussianGradients:
     sh_dc: Floats
 
 
-def render(
-    gaussians: Gaussians,
-    camera: Camera,
-    background: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    options: RasterOptions | None = None,
-) -> tuple[Floats, Floats]:
-    """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]; the image has the background added."""
-    frame = forward(gaussians, camera, background, options)
-    return np.clip(frame.image, 0.0, 1.0), frame.alpha
-
-
 def forward(
     gaussians: Gaussians,
     camera: Camera,
     background: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    options: RasterOptions | None = None,
+    rasteriser: Rasteriser = Rasteriser(),
 ) -> Frame:
     """Render, and keep what the gradients need. Raises :class:`GeometryError` for a K that is not a pinhole's."""
-    options = options or RasterOptions()
     count, height, width = len(gaussians), camera.height, camera.width
     across, down = -(-width // TILE), -(-height // TILE)
     tiles = across * down
-    packed = _pack(camera, options)
+    packed = _pack(camera, rasteriser)
     splats = np.empty((count, SPLAT_COLUMNS), np.float32)
     boxes = np.empty((count, 4), np.int32)
     centres, log_scales, rotations, logits, sh_dc, sh_rest = _contiguous(gaussians)
-    parts = _parts(options, count)
+    parts = _parts(rasteriser, count)
     bounds = [count * part // parts for part in range(parts + 1)]
     counts = np.zeros((parts, tiles), np.int64)
 
@@ -153,11 +147,11 @@ def forward(
     def composite(part: int) -> None:
         rasteriser_compositing.composite(
             part, parts, across, offsets, members, keys, splats, colour,
-            np.float32(options.max_alpha), np.float32(options.stop), image, left, longest,
+            np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop), image, left, longest,
         )  # fmt: skip
 
     _share(composite, parts)
-    return Frame(gaussians, camera, background, options, image, 1 - left, splats, boxes, offsets, members)
+    return Frame(gaussians, camera, rasteriser, image, 1 - left, splats, boxes, offsets, members)
 
 
 def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> GaussianGradients:
@@ -167,7 +161,7 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     constant harmonic is differentiated: ``sh_rest`` is rendered, but neither it nor the centres' share in the
     direction of view gets a gradient. Raises :class:`GeometryError` for a gradient of another size.
     """
-    gaussians, options = frame.gaussians, frame.options
+    gaussians, rasteriser = frame.gaussians, frame.rasteriser
     count, shape = len(gaussians), frame.alpha.shape
     to_image = np.ascontiguousarray(to_image, np.float32)
     to_alpha = np.zeros(shape, np.float32) if to_alpha is None else np.ascontiguousarray(to_alpha, np.float32)
@@ -181,17 +175,17 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
     sums = np.zeros((len(frame.members), rasteriser_compositing.SUMS), np.float32)
     left, across = 1 - frame.alpha, -(-shape[1] // TILE)
-    parts = _parts(options, count)
+    parts = _parts(rasteriser, count)
 
     def composite_back(part: int) -> None:
         rasteriser_compositing.composite_back(
             part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
-            np.float32(options.max_alpha), np.float32(options.stop),
+            np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop),
             frame.image, left, to_image, to_alpha, sums,
         )  # fmt: skip
 
     _share(composite_back, parts)
-    packed = _pack(frame.camera, options)
+    packed = _pack(frame.camera, rasteriser)
     centres, log_scales, rotations, *_ = _contiguous(gaussians)
     found = GaussianGradients(
         *(np.zeros(size, np.float32) for size in ((count, 3), (count, 3), (count, 4), (count,), (count, 3)))
@@ -208,7 +202,7 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     return found
 
 
-def _pack(camera: Camera, options: RasterOptions) -> Floats:
+def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
     """The camera as the kernels read it, see ``rasteriser_projection.ROTATION`` and the following."""
     K, pose = camera.K, camera.camera_from_world
     if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
@@ -229,31 +223,25 @@ def _pack(camera: Camera, options: RasterOptions) -> Floats:
             [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]],
             camera.position,
             [low[0], high[0], low[1], high[1]],
-            [options.low_pass, options.near, options.min_alpha],
+            [rasteriser.low_pass, rasteriser.near, rasteriser.min_alpha],
         ]
     )
     assert len(packed) == CAMERA_ENTRIES
     return packed.astype(np.float32)
 
 
-def _contiguous(gaussians: Gaussians) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+def _contiguous(of: Gaussians) -> list[Floats]:
     """What the kernels read: centres, log-scales, rotations, logits, constant and higher harmonics (none: (0, 0))."""
-    rest = np.zeros((0, 0), np.float32) if gaussians.sh_rest is None else gaussians.sh_rest
-    return (
-        np.ascontiguousarray(gaussians.centres),
-        np.ascontiguousarray(gaussians.log_scales),
-        np.ascontiguousarray(gaussians.rotations),
-        np.ascontiguousarray(gaussians.opacity_logits),
-        np.ascontiguousarray(gaussians.sh_dc),
-        np.ascontiguousarray(rest),
-    )
+    rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
+    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
+    return [np.ascontiguousarray(array) for array in arrays]
 
 
-def _parts(options: RasterOptions, count: int) -> int:
+def _parts(rasteriser: Rasteriser, count: int) -> int:
     """Into how many parts the work is cut."""
     if count < _FEWEST_FOR_THREADS:
         return 1
-    return options.threads or cores()
+    return rasteriser.threads or cores()
 
 
 def _share(work: Callable[[int], None], parts: int) -> None:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.outline import outline
 from gvla2.reconstruction.support import as_points, mask_of
-from gvla2.reconstruction.zbuffer import depth_of
+from gvla2.reconstruction.zbuffer import depth_maps
 
 
 def symmetric_iou(points: ArrayLike, views: Views, *, faces: ArrayLike | None = None) -> float:
@@ -22,7 +22,8 @@ def symmetric_iou(points: ArrayLike, views: Views, *, faces: ArrayLike | None = 
     Views with an empty mask are left out.
     ``points`` (N, 3) metres; with ``faces`` (F, 3) they are a mesh's vertices and its triangles are drawn, else S is
     the points' closed outline, much the same for 10 thousand and for 300 thousand points of one surface.
-    Raises :class:`GeometryError` for a view without a mask and when every mask is empty.
+    Raises :class:`GeometryError` for a view without a mask, when every mask is empty, and for faces or their vertices
+    that a mesh must not have.
     """
     value = mean_iou(points, views, faces=faces)
     if np.isnan(value):
@@ -44,16 +45,9 @@ def silhouettes(
     points: ArrayLike, views: Views, *, faces: ArrayLike | None = None
 ) -> list[NDArray[np.bool_]]:
     """One silhouette (H, W) a view, true where the pixel's centre is covered; arguments as in :func:`symmetric_iou`."""
-    array = as_points(points)
-    triangles = None if faces is None else np.asarray(faces, dtype=np.int64)
-    if triangles is not None and (triangles.ndim != 2 or triangles.shape[1] != 3):
-        raise GeometryError(f"faces must be (F, 3), got shape {triangles.shape}.")
-    if triangles is not None and triangles.size and not 0 <= triangles.min() <= triangles.max() < len(array):
-        raise GeometryError(f"A face names a vertex outside 0..{len(array) - 1}.")
-
-    def drawn(camera: Camera) -> NDArray[np.bool_]:
-        if triangles is None:
-            return outline(array, camera).mask
-        return np.isfinite(depth_of(array, triangles, camera))
-
-    return run_together([partial(drawn, view.camera) for view in views])
+    array, cameras = as_points(points), [view.camera for view in views]
+    if faces is None:
+        outlines = run_together([partial(outline, array, camera) for camera in cameras])
+        return [drawn.mask for drawn in outlines]
+    mesh = TriangleMesh(array, np.asarray(faces))
+    return [np.isfinite(depth) for depth in depth_maps(mesh, cameras)]

@@ -24,7 +24,13 @@ def depth_map(mesh: TriangleMesh, camera: Camera, farthest: bool = False) -> NDA
     ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than
     :data:`NEAREST` to the camera's plane are left out.
     """
-    return depth_of(mesh.vertices, mesh.faces, camera, farthest)
+    depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
+    local = transform_points(camera.camera_from_world, mesh.vertices)
+    image = local @ camera.K.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        uv = image[:, :2] / image[:, 2:3]
+    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, farthest)
+    return depth
 
 
 def depth_maps(
@@ -32,19 +38,6 @@ def depth_maps(
 ) -> list[NDArray[np.float32]]:
     """The same of several cameras."""
     return run_together([partial(depth_map, mesh, camera, farthest) for camera in cameras])
-
-
-def depth_of(
-    vertices: FloatArray, faces: NDArray[np.int64], camera: Camera, farthest: bool = False
-) -> NDArray[np.float32]:
-    """The same of bare triangles (F, 3); those with a vertex (V, 3) that is not finite are left out."""
-    depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
-    local = transform_points(camera.camera_from_world, vertices)
-    image = local @ camera.K.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        uv = image[:, :2] / image[:, 2:3]
-    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), faces, depth, farthest)
-    return depth
 
 
 def mask_agreement(mesh: TriangleMesh, silhouettes: Sequence[Silhouette]) -> float:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.inset import inset
+from gvla2.reconstruction.rasteriser import Rasteriser
 
 if TYPE_CHECKING:
     from gvla2_plugins.hull import HullConfig
@@ -32,6 +32,5 @@ class HullReconstructor:
         """Mesh and Gaussians of the object in the masks; a :class:`gvla2.errors.GeometryError` when none shows it."""
         carved = carve(views, self._config.resolution).to_reconstruction(self._config.gaussians)
         masked = Views(tuple(view for view in views if view.mask is not None))
-        return inset(carved, masked, rasteriser)[
-            0
-        ]  # their footprints end at the masks' edges, not their centres
+        # Their footprints end at the masks' edges, not their centres.
+        return inset(carved, masked, Rasteriser())[0]

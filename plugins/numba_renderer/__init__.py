@@ -31,9 +31,10 @@ class NumbaRendererConfig(ComponentConfig):
 
 def _build(config: NumbaRendererConfig) -> Renderer:
     """Fast on the CPU: 100,000 Gaussians at 256 x 256 in tens of milliseconds."""
-    from gvla2_plugins.numba_renderer.renderer import NumbaRenderer
+    from gvla2.reconstruction.rasteriser import Rasteriser
 
-    return NumbaRenderer(config)
+    c = config
+    return Rasteriser(c.low_pass, c.near, c.min_alpha, c.max_alpha, c.stop, c.threads)
 
 
 @hookimpl

@@ -26,7 +26,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import Floats
 from gvla2.reconstruction.contracts import StageReport
-from gvla2.reconstruction.rasteriser import Frame, RasterOptions, backward, forward
+from gvla2.reconstruction.rasteriser import Frame, Rasteriser, backward, forward
 from gvla2_plugins.splat.targets import Target, targets
 
 _LEARNT = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
@@ -91,7 +91,7 @@ def optimise(
             else "no mask shows anything"
         )
         return gaussians, StageReport("splat", "skipped", f"There is nothing to fit: {why}.")
-    raster = RasterOptions(low_pass=options.low_pass, threads=options.threads)
+    raster = Rasteriser(low_pass=options.low_pass, threads=options.threads)
     before = _measure(gaussians, shown, raster)
     fitted = _fit(gaussians, shown, options, raster)
     after = _measure(fitted, shown, raster)
@@ -124,7 +124,7 @@ def carry(mesh: TriangleMesh, before: Gaussians, after: Gaussians) -> TriangleMe
 
 
 def _fit(
-    gaussians: Gaussians, shown: tuple[Target, ...], options: SplatOptions, raster: RasterOptions
+    gaussians: Gaussians, shown: tuple[Target, ...], options: SplatOptions, raster: Rasteriser
 ) -> Gaussians:
     first = {name: getattr(gaussians, name) for name in _LEARNT}
     now = {name: np.array(array) for name, array in first.items()}
@@ -143,7 +143,7 @@ def _fit(
     order = _order(len(shown), options)
     for step, index in enumerate(order):
         target = shown[index]
-        frame = forward(Gaussians(**now, sh_rest=gaussians.sh_rest), target.camera, options=raster)
+        frame = forward(Gaussians(**now, sh_rest=gaussians.sh_rest), target.camera, rasteriser=raster)
         found = backward(frame, *_slopes(frame, target, options.weight_alpha))
         gradients = {name: getattr(found, name) for name in _LEARNT}
         gradients["centres"] += pull_centres * (graph @ (now["centres"] - first["centres"]))
@@ -210,11 +210,11 @@ def _nearest(points: FloatArray | Floats, to: FloatArray | Floats, near: int) ->
     return np.asarray(distance).reshape(-1, near), np.asarray(row).reshape(-1, near)
 
 
-def _measure(gaussians: Gaussians, shown: tuple[Target, ...], raster: RasterOptions) -> dict[str, float]:
+def _measure(gaussians: Gaussians, shown: tuple[Target, ...], raster: Rasteriser) -> dict[str, float]:
     """Mean PSNR in dB and mean IoU of alpha and mask over the targets."""
     psnr, iou = [], []
     for target in shown:
-        frame = forward(gaussians, target.camera, options=raster)
+        frame = forward(gaussians, target.camera, rasteriser=raster)
         known = target.weight > 0
         error = float(np.mean((np.clip(frame.image, 0, 1) - target.image)[known] ** 2))
         psnr.append(-10 * np.log10(max(error, 1e-10)))

@@ -11,7 +11,7 @@ import numpy as np
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along
-from gvla2.reconstruction.rasteriser import RasterOptions, backward, forward, render
+from gvla2.reconstruction.rasteriser import Rasteriser, backward, forward
 
 CAMERA = Camera.from_fov(0.85, look_along([0.3, -1.7, 0.6], [-0.3, 1.7, -0.6]), 256, 256)
 
@@ -50,20 +50,20 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--threads", type=int, default=0)
     arguments = parser.parse_args()
-    options = RasterOptions(threads=arguments.threads)
+    rasteriser = Rasteriser(threads=arguments.threads)
     print(f"{'Gaussians':>9}  {'work':<20}{'least':>8}{'median':>8}")
     for count in (10_000, 20_000, 100_000, 300_000):
         gaussians = surface(count)
-        image, alpha = render(gaussians, CAMERA, options=options)
+        image, alpha = rasteriser.render(gaussians, CAMERA)
         slope = np.sign(image - 0.5).astype(np.float32) / image.size
 
         def both(
             gaussians: Gaussians = gaussians, slope: np.ndarray = slope, alpha: np.ndarray = alpha
         ) -> None:
-            backward(forward(gaussians, CAMERA, options=options), slope, alpha)
+            backward(forward(gaussians, CAMERA, rasteriser=rasteriser), slope, alpha)
 
         for name, work in (
-            ("render", lambda gaussians=gaussians: render(gaussians, CAMERA, options=options)),
+            ("render", lambda gaussians=gaussians: rasteriser.render(gaussians, CAMERA)),
             ("forward + backward", both),
         ):
             least, median = milliseconds(work, arguments.repeats)

@@ -15,8 +15,8 @@ from gvla2.evaluation.tables import RECONSTRUCTION, make_tables
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2_plugins.depth_prior import DepthPriorConfig
 from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
@@ -64,7 +64,7 @@ def test_a_scale_of_each_view_ruins_carving_and_not_the_aligned_tsdf(views, shap
 
 
 def test_a_bare_mesh_is_dressed_like_ours(views):
-    thing = dressed(ViewSet(views).hull_surface, views, 2000, rasteriser)
+    thing = dressed(ViewSet(views).hull_surface, views, 2000, Rasteriser())
     assert abs(len(thing.gaussians) / 2000 - 1) < 0.15
     assert thing.mesh.colours is not None
 

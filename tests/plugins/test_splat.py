@@ -12,7 +12,7 @@ from gvla2.evaluation.protocol import object_views
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.rasteriser import render
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.testing import inputs
 from gvla2.testing.reconstruction import check_reconstructor
 from gvla2_plugins.splat import SplatConfig, gvla2_reconstructors
@@ -28,7 +28,9 @@ def build(**options: object):
 
 
 def psnr(gaussians: Gaussians, views: Views) -> float:
-    errors = [np.mean((render(gaussians, view.camera)[0] - view.image / 255.0) ** 2) for view in views]
+    errors = [
+        np.mean((Rasteriser().render(gaussians, view.camera)[0] - view.image / 255.0) ** 2) for view in views
+    ]
     return float(np.mean(-10 * np.log10(errors)))
 
 

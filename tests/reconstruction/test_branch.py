@@ -5,10 +5,10 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.things import points_of
 from gvla2.reconstruction.visual_hull import object_centre
 from gvla2_plugins.axes.compensations import Contours, MaskEnergy
@@ -16,11 +16,6 @@ from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior
 
 SCALE, SHIFT = np.array([1.06, 0.95, 1.04]), np.array([0.02, -0.015, 0.01])
-
-
-class Fast:
-    def render(self, gaussians, camera, background=(1.0, 1.0, 1.0)):
-        return rasteriser.render(gaussians, camera, background)
 
 
 class Depth:
@@ -60,7 +55,7 @@ def drifted(thing: Reconstruction) -> Reconstruction:
 
 def refine(thing, views, given=None, **options):
     axis = MaskEnergy(10) if options.get("mode") == "paper" else Contours(10, 400, 5e-4)
-    parts = BranchParts(given or NoPrior(), axis, Residual(0.5), Fast())
+    parts = BranchParts(given or NoPrior(), axis, Residual(0.5), Rasteriser())
     return refine_geometry(thing, views, parts, BranchOptions(**options))
 
 
@@ -110,7 +105,7 @@ def test_sources_of_other_topology_fall_back_to_a(g0, views):
         def fuse(self, a, b, support_a, support_b):
             return np.concatenate([a, b])
 
-    parts = BranchParts(NoPrior(), Contours(10, 400, 5e-4), Growing(), Fast())
+    parts = BranchParts(NoPrior(), Contours(10, 400, 5e-4), Growing(), Rasteriser())
     result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, mode="paper"))
     assert status(result)["fusion"] == "fallback"
     np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
@@ -134,7 +129,7 @@ def test_the_masks_may_refuse_all_of_it(g0, views):
         def fuse(self, a, b, support_a, support_b):
             return a * 1.5
 
-    parts = BranchParts(NoPrior(), Swelling(), Bulging(), Fast())
+    parts = BranchParts(NoPrior(), Swelling(), Bulging(), Rasteriser())
     result = refine_geometry(g0, views, parts)
     assert status(result)["fusion"] == "rejected"
     np.testing.assert_allclose(result.out.mesh.vertices, result.a.mesh.vertices)

@@ -190,14 +190,14 @@ def test_a_resolution_that_is_none(masked_views, jug):
 
 
 def test_gaussians_cover_the_surface(masked_views, jug):
-    from gvla2.reconstruction.rasteriser import render
+    from gvla2.reconstruction.rasteriser import Rasteriser
 
     views = masked_views(jug, count=6, size=128)
     made = carve(views, 64).to_reconstruction(6000)
     assert 5000 < len(made.gaussians) < 7000
     assert made.gaussians.sh_rest is None
     for view in views:
-        image, alpha = render(made.gaussians, view.camera)
+        image, alpha = Rasteriser().render(made.gaussians, view.camera)
         inside = view.mask > 0.5
         assert (alpha[inside] > 0.9).mean() > 0.98
         assert np.abs(image - view.image / 255.0)[inside].mean() < 0.06

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.inset import (
     alpha_iou,
@@ -18,6 +17,7 @@ from gvla2.reconstruction.inset import (
     outward_normals,
     pixel_sizes,
 )
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.silhouette import symmetric_iou
 
 
@@ -32,32 +32,32 @@ def carved(views):
 
 
 def test_what_is_painted_ends_where_the_masks_do(carved, views):
-    placed, report = inset(carved, views, rasteriser)
+    placed, report = inset(carved, views, Rasteriser())
     assert report.status == "applied"
     before, after = report.before["alpha_iou"], report.after["alpha_iou"]
     assert after > before + 0.01
-    assert after == pytest.approx(alpha_iou(placed.gaussians, largest(views), rasteriser))
+    assert after == pytest.approx(alpha_iou(placed.gaussians, largest(views), Rasteriser()))
     way = np.linalg.norm(placed.gaussians.centres - carved.gaussians.centres, axis=1)
     assert way.max() <= 2.01 * pixel_sizes(np.asarray(carved.gaussians.centres, float), views).max()
 
 
 def test_nothing_but_the_centres_changes(carved, views):
-    placed, _ = inset(carved, views, rasteriser)
+    placed, _ = inset(carved, views, Rasteriser())
     np.testing.assert_array_equal(placed.mesh.vertices, carved.mesh.vertices)
     for name in ("log_scales", "rotations", "opacity_logits", "sh_dc"):
         np.testing.assert_array_equal(getattr(placed.gaussians, name), getattr(carved.gaussians, name))
 
 
 def test_a_second_time_there_is_nothing_to_do(carved, views):
-    placed, _ = inset(carved, views, rasteriser)
-    again, report = inset(placed, views, rasteriser)
+    placed, _ = inset(carved, views, Rasteriser())
+    again, report = inset(placed, views, Rasteriser())
     moved = np.abs(again.gaussians.centres - placed.gaussians.centres).max()
     assert report.status == "skipped" or moved < 0.006
 
 
 def test_without_a_mesh_inside_and_outside_are_unknown(carved, views):
     bare = replace(carved, mesh=None)
-    same, report = inset(bare, views, rasteriser)
+    same, report = inset(bare, views, Rasteriser())
     assert same is bare
     assert report.status == "skipped"
 

@@ -13,12 +13,7 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along, rigid, transform_points
-from gvla2.reconstruction.rasteriser import (
-    RasterOptions,
-    backward,
-    forward,
-    render,
-)
+from gvla2.reconstruction.rasteriser import Rasteriser, backward, forward
 
 CAMERA = Camera.from_fov(0.7, look_along([0.2, -1.5, 0.4], [-0.2, 1.5, -0.4]), 37, 32)
 SKEWED = Camera(
@@ -42,13 +37,13 @@ def torch_render(
     parameters: dict[str, torch.Tensor],
     camera: Camera,
     background: tuple[float, float, float],
-    options: RasterOptions,
+    rasteriser: Rasteriser,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """3D Gaussian splatting in a few dense lines of float64: every Gaussian at every pixel, no tiles, no stop."""
     pose, K = torch.tensor(camera.camera_from_world), torch.tensor(camera.K)
     local = parameters["centres"] @ pose[:3, :3].T + pose[:3, 3]
     order = torch.argsort(local[:, 2], stable=True)
-    order = order[local[order, 2] > options.near]
+    order = order[local[order, 2] > rasteriser.near]
     local = local[order]
     x, y, z = local.T
     q = torch.nn.functional.normalize(parameters["rotations"][order], dim=1)
@@ -73,13 +68,13 @@ def torch_render(
         [torch.stack([1 / z, zero, -sx / z]), torch.stack([zero, 1 / z, -sy / z])]
     ).permute(2, 0, 1)
     image_axes = K[:2, :2] @ jacobian @ pose[:3, :3] @ axes
-    covariance = image_axes @ image_axes.transpose(1, 2) + options.low_pass * torch.eye(2)
+    covariance = image_axes @ image_axes.transpose(1, 2) + rasteriser.low_pass * torch.eye(2)
     uv = (local @ K.T)[:, :2] / z[:, None]
     offset = torch.tensor(camera.pixel_centres())[:, :, None] - uv
     power = -0.5 * torch.einsum("hwni,nij,hwnj->hwn", offset, torch.linalg.inv(covariance), offset)
     alpha = torch.sigmoid(parameters["opacity_logits"][order]) * torch.exp(power)
     alpha = torch.where(
-        alpha >= options.min_alpha, alpha.clamp(max=options.max_alpha), torch.zeros_like(alpha)
+        alpha >= rasteriser.min_alpha, alpha.clamp(max=rasteriser.max_alpha), torch.zeros_like(alpha)
     )
     passing = torch.cumprod(torch.cat([torch.ones_like(alpha[..., :1]), 1 - alpha], dim=-1), dim=-1)
     colour = (0.5 + SH_C0 * parameters["sh_dc"][order]).clamp(min=0)
@@ -96,11 +91,11 @@ def as_parameters(gaussians: Gaussians) -> dict[str, torch.Tensor]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_values_and_gradients_are_those_of_autograd(camera, background, seed) -> None:
     # min_alpha so small that no pixel sits on its edge, where one side counts it and the other does not.
-    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    rasteriser = Rasteriser(min_alpha=1e-5, stop=0.0)
     scene, rng = cloud(50, seed), np.random.default_rng(seed + 10)
     parameters = as_parameters(scene)
-    image, alpha = torch_render(parameters, camera, background, options)
-    frame = forward(scene, camera, background, options)
+    image, alpha = torch_render(parameters, camera, background, rasteriser)
+    frame = forward(scene, camera, background, rasteriser)
     assert np.abs(frame.image - image.detach().numpy()).max() < 5e-5
     assert np.abs(frame.alpha - alpha.detach().numpy()).max() < 5e-5
 
@@ -115,7 +110,7 @@ def test_values_and_gradients_are_those_of_autograd(camera, background, seed) ->
 
 
 def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
-    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    rasteriser = Rasteriser(min_alpha=1e-5, stop=0.0)
     scene = cloud(40, 3)
     logits = scene.opacity_logits.copy()
     logits[:5] = 7.0  # alpha above 0.99 in the middle: clamped there, without a slope
@@ -128,8 +123,8 @@ def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
     scales[10] = np.log(0.25)
     scene = Gaussians(centres, scales, scene.rotations, logits, dark)
     parameters = as_parameters(scene)
-    image, _ = torch_render(parameters, CAMERA, (1, 1, 1), options)
-    frame = forward(scene, CAMERA, options=options)
+    image, _ = torch_render(parameters, CAMERA, (1, 1, 1), rasteriser)
+    frame = forward(scene, CAMERA, rasteriser=rasteriser)
     assert np.abs(frame.image - image.detach().numpy()).max() < 1e-4
     to_image = np.random.default_rng(0).normal(size=image.shape)
     (image * torch.tensor(to_image)).sum().backward()
@@ -146,9 +141,9 @@ def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, 60))
 def test_any_image_size_agrees_with_the_dense_reference(seed: int, width: int, height: int) -> None:
     camera = Camera.from_fov(0.7, CAMERA.world_from_camera, width, height)
-    scene, options = cloud(25, seed), RasterOptions(min_alpha=1e-5)
-    image, alpha = render(scene, camera, (0.3, 0.2, 0.9), options)
-    wanted, wanted_alpha = torch_render(as_parameters(scene), camera, (0.3, 0.2, 0.9), options)
+    scene, rasteriser = cloud(25, seed), Rasteriser(min_alpha=1e-5)
+    image, alpha = rasteriser.render(scene, camera, (0.3, 0.2, 0.9))
+    wanted, wanted_alpha = torch_render(as_parameters(scene), camera, (0.3, 0.2, 0.9), rasteriser)
     # 1e-4 of the light is the stop's, the rest rounding.
     assert np.abs(image - wanted.detach().clamp(0, 1).numpy()).max() < 4e-4
     assert np.abs(alpha - wanted_alpha.detach().numpy()).max() < 2e-4
@@ -159,9 +154,9 @@ def test_a_long_thin_gaussian_keeps_its_shape() -> None:
     turn = Rotation.from_euler("z", 37, degrees=True).as_quat()[None, [3, 0, 1, 2]]
     scene = Gaussians(np.zeros((1, 3)), np.log([[3.0, 0.001, 0.001]]), turn, [4.0], np.zeros((1, 3)))
     camera = Camera.from_fov(0.7, look_along([0, 0, -1.5], [0, 0, 1.0]), 200, 200)
-    options = RasterOptions(min_alpha=1e-4)
-    _, alpha = render(scene, camera, options=options)
-    _, wanted = torch_render(as_parameters(scene), camera, (1, 1, 1), options)
+    rasteriser = Rasteriser(min_alpha=1e-4)
+    _, alpha = rasteriser.render(scene, camera)
+    _, wanted = torch_render(as_parameters(scene), camera, (1, 1, 1), rasteriser)
     assert wanted.max() > 0.9
     assert np.abs(alpha - wanted.detach().numpy()).max() < 2e-3
 
@@ -170,7 +165,7 @@ def test_a_long_thin_gaussian_keeps_its_shape() -> None:
 def test_threads_change_no_bit(count: int) -> None:
     scene = cloud(count, 5, size=0.02)
     to_image = np.random.default_rng(0).normal(size=(32, 37, 3)).astype(np.float32)
-    frames = [forward(scene, CAMERA, options=RasterOptions(threads=n)) for n in (1, 2, 3)]
+    frames = [forward(scene, CAMERA, rasteriser=Rasteriser(threads=n)) for n in (1, 2, 3)]
     gradients = [backward(frame, to_image, to_image[..., 0]) for frame in frames]
     for frame, gradient in zip(frames[1:], gradients[1:], strict=True):
         assert np.array_equal(frame.image, frames[0].image)
@@ -180,9 +175,12 @@ def test_threads_change_no_bit(count: int) -> None:
 
 def test_two_callers_at_once_do_not_meet() -> None:
     scene = cloud(6000, 5, size=0.02)
-    wanted, _ = render(scene, CAMERA)
+    wanted, _ = Rasteriser().render(scene, CAMERA)
     answers: list[np.ndarray] = []
-    callers = [threading.Thread(target=lambda: answers.append(render(scene, CAMERA)[0])) for _ in range(3)]
+    callers = [
+        threading.Thread(target=lambda: answers.append(Rasteriser().render(scene, CAMERA)[0]))
+        for _ in range(3)
+    ]
     for caller in callers:
         caller.start()
     for caller in callers:
@@ -217,9 +215,9 @@ def test_moving_camera_and_gaussians_together_turns_the_gradients_along(seed: in
         scene.sh_dc,
     )
     camera = Camera(CAMERA.K, motion @ CAMERA.world_from_camera, CAMERA.width, CAMERA.height)
-    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    rasteriser = Rasteriser(min_alpha=1e-5, stop=0.0)
     to_image = rng.normal(size=(32, 37, 3)).astype(np.float32)
-    one, two = forward(scene, CAMERA, options=options), forward(moved, camera, options=options)
+    one, two = forward(scene, CAMERA, rasteriser=rasteriser), forward(moved, camera, rasteriser=rasteriser)
     assert np.allclose(one.image, two.image, atol=1e-4)
     first, second = backward(one, to_image), backward(two, to_image)
     largest = np.abs(first.centres).max()
@@ -244,8 +242,8 @@ def test_extreme_but_legal_parameters_stay_finite() -> None:
     scales[0], scales[1], scales[2] = 80.0, -np.inf, [5.0, -np.inf, -30.0]
     logits[3], logits[4], logits[5] = np.inf, -np.inf, 200.0
     scene = Gaussians(scene.centres, scales, scene.rotations * 1e-6, logits, scene.sh_dc)
-    for options in (RasterOptions(), RasterOptions(low_pass=0.0)):
-        frame = forward(scene, CAMERA, options=options)
+    for rasteriser in (Rasteriser(), Rasteriser(low_pass=0.0)):
+        frame = forward(scene, CAMERA, rasteriser=rasteriser)
         assert np.isfinite(frame.image).all()
         assert frame.alpha.min() >= 0
         assert frame.alpha.max() <= 1
@@ -266,7 +264,7 @@ def test_extreme_but_legal_parameters_stay_finite() -> None:
 )
 def test_senseless_options_are_refused(options) -> None:
     with pytest.raises(ConfigurationError, match="rasteriser needs"):
-        RasterOptions(**options)
+        Rasteriser(**options)
 
 
 def test_gradients_of_another_size_and_odd_intrinsics_are_refused() -> None:
@@ -275,4 +273,4 @@ def test_gradients_of_another_size_and_odd_intrinsics_are_refused() -> None:
         backward(frame, np.zeros((3, 3, 3), np.float32))
     odd = Camera(np.array([[50.0, 0, 16], [2.0, 50, 16], [0, 0, 1]]), CAMERA.world_from_camera, 32, 32)
     with pytest.raises(GeometryError, match="upper triangular"):
-        render(cloud(3), odd)
+        Rasteriser().render(cloud(3), odd)

@@ -13,7 +13,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.rasteriser import render
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.splat.splatting import SplatOptions, carry, neighbour_graph, optimise
 from gvla2_plugins.splat.targets import MARGIN, targets
@@ -63,7 +63,9 @@ def lumpy(count: int = 1500) -> Gaussians:
 
 
 def psnr(gaussians: Gaussians, views: Views) -> float:
-    errors = [np.mean((render(gaussians, view.camera)[0] - view.image / 255.0) ** 2) for view in views]
+    errors = [
+        np.mean((Rasteriser().render(gaussians, view.camera)[0] - view.image / 255.0) ** 2) for view in views
+    ]
     return float(np.mean(-10 * np.log10(errors)))
 
 
