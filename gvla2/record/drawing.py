@@ -51,6 +51,18 @@ def png(image: Image.Image) -> bytes:
     return stream.getvalue()
 
 
+def enlarged(
+    picture: Image.Image,
+    width: int,
+    box: tuple[int, int, int, int] | None = None,
+    how: Image.Resampling = Image.Resampling.LANCZOS,
+) -> Image.Image:
+    """The picture, or its part ``box`` (x0, y0, x1, y1), enlarged by a whole factor to about ``width`` pixels."""
+    x0, y0, x1, y1 = box or (0, 0, picture.width, picture.height)
+    scale = max(1, round(width / (x1 - x0)))
+    return picture.resize(((x1 - x0) * scale, (y1 - y0) * scale), how, box=box)
+
+
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface, so that pictures look the same on every machine."""
     return ImageFont.load_default(size)
