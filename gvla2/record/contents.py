@@ -87,6 +87,11 @@ class EpisodeRecord:
         """The parts of this attempt, first to last, this record being the last; just one if it was not split."""
         return (*self.parts, replace(self, attempts=(), parts=()))
 
+    @property
+    def tries(self) -> tuple[EpisodeRecord, ...]:
+        """The attempts, first to last, this record being the last."""
+        return (*self.attempts, replace(self, attempts=()))
+
     def afresh(self, **kept: Any) -> EpisodeRecord:
         """The empty record of the next attempt or part; instruction, memory's answer and notes stay.
 
@@ -133,7 +138,7 @@ class EpisodeRecord:
             "failure": asdict(self.failure) if self.failure else None,
             "timings": dict(self.timings),
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
-            "attempts": [each.attempted() for each in (*self.attempts, self)],
+            "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],
             "notes": list(self.notes),
         }

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.surfels import surfels
 
 Floats = NDArray[np.float32]
-Group = Literal["inputs", "held_out", "truth"]
 
 
 @dataclass(frozen=True)
@@ -73,9 +72,9 @@ class Measures:
 
     before: ReconstructionFit
     after: ReconstructionFit
-    groups: Mapping[Group, tuple[Mapping[str, float], Mapping[str, float]]]
+    groups: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]]
     held_out: tuple[str, ...] = ()
-    unmeasured: Mapping[str, str] | None = None
+    unmeasured: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Plain numbers; a group that was not measured is None."""
@@ -83,7 +82,7 @@ class Measures:
         for group in ("inputs", "held_out", "truth"):
             pair = self.groups.get(group)
             told[group] = None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
-        return {**told, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured or {})}
+        return {**told, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured)}
 
 
 def measure(
@@ -99,7 +98,7 @@ def measure(
     """
     ends = (result.g0, result.out)
     before, after = (fit(end, views, renderer) for end in ends)
-    groups: dict[Group, tuple[Mapping[str, float], Mapping[str, float]]] = {
+    groups: dict[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
         "inputs": (before.numbers(), after.numbers())
     }
     if held_out is None and truth is None:
@@ -114,7 +113,7 @@ def measure(
     ):
         if asked is not None:
             kept = [{name: numbers[name] for name in named if name in numbers} for numbers in pair]
-            groups[cast(Group, group)] = kept[0], kept[1]
+            groups[group] = kept[0], kept[1]
     names = () if held_out is None else tuple(view.name for view in held_out)
     return Measures(before, after, groups, names, {"lpips": why} if why and names else {})
 
