@@ -97,21 +97,9 @@ class EpisodeRecord:
 
         ``kept`` are its attempts and parts so far.
         """
-        return replace(
-            self,
-            observation=None,
-            scene=None,
-            refinement="",
-            plan=None,
-            checks=None,
-            report=None,
-            after=None,
-            after_scene=None,
-            verdict=None,
-            failure=None,
-            timings={},
-            **kept,
-        )
+        stays = ("goal", "recalled", "learned", "judgement", "language", "notes", "attempts", "parts")
+        same = {name: getattr(self, name) for name in stays} | kept
+        return EpisodeRecord(self.episode_id, self.instruction, self.task, self.seed, self.choices, **same)
 
     @property
     def partial(self) -> bool:

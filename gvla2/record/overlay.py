@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -20,6 +21,9 @@ CLOSED_COLOUR: Colour = (255, 168, 60)
 
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
+_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "dash": 5.0, "alpha": 170}
+_NEAR: dict[str, Any] = {"width": 2.0}
+_FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
 _SEEN = 0.03  # share of an object's points that must be visible for its label
 
 
@@ -177,12 +181,8 @@ def _draw_box(canvas: Canvas, camera: Camera, thing: SceneObject, colour: Colour
     edges = sorted(_EDGES, key=lambda edge: any(set(edge) <= set(face) for face in facing))
     for a, b in edges:
         near = any({a, b} <= set(face) for face in facing)
-        if hidden:
-            canvas.line([pixels[a], pixels[b]], colour, width=1.0, halo=0.0, dash=5.0, alpha=170)
-        elif near:
-            canvas.line([pixels[a], pixels[b]], colour, width=2.0)
-        else:
-            canvas.line([pixels[a], pixels[b]], colour, width=0.8, halo=0.0, alpha=120)
+        style = _HIDDEN if hidden else _NEAR if near else _FAR
+        canvas.line([pixels[a], pixels[b]], colour, **style)
 
 
 def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:

@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 
+from gvla2.geometry.views import Observation
 from gvla2.memory.contracts import Learned, MemoryContext
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.text import count, listing, one_line
+from gvla2.robot.backend import SuccessCheck
 
 State = Literal["done", "warn", "failed", "skipped"]
 """How a stage ended: normally; with a reservation (abstained, rejected); aborted; not reached."""
 
 Tone = Literal["good", "bad", "unsure"]
-
-STAGES: tuple[Stage, ...] = get_args(Stage)
-
-MADE: Mapping[Stage, str] = {
-    "setup": "observation",
-    "observe": "observation",
-    "perceive": "scene",
-    "reconstruct": "refinement",
-    "recall": "recalled",
-    "plan": "plan",
-    "check": "checks",
-    "execute": "report",
-    "verify": "verdict",
-    "learn": "learned",
-    "judge": "judgement",
-}
-"""The record's field for each stage."""
 
 OUTCOMES = {
     "verified_success": "success",
@@ -69,65 +56,6 @@ def seconds(value: float | None) -> str:
     return (
         f"{value:.0f} s" if value >= 100 else f"{value:.1f} s" if value >= 0.095 else f"{1000 * value:.0f} ms"
     )
-
-
-def state(record: EpisodeRecord, stage: Stage) -> State:
-    """How ``stage`` ended."""
-    if record.failure is not None and record.failure.stage == stage:
-        return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
-    made = getattr(record, MADE[stage])
-    if made is None or made == "":
-        return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
-    match stage:
-        case "recall" | "learn":
-            return "warn" if made.degraded else "done"
-        case "plan":
-            return "done" if made.trajectory is not None else "warn"
-        case "check":
-            return "done" if made.passed else "failed"
-        case "execute":
-            return "done" if made.completed else "failed"
-        case "verify":
-            return "done" if made.outcome == "verified_success" else "warn"
-        case "judge":
-            return "done" if made.eased else "warn"
-    return "done"
-
-
-def finding(record: EpisodeRecord, stage: Stage) -> str:
-    """The result of ``stage`` in a few plain words; "" when it was not reached."""
-    failure = record.failure
-    if failure is not None and failure.stage == stage:
-        return one_line(failure.message or failure.kind)
-    made = getattr(record, MADE[stage])
-    match stage:
-        case "setup":
-            return one_line(record.goal)
-        case "reconstruct":
-            return one_line(record.refinement)
-        case "execute":
-            return executed(record)
-    if made is None:
-        return ""
-    match stage:
-        case "observe":
-            views = made.views
-            return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
-        case "perceive":
-            labels = listing(one_line(o.label or o.id, 40) for o in made.objects)
-            return count(len(made.objects), "object") + (f": {labels}" if labels else "")
-        case "recall":
-            return _recalled(made)
-        case "plan":
-            return _planned(record, made)
-        case "check":
-            return _checked(made)
-        case "verify":
-            return judged(record)
-        case "learn":
-            return _learnt(made)
-        case "judge":
-            return f"eased {_yes(made.eased)}, strict {_yes(made.strict)}"
 
 
 def executed(record: EpisodeRecord) -> str:
@@ -197,11 +125,48 @@ def details(record: EpisodeRecord) -> list[str]:
     return parts
 
 
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
+@dataclass(frozen=True)
+class _Telling:
+    """How a stage is told: the record's field for it, what was made in words, and its state when that is not well."""
+
+    field: str
+    words: Callable[[EpisodeRecord, Any], str]
+    well: Callable[[Any], bool] = lambda made: True
+    otherwise: State = "warn"
 
 
-def _recalled(recalled: MemoryContext) -> str:
+def state(record: EpisodeRecord, stage: Stage) -> State:
+    """How ``stage`` ended."""
+    if record.failure is not None and record.failure.stage == stage:
+        return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
+    telling = _TELLINGS[stage]
+    made = getattr(record, telling.field)
+    if made is None or made == "":
+        return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
+    return "done" if telling.well(made) else telling.otherwise
+
+
+def finding(record: EpisodeRecord, stage: Stage) -> str:
+    """The result of ``stage`` in a few plain words; "" when it was not reached."""
+    failure = record.failure
+    if failure is not None and failure.stage == stage:
+        return one_line(failure.message or failure.kind)
+    telling = _TELLINGS[stage]
+    made = getattr(record, telling.field)
+    return "" if made is None else telling.words(record, made)
+
+
+def _observed(_: EpisodeRecord, observation: Observation) -> str:
+    views = observation.views
+    return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
+
+
+def _perceived(_: EpisodeRecord, scene: Scene) -> str:
+    labels = listing(one_line(o.label or o.id, 40) for o in scene.objects)
+    return count(len(scene.objects), "object") + (f": {labels}" if labels else "")
+
+
+def _recalled(_: EpisodeRecord, recalled: MemoryContext) -> str:
     if recalled.degraded:
         return f"memory unavailable: {one_line(recalled.degraded)}"
     if recalled.abstained:
@@ -223,16 +188,39 @@ def _planned(record: EpisodeRecord, plan: Plan) -> str:
     return place + count(len(plan.trajectory), "waypoint") + skill + left
 
 
-def _checked(checks: CheckReport) -> str:
+def _checked(_: EpisodeRecord, checks: CheckReport) -> str:
     repaired = f", {count(len(checks.repairs), 'repair')}" if checks.repairs else ""
     if checks.passed:
         return f"all checks passed{repaired}"
     return f"rejected{repaired}: {one_line(listing(checks.reasons, 2))}"
 
 
-def _learnt(learned: Learned) -> str:
+def _learnt(_: EpisodeRecord, learned: Learned) -> str:
     if learned.degraded:
         return f"nothing stored: {one_line(learned.degraded)}"
     counts = {name: len(getattr(learned, name)) for name in ("added", "merged", "provisional")}
     counts["discarded"] = learned.discarded
     return ", ".join(f"{n} {word}" for word, n in counts.items() if n) or "nothing new"
+
+
+def _ruled(_: EpisodeRecord, judgement: SuccessCheck) -> str:
+    eased, strict = ("yes" if met else "no" for met in (judgement.eased, judgement.strict))
+    return f"eased {eased}, strict {strict}"
+
+
+_TELLINGS: Mapping[Stage, _Telling] = {
+    "setup": _Telling("goal", lambda _, goal: one_line(goal)),
+    "observe": _Telling("observation", _observed),
+    "perceive": _Telling("scene", _perceived),
+    "reconstruct": _Telling("refinement", lambda _, refinement: one_line(refinement)),
+    "recall": _Telling("recalled", _recalled, lambda made: not made.degraded),
+    "plan": _Telling("plan", _planned, lambda made: made.trajectory is not None),
+    "check": _Telling("checks", _checked, lambda made: made.passed, "failed"),
+    "execute": _Telling("report", lambda record, _: executed(record), lambda made: made.completed, "failed"),
+    "verify": _Telling(
+        "verdict", lambda record, _: judged(record), lambda made: made.outcome == "verified_success"
+    ),
+    "learn": _Telling("learned", _learnt, lambda made: not made.degraded),
+    "judge": _Telling("judgement", _ruled, lambda made: made.eased),
+}
+STAGES = tuple(_TELLINGS)
