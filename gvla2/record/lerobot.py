@@ -15,16 +15,16 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import imageio_ffmpeg
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error
 from gvla2.record.files import make_folder, write_json
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 VERSION = "v3.0"
 VIDEO = "observation.images.main"
@@ -87,45 +87,41 @@ def _place(index: int) -> str:
 
 def _frames(film: Path) -> NDArray[np.uint8]:
     """All frames (T, H, W, 3) of a film."""
-    import imageio_ffmpeg
-
     reader: Any = imageio_ffmpeg.read_frames(str(film))
     width, height = next(reader)["size"]
     return np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
 
 
 def _write(place: Path, table: pa.Table) -> None:
-    import pyarrow.parquet as pq
-
     make_folder(place.parent)
     pq.write_table(table, place.with_suffix(".parquet"))
 
 
 def _data(episodes: Sequence[Demonstration], tasks: Sequence[str]) -> pa.Table:
-    import pyarrow as pa
-
     lengths = [len(episode.states) for episode in episodes]
     frames = np.concatenate([np.arange(n) for n in lengths])
-    columns: dict[str, Any] = {}
-    for name, rows in (
-        ("observation.state", [e.states for e in episodes]),
-        ("action", [e.actions for e in episodes]),
-    ):
+
+    def vectors(rows: Sequence[NDArray[np.float32]]) -> pa.FixedSizeListArray:
         numbers = np.concatenate(rows).astype(np.float32)
-        columns[name] = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
-    columns["timestamp"] = pa.array((frames / episodes[0].fps).astype(np.float32))
-    columns["frame_index"] = pa.array(frames.astype(np.int64))
-    columns["episode_index"] = pa.array(np.repeat(np.arange(len(episodes)), lengths).astype(np.int64))
-    columns["index"] = pa.array(np.arange(sum(lengths), dtype=np.int64))
-    columns["task_index"] = pa.array(
-        np.repeat([tasks.index(e.task) for e in episodes], lengths).astype(np.int64)
+        return pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
+
+    numbered = {
+        "frame_index": frames,
+        "episode_index": np.repeat(np.arange(len(episodes)), lengths),
+        "index": np.arange(sum(lengths)),
+        "task_index": np.repeat([tasks.index(e.task) for e in episodes], lengths),
+    }
+    return pa.table(
+        {
+            "observation.state": vectors([e.states for e in episodes]),
+            "action": vectors([e.actions for e in episodes]),
+            "timestamp": (frames / episodes[0].fps).astype(np.float32),
+            **{name: numbers.astype(np.int64) for name, numbers in numbered.items()},
+        }
     )
-    return pa.table(columns)
 
 
 def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
-    import pyarrow as pa
-
     ends = np.cumsum([len(episode.states) for episode in episodes])
     rows = [
         {
@@ -150,8 +146,6 @@ def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
     """LeRobot reads a frame of pandas whose index is the sentence: its metadata is written manually."""
-    import pyarrow as pa
-
     index = "__index_level_0__"
     table = pa.table(
         {"task_index": pa.array(range(len(tasks)), pa.int64()), index: pa.array(tasks, pa.string())}

@@ -101,11 +101,11 @@ def plan_overlay(
         before = k if start is not None else k - 1
         if before < 0:
             continue
-        leg = _project(camera, np.linspace(path[before], stops[k], 16))
+        leg = camera.project(np.linspace(path[before], stops[k], 16))[0]
         dash = 0.0 if waypoint.motion == "linear" else 7.0
         canvas.line(leg, _grip_colour(openings[k]), width=3.5 if waypoint.carries else 2.5, dash=dash)
-        for point in leg:
-            canvas.keep_clear(around(*point, 4 / canvas.scale))
+        for u, v in leg:
+            canvas.keep_clear(around(u, v, 4 / canvas.scale))
     for at, members in _clusters(camera, waypoints, canvas.scale):
         last = waypoints[members[-1]]
         near = around(*at, 10 / canvas.scale)
@@ -130,7 +130,7 @@ def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[s
 def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> list[tuple[Point, list[int]]]:
     """Waypoints in the picture, grouped if their dots would overlap: (pixel, all of them)."""
     clusters: list[tuple[Point, list[int]]] = []
-    spots = _project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3))
+    spots = camera.project(np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3))[0].tolist()
     for k, (u, v) in enumerate(spots):
         if not camera.inside(np.array([u, v])):
             continue
@@ -154,8 +154,7 @@ def _part(camera: Camera, stops: Sequence[FloatArray], scene: Scene | None) -> R
     low, high = uv.min(axis=0), uv.max(axis=0)
     side = float(np.clip((high - low).max() * 1.2, 0.5 * whole, whole))
     middle = (low + high) / 2
-    x = float(np.clip(middle[0] - side / 2, 0, camera.width - side))
-    y = float(np.clip(middle[1] - side / 2, 0, camera.height - side))
+    x, y = np.clip(middle - side / 2, 0, [camera.width - side, camera.height - side]).tolist()
     return Rect(x, y, x + side, y + side)
 
 
@@ -167,22 +166,22 @@ def _draw_shadow(canvas: Canvas, camera: Camera, path: Sequence[FloatArray], tab
     if not path:
         return
     ground = [np.array([p[0], p[1], table]) for p in path]
-    canvas.line(_project(camera, np.array(ground)), INK, width=2.0, halo=0.0, alpha=90)
+    canvas.line(camera.project(np.array(ground))[0], INK, width=2.0, halo=0.0, alpha=90)
     for high, low in zip(path, ground, strict=True):
-        canvas.line(_project(camera, np.array([high, low])), INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
+        canvas.line(camera.project(np.array([high, low]))[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
 
 
 def _draw_box(canvas: Canvas, camera: Camera, thing: SceneObject, colour: Colour, hidden: bool) -> None:
     corners = thing.corners()
-    pixels = _project(camera, corners)
+    pixels, _ = camera.project(corners)
     facing = {face for face in _FACES if _faces_camera(camera, corners, face, thing.centre)}
     for face in facing:
-        canvas.polygon([pixels[i] for i in face], colour, alpha=18 if hidden else 46)
+        canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
     edges = sorted(_EDGES, key=lambda edge: any(set(edge) <= set(face) for face in facing))
     for a, b in edges:
         near = any({a, b} <= set(face) for face in facing)
         style = _HIDDEN if hidden else _NEAR if near else _FAR
-        canvas.line([pixels[a], pixels[b]], colour, **style)
+        canvas.line(pixels[[a, b]], colour, **style)
 
 
 def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
@@ -194,15 +193,9 @@ def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
     uv, _ = camera.project(thing.corners())
     if not np.isfinite(uv).all() or not camera.inside(uv).any():
         return None
-    low = np.clip(uv.min(axis=0), 0, [camera.width, camera.height])
-    high = np.clip(uv.max(axis=0), 0, [camera.width, camera.height])
-    return Rect(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])
+    return Rect(*box.ravel().tolist())
 
 
 def _distance(camera: Camera, thing: SceneObject) -> float:
     return float(np.linalg.norm(thing.centre - camera.position))
-
-
-def _project(camera: Camera, points: FloatArray) -> list[Point]:
-    uv, _ = camera.project(points)
-    return [(float(u), float(v)) for u, v in uv]
