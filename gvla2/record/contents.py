@@ -108,12 +108,13 @@ class EpisodeRecord:
 
     def result(self, command: str) -> dict[str, Any]:
         """``result.json``: the outcome and its components. ``success`` is the eased profile, None if unknown."""
+        told = self.attempted()
         return {
             "command": command,
             "episode": self.episode_id,
             "success": self.judgement.eased if self.judgement else None,
             "success_strict": self.judgement.strict if self.judgement else None,
-            "verdict": self.verdict.outcome if self.verdict else None,
+            "verdict": told["verdict"],
             "quality": self.verdict.quality if self.verdict else None,
             "task": self.task,
             "seed": self.seed,
@@ -121,10 +122,7 @@ class EpisodeRecord:
             **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
             "fallback": self.plan.fallback if self.plan else "",
             "choices": dict(self.choices),
-            "skill": self.plan.skill if self.plan else None,
-            "parameters": dict(self.plan.parameters) if self.plan else None,
-            "failure": asdict(self.failure) if self.failure else None,
-            "timings": dict(self.timings),
+            **{name: told[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
             "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],

@@ -119,13 +119,13 @@ def _add_path(
     """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
     stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
     openings = [1.0, *(w.gripper for w in trajectory)]
-    tubes, plumbs = [], []
-    for k, waypoint in enumerate(trajectory):
-        before = stops[k - 1] if k else start
-        if before is not None:
-            colour = OPEN if openings[k] > 0.5 else CLOSED
-            tubes += _leg(np.asarray(before, dtype=np.float64), stops[k], colour, waypoint.motion == "free")
-        plumbs.append([stops[k], [*stops[k][:2], table]])
+    tubes = [
+        tube
+        for before, stop, opening, waypoint in zip([start, *stops], stops, openings, trajectory, strict=False)
+        if before is not None
+        for tube in _leg(before, stop, OPEN if opening > 0.5 else CLOSED, waypoint.motion == "free")
+    ]
+    plumbs = [[stop, [*stop[:2], table]] for stop in stops]
     if tubes:
         _add(model, _turned(trimesh.util.concatenate(tubes)), "path", "path")
     if plumbs:
@@ -143,12 +143,11 @@ def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: boo
     length = float(np.linalg.norm(b - a))
     count = max(1, min(40, round(length / 0.03))) if dashed else 1
     share = 0.6 if count > 1 else 1.0
-    tubes = []
-    for k in range(count if length > 1e-6 else 0):
-        ends = [a + (b - a) * (k / count), a + (b - a) * ((k + share) / count)]
-        tube = trimesh.creation.cylinder(_TUBE, segment=ends, sections=6)
+    starts = np.arange(count if length > 1e-6 else 0) / count
+    ends = [[a + (b - a) * k, a + (b - a) * (k + share / count)] for k in starts]
+    tubes = [trimesh.creation.cylinder(_TUBE, segment=each, sections=6) for each in ends]
+    for tube in tubes:
         tube.visual.face_colors = colour
-        tubes.append(tube)
     return tubes
 
 
