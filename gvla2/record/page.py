@@ -54,7 +54,7 @@ def templates() -> Environment:
     """The package's templates. Its own files are trusted; everything from a run is escaped."""
     environment = Environment(
         loader=FunctionLoader(_source),
-        autoescape=True,
+        autoescape=lambda name: name != "findings.jinja",
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -65,7 +65,7 @@ def templates() -> Environment:
         script=Markup(script),
         script_digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         data_uri=data_uri,
-        executed=wording.executed,
+        executed=lambda record: wording.told(record, "execute"),
         marker_colour=marker_colour,
         sections=sections,
         turns_of=turns_of,

@@ -7,14 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gvla2.geometry.views import Observation
-from gvla2.memory.contracts import Learned, MemoryContext
-from gvla2.planning.contracts import Plan
-from gvla2.planning.findings import CheckReport
-from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Stage
-from gvla2.record.text import count, listing, one_line
-from gvla2.robot.backend import SuccessCheck
+from gvla2.record.text import count, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]
 """How a stage ended: normally; with a reservation (abstained, rejected); aborted; not reached."""
@@ -58,26 +52,14 @@ def seconds(value: float | None) -> str:
     )
 
 
-def executed(record: EpisodeRecord) -> str:
-    """How far the motion got: "8 of 8 waypoints"."""
-    report = record.report
-    if report is None:
-        return ""
-    planned = len(record.plan.trajectory) if record.plan and record.plan.trajectory else len(report.waypoints)
-    done = sum(not w.abort for w in report.waypoints)
-    text = f"{done} of {count(planned, 'waypoint')}"
-    abort = report.abort
-    if abort is not None:
-        text += f", stopped at waypoint {abort.index} ({one_line(abort.stage, 24)}): {abort.abort}"
-    return text
+def told(record: EpisodeRecord, stage: Stage) -> str:
+    """What ``stage`` made in a few plain words; "" when it made nothing."""
+    from gvla2.record.page import templates  # whose pages call this module
 
-
-def judged(record: EpisodeRecord) -> str:
-    """The verifier's outcome and quality: "verified_success 0.93"."""
-    verdict = record.verdict
-    if verdict is None:
+    if getattr(record, _TELLINGS[stage].field) is None:
         return ""
-    return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {fixed(verdict.quality, 2)}")
+    macros: Any = templates().get_template("findings.jinja").module
+    return str(getattr(macros, stage)(record)).strip()
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Tone]:
@@ -113,9 +95,9 @@ def details(record: EpisodeRecord) -> list[str]:
     if record.judgement is not None:
         parts.append(f"referee: {finding(record, 'judge')}")
     if record.verdict is not None:
-        parts.append(f"verifier: {judged(record)}")
+        parts.append(f"verifier: {told(record, 'verify')}")
     if record.report is not None:
-        parts.append(executed(record))
+        parts.append(told(record, "execute"))
     if record.failure is not None:
         parts.append(f"{record.failure.kind}: {one_line(record.failure.message)}")
     elif record.plan is not None and record.plan.abstention is not None:
@@ -127,10 +109,9 @@ def details(record: EpisodeRecord) -> list[str]:
 
 @dataclass(frozen=True)
 class _Telling:
-    """How a stage is told: the record's field for it, what was made in words, and its state when that is not well."""
+    """The record's field for a stage, and the stage's state when what it made is not well."""
 
     field: str
-    words: Callable[[EpisodeRecord, Any], str]
     well: Callable[[Any], bool] = lambda made: True
     otherwise: State = "warn"
 
@@ -151,76 +132,20 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
     failure = record.failure
     if failure is not None and failure.stage == stage:
         return one_line(failure.message or failure.kind)
-    telling = _TELLINGS[stage]
-    made = getattr(record, telling.field)
-    return "" if made is None else telling.words(record, made)
-
-
-def _observed(_: EpisodeRecord, observation: Observation) -> str:
-    views = observation.views
-    return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
-
-
-def _perceived(_: EpisodeRecord, scene: Scene) -> str:
-    labels = listing(one_line(o.label or o.id, 40) for o in scene.objects)
-    return count(len(scene.objects), "object") + (f": {labels}" if labels else "")
-
-
-def _recalled(_: EpisodeRecord, recalled: MemoryContext) -> str:
-    if recalled.degraded:
-        return f"memory unavailable: {one_line(recalled.degraded)}"
-    if recalled.abstained:
-        return f"nothing used: {one_line(recalled.abstained)}"
-    if not recalled.items:
-        return "nothing remembered"
-    binding = sum(item.binding for item in recalled.items)
-    return count(len(recalled.items), "record") + (f", {binding} binding" if binding else "")
-
-
-def _planned(record: EpisodeRecord, plan: Plan) -> str:
-    if plan.abstention is not None:
-        return f"abstained, {plan.abstention.kind}: {one_line(plan.abstention.message)}"
-    if plan.trajectory is None:
-        return "no trajectory"
-    skill = f", skill {one_line(plan.skill, 40)}" if plan.skill else ""
-    place = f"part {len(record.whole)}: " if record.partial else ""
-    left = f", {count(len(plan.remaining), 'call')} to come" if plan.remaining else ""
-    return place + count(len(plan.trajectory), "waypoint") + skill + left
-
-
-def _checked(_: EpisodeRecord, checks: CheckReport) -> str:
-    repaired = f", {count(len(checks.repairs), 'repair')}" if checks.repairs else ""
-    if checks.passed:
-        return f"all checks passed{repaired}"
-    return f"rejected{repaired}: {one_line(listing(checks.reasons, 2))}"
-
-
-def _learnt(_: EpisodeRecord, learned: Learned) -> str:
-    if learned.degraded:
-        return f"nothing stored: {one_line(learned.degraded)}"
-    counts = {name: len(getattr(learned, name)) for name in ("added", "merged", "provisional")}
-    counts["discarded"] = learned.discarded
-    return ", ".join(f"{n} {word}" for word, n in counts.items() if n) or "nothing new"
-
-
-def _ruled(_: EpisodeRecord, judgement: SuccessCheck) -> str:
-    eased, strict = ("yes" if met else "no" for met in (judgement.eased, judgement.strict))
-    return f"eased {eased}, strict {strict}"
+    return told(record, stage)
 
 
 _TELLINGS: Mapping[Stage, _Telling] = {
-    "setup": _Telling("goal", lambda _, goal: one_line(goal)),
-    "observe": _Telling("observation", _observed),
-    "perceive": _Telling("scene", _perceived),
-    "reconstruct": _Telling("refinement", lambda _, refinement: one_line(refinement)),
-    "recall": _Telling("recalled", _recalled, lambda made: not made.degraded),
-    "plan": _Telling("plan", _planned, lambda made: made.trajectory is not None),
-    "check": _Telling("checks", _checked, lambda made: made.passed, "failed"),
-    "execute": _Telling("report", lambda record, _: executed(record), lambda made: made.completed, "failed"),
-    "verify": _Telling(
-        "verdict", lambda record, _: judged(record), lambda made: made.outcome == "verified_success"
-    ),
-    "learn": _Telling("learned", _learnt, lambda made: not made.degraded),
-    "judge": _Telling("judgement", _ruled, lambda made: made.eased),
+    "setup": _Telling("goal"),
+    "observe": _Telling("observation"),
+    "perceive": _Telling("scene"),
+    "reconstruct": _Telling("refinement"),
+    "recall": _Telling("recalled", lambda made: not made.degraded),
+    "plan": _Telling("plan", lambda made: made.trajectory is not None),
+    "check": _Telling("checks", lambda made: made.passed, "failed"),
+    "execute": _Telling("report", lambda made: made.completed, "failed"),
+    "verify": _Telling("verdict", lambda made: made.outcome == "verified_success"),
+    "learn": _Telling("learned", lambda made: not made.degraded),
+    "judge": _Telling("judgement", lambda made: made.eased),
 }
 STAGES = tuple(_TELLINGS)
