@@ -26,12 +26,12 @@ def render_page(
     pictures: Pictures,
     config_yaml: str = "",
     command: str = "run",
-    linked: Sequence[tuple[str, str]] = (),
+    beside: Sequence[str] = (),
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
     Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy keeps the
-    browser from loading anything else. ``linked`` are (file name, what it is) of files beside the page.
+    browser from loading anything else. ``beside`` are names of files beside the page.
     """
     return render(
         "page.html.jinja",
@@ -39,7 +39,7 @@ def render_page(
         pictures=pictures,
         command=command,
         config_yaml=config_yaml,
-        linked=linked,
+        beside=beside,
         finding=lambda stage: wording.finding(record, stage),
     )
 

@@ -39,23 +39,6 @@ from gvla2.robot.backend import Moment
 
 __all__ = ["RunRecorder", "write_index"]
 
-_LINKED = (
-    ("result.json", "outcome, machine-readable"),
-    ("config.yaml", "the composed configuration"),
-    *((name, what) for name, what, _ in STAGE_FILES),
-    ("perception.png", "objects in all cameras"),
-    ("depth.png", "depth of all cameras"),
-    ("plan.png", "the planned path"),
-    ("views.npz", "the views of the named object"),
-    ("before.png", "before"),
-    ("after.png", "after"),
-    ("episode.gif", "the motion"),
-    (FILM, "the motion, every frame"),
-    ("scene.glb", "scene and plan in 3D, glTF"),
-    ("motion.npz", "the arm at each frame"),
-    ("run.log", "the log"),
-)
-
 LARGEST_FILM = 6_000_000
 """Most bytes of an embedded film; a longer one is linked and the animation is shown."""
 
@@ -126,7 +109,7 @@ class RunRecorder(FolderRecorder):
     def _write_numbers(self, record: EpisodeRecord) -> None:
         told = replace(record, notes=(*record.notes, *self.notes))
         write_json(self.folder / "result.json", told.result(self._command))
-        for name, _, content in STAGE_FILES:
+        for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
                 write_json(self.folder / name, value)
@@ -182,7 +165,7 @@ class RunRecorder(FolderRecorder):
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
-        return render_page(record, self._pictures, self.config, self._command, self.there(_LINKED))
+        return render_page(record, self._pictures, self.config, self._command, self.there())
 
     def _save(self, name: str, data: bytes) -> None:
         if data:

@@ -14,18 +14,18 @@ def render_reconstruction(
     record: ReconstructionRecord,
     pictures: ReconstructionPictures,
     config_yaml: str = "",
-    linked: Sequence[tuple[str, str]] = (),
+    beside: Sequence[str] = (),
 ) -> str:
     """The page as HTML text, also without measures and without pictures.
 
-    ``linked`` are (file name, what it is) of files beside the page.
+    ``beside`` are names of files beside the page.
     """
     return render(
         "reconstruction.html.jinja",
         record=record,
         pictures=pictures,
         config_yaml=config_yaml,
-        linked=linked,
+        beside=beside,
         maps=maps,
         numbers=numbers,
         sections=sections,
