@@ -117,7 +117,7 @@ def _add_path(
     checks: CheckReport | None,
 ) -> None:
     """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
-    stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
+    stops = trajectory.xyzg().reshape(-1, 4)[:, :3]
     openings = [1.0, *(w.gripper for w in trajectory)]
     tubes = [
         tube
