@@ -59,7 +59,7 @@ class RunRecorder(FolderRecorder):
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
-        self._studio = ThreadPoolExecutor(1, "pictures")  # one: some pictures are drawn upon others
+        self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
         self._awaited: list[Future[None]] = []
 
     def frame(self, image: NDArray[np.uint8]) -> None:
