@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 
 Frame = NDArray[np.uint8]
 
@@ -76,9 +76,8 @@ def gif(frames: Sequence[Frame], fps: float = 12.0, max_bytes: int = MAX_BYTES, 
 
 
 def _encode(pictures: Sequence[Image.Image], colours: int, shrink: float, fps: float, rest: float) -> bytes:
-    size = (max(1, round(pictures[0].width * shrink)), max(1, round(pictures[0].height * shrink)))
     if shrink < 1:
-        pictures = [picture.resize(size, Image.Resampling.LANCZOS) for picture in pictures]
+        pictures = [ImageOps.scale(picture, shrink, Image.Resampling.LANCZOS) for picture in pictures]
     palette = _palette(pictures, colours)
     # No dithering: still pixels stay the same from frame to frame, and only what moves is stored.
     indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
@@ -100,17 +99,12 @@ def _encode(pictures: Sequence[Image.Image], colours: int, shrink: float, fps: f
 
 def _palette(pictures: Sequence[Image.Image], colours: int) -> Image.Image:
     """The palette that suits frames from the whole motion."""
-    chosen = [pictures[k] for k in np.unique(np.linspace(0, len(pictures) - 1, 9).round().astype(int))]
-    mosaic = Image.new("RGB", (chosen[0].width, chosen[0].height * len(chosen)))
-    for k, picture in enumerate(chosen):
-        mosaic.paste(picture, (0, k * picture.height))
+    chosen = np.unique(np.linspace(0, len(pictures) - 1, 9).round().astype(int))
+    mosaic = Image.fromarray(np.concatenate([np.asarray(pictures[k]) for k in chosen]))
     return mosaic.quantize(colors=colours, method=Image.Quantize.MEDIANCUT)
 
 
 def _reduced(image: NDArray[np.uint8], side: int) -> Frame:
-    longest = max(image.shape[:2])
-    if longest <= side:
-        return np.array(image, dtype=np.uint8)
-    factor = side / longest
-    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
-    return np.asarray(Image.fromarray(np.ascontiguousarray(image)).resize(size, Image.Resampling.BILINEAR))
+    picture = Image.fromarray(np.ascontiguousarray(image))
+    picture.thumbnail((side, side), Image.Resampling.BILINEAR, reducing_gap=None)
+    return np.array(picture)

@@ -87,26 +87,19 @@ class EpisodeRecord:
         """The parts of this attempt, first to last, this record being the last; just one if it was not split."""
         return (*self.parts, replace(self, attempts=(), parts=()))
 
+    @property
+    def tries(self) -> tuple[EpisodeRecord, ...]:
+        """The attempts, first to last, this record being the last."""
+        return (*self.attempts, replace(self, attempts=()))
+
     def afresh(self, **kept: Any) -> EpisodeRecord:
         """The empty record of the next attempt or part; instruction, memory's answer and notes stay.
 
         ``kept`` are its attempts and parts so far.
         """
-        return replace(
-            self,
-            observation=None,
-            scene=None,
-            refinement="",
-            plan=None,
-            checks=None,
-            report=None,
-            after=None,
-            after_scene=None,
-            verdict=None,
-            failure=None,
-            timings={},
-            **kept,
-        )
+        stays = ("goal", "recalled", "learned", "judgement", "language", "notes", "attempts", "parts")
+        same = {name: getattr(self, name) for name in stays} | kept
+        return EpisodeRecord(self.episode_id, self.instruction, self.task, self.seed, self.choices, **same)
 
     @property
     def partial(self) -> bool:
@@ -115,12 +108,13 @@ class EpisodeRecord:
 
     def result(self, command: str) -> dict[str, Any]:
         """``result.json``: the outcome and its components. ``success`` is the eased profile, None if unknown."""
+        told = self.attempted()
         return {
             "command": command,
             "episode": self.episode_id,
             "success": self.judgement.eased if self.judgement else None,
             "success_strict": self.judgement.strict if self.judgement else None,
-            "verdict": self.verdict.outcome if self.verdict else None,
+            "verdict": told["verdict"],
             "quality": self.verdict.quality if self.verdict else None,
             "task": self.task,
             "seed": self.seed,
@@ -128,12 +122,9 @@ class EpisodeRecord:
             **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
             "fallback": self.plan.fallback if self.plan else "",
             "choices": dict(self.choices),
-            "skill": self.plan.skill if self.plan else None,
-            "parameters": dict(self.plan.parameters) if self.plan else None,
-            "failure": asdict(self.failure) if self.failure else None,
-            "timings": dict(self.timings),
+            **{name: told[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
-            "attempts": [each.attempted() for each in (*self.attempts, self)],
+            "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],
             "notes": list(self.notes),
         }

@@ -15,6 +15,8 @@ from gvla2.record.text import one_line
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
+Points = Sequence[Point] | NDArray[np.float64]
+"""Points (N, 2)."""
 
 INK: Colour = (15, 20, 28)
 PAPER: Colour = (255, 255, 255)
@@ -51,6 +53,18 @@ def png(image: Image.Image) -> bytes:
     return stream.getvalue()
 
 
+def enlarged(
+    picture: Image.Image,
+    width: int,
+    box: tuple[int, int, int, int] | None = None,
+    how: Image.Resampling = Image.Resampling.LANCZOS,
+) -> Image.Image:
+    """The picture, or its part ``box`` (x0, y0, x1, y1), enlarged by a whole factor to about ``width`` pixels."""
+    x0, y0, x1, y1 = box or (0, 0, picture.width, picture.height)
+    scale = max(1, round(width / (x1 - x0)))
+    return picture.resize(((x1 - x0) * scale, (y1 - y0) * scale), how, box=box)
+
+
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface, so that pictures look the same on every machine."""
     return ImageFont.load_default(size)
@@ -70,11 +84,8 @@ class Canvas:
         shown = self._part.x1 - self._part.x0
         self.scale = width / shown if part else float(max(1, round(width / given)))
         self.size = (round(shown * self.scale), round((self._part.y1 - self._part.y0) * self.scale))
-        self._picture = Image.fromarray(np.ascontiguousarray(image)).resize(
-            self.size,
-            Image.Resampling.LANCZOS,
-            box=(self._part.x0, self._part.y0, self._part.x1, self._part.y1),
-        )
+        whole = Image.fromarray(np.ascontiguousarray(image))
+        self._picture = whole.resize(self.size, Image.Resampling.LANCZOS, box=self._part)
         self._layer = Image.new("RGBA", (self.size[0] * _SMOOTH, self.size[1] * _SMOOTH), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
         self._labels: list[tuple[str, Rect, Colour, str]] = []
@@ -83,7 +94,7 @@ class Canvas:
 
     def line(
         self,
-        points: Sequence[Point],
+        points: Points,
         colour: Colour,
         width: float = 2.0,
         halo: float = 1.5,
@@ -95,15 +106,12 @@ class Canvas:
         if len(path) < 2:
             return
         pieces = _dashes(path, dash * _SMOOTH) if dash else [path]
-        if halo:
+        strokes = [((*INK, min(alpha, 170)), width + 2 * halo)] if halo else []
+        for ink, across in (*strokes, ((*colour, alpha), width)):
             for piece in pieces:
-                self._draw.line(
-                    piece, (*INK, min(alpha, 170)), round((width + 2 * halo) * _SMOOTH), joint="curve"
-                )
-        for piece in pieces:
-            self._draw.line(piece, (*colour, alpha), round(width * _SMOOTH), joint="curve")
+                self._draw.line(piece, ink, round(across * _SMOOTH), joint="curve")
 
-    def polygon(self, points: Sequence[Point], colour: Colour, alpha: int) -> None:
+    def polygon(self, points: Points, colour: Colour, alpha: int) -> None:
         """A filled polygon; nothing when a corner is not in front of the camera."""
         path = self._path(points)
         if len(path) == len(points) >= 3:
@@ -150,47 +158,36 @@ class Canvas:
         width, height = pen.textlength(text, font=face) + 12 + chip, 20.0
         bounds = Rect(4, 4, self.size[0] - 4, self.size[1] - 4)
         spot = place(near, (width, height), taken, bounds)
-        nearest = (
-            min(max(near.centre[0], spot.x0), spot.x1),
-            min(max(near.centre[1], spot.y0), spot.y1),
-        )
         if spot.overlap(near.grown(8)) == 0:  # it had to move away: connect it to its object
-            pen.line([nearest, near.centre], fill=(*colour, 220), width=1)
-        pen.rounded_rectangle(
-            (spot.x0, spot.y0, spot.x1, spot.y1), 5, fill=(*INK, 205), outline=(*colour, 255)
-        )
+            x, y = np.clip(near.centre, spot[:2], spot[2:]).tolist()
+            pen.line([(x, y), near.centre], fill=(*colour, 220), width=1)
+        pen.rounded_rectangle(spot, 5, fill=(*INK, 205), outline=(*colour, 255))
         if badge:
             pen.rounded_rectangle((spot.x0, spot.y0, spot.x0 + chip, spot.y1), 5, fill=(*colour, 255))
             middle = (spot.x0 + chip / 2, spot.y0 + height / 2)
             pen.text(middle, badge, fill=(*INK, 255), font=font(13), anchor="mm")
-        start = (spot.x0 + chip + 6, spot.y0 + height / 2)
-        pen.text(
-            start, text, fill=(*PAPER, 255), font=face, anchor="lm", stroke_width=1, stroke_fill=(*INK, 255)
-        )
+        start, ring = (spot.x0 + chip + 6, spot.y0 + height / 2), (*INK, 255)
+        pen.text(start, text, (*PAPER, 255), face, "lm", stroke_width=1, stroke_fill=ring)
         return spot
 
     def _moved(self, near: Rect) -> Rect:
         s, x, y = self.scale, self._part.x0, self._part.y0
         return Rect((near.x0 - x) * s, (near.y0 - y) * s, (near.x1 - x) * s, (near.y1 - y) * s)
 
-    def _path(self, points: Sequence[Point]) -> list[Point]:
-        factor = self.scale * _SMOOTH
-        return [
-            ((float(u) - self._part.x0) * factor, (float(v) - self._part.y0) * factor)
-            for u, v in points
-            if np.isfinite(u) and np.isfinite(v) and abs(u) < _FAR and abs(v) < _FAR
-        ]
+    def _path(self, points: Points) -> list[Point]:
+        """The points that are near enough to draw, on the layer."""
+        given = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        near = given[(np.abs(given) < _FAR).all(axis=1)]  # NaN is not
+        return [(x, y) for x, y in ((near - self._part[:2]) * self.scale * _SMOOTH).tolist()]
 
 
 def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
     """The dashes of a polyline with dash ``length``; at most a few hundred."""
-    pieces: list[list[Point]] = []
-    for (x0, y0), (x1, y1) in pairwise(path):
-        distance = float(np.hypot(x1 - x0, y1 - y0))
-        count = int(min(200, max(1, round(distance / (2 * length)))))
+    pieces = []
+    for start, end in pairwise(np.array(path)):
+        way = end - start
+        count = int(np.clip(round(np.hypot(*way) / (2 * length)), 1, 200))
         for k in range(count):
-            a, b = k / count, (k + 0.5) / count
-            pieces.append(
-                [(x0 + a * (x1 - x0), y0 + a * (y1 - y0)), (x0 + b * (x1 - x0), y0 + b * (y1 - y0))]
-            )
+            dash = [start + way * (k / count), start + way * ((k + 0.5) / count)]
+            pieces.append([(x, y) for x, y in np.array(dash).tolist()])
     return pieces

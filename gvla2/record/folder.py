@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 from gvla2.record.files import make_folder, write_text
@@ -37,6 +37,6 @@ class FolderRecorder:
             self.notes.append(note)
             log.warning(note, exc_info=error)
 
-    def there(self, files: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-        """The files (name, description) that exist in the folder."""
-        return [(name, what) for name, what in files if (self.folder / name).exists()]
+    def there(self) -> list[str]:
+        """The names of the files in the folder."""
+        return [path.name for path in self.folder.iterdir() if path.is_file()]

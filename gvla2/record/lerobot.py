@@ -15,18 +15,18 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import imageio_ffmpeg
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error
 from gvla2.record.files import make_folder, write_json
+from gvla2.record.page import render
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-VERSION = "v3.0"
 VIDEO = "observation.images.main"
 _CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 _FILES_A_CHUNK = 1000
@@ -87,45 +87,41 @@ def _place(index: int) -> str:
 
 def _frames(film: Path) -> NDArray[np.uint8]:
     """All frames (T, H, W, 3) of a film."""
-    import imageio_ffmpeg
-
     reader: Any = imageio_ffmpeg.read_frames(str(film))
     width, height = next(reader)["size"]
     return np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
 
 
 def _write(place: Path, table: pa.Table) -> None:
-    import pyarrow.parquet as pq
-
     make_folder(place.parent)
     pq.write_table(table, place.with_suffix(".parquet"))
 
 
 def _data(episodes: Sequence[Demonstration], tasks: Sequence[str]) -> pa.Table:
-    import pyarrow as pa
-
     lengths = [len(episode.states) for episode in episodes]
     frames = np.concatenate([np.arange(n) for n in lengths])
-    columns: dict[str, Any] = {}
-    for name, rows in (
-        ("observation.state", [e.states for e in episodes]),
-        ("action", [e.actions for e in episodes]),
-    ):
+
+    def vectors(rows: Sequence[NDArray[np.float32]]) -> pa.FixedSizeListArray:
         numbers = np.concatenate(rows).astype(np.float32)
-        columns[name] = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
-    columns["timestamp"] = pa.array((frames / episodes[0].fps).astype(np.float32))
-    columns["frame_index"] = pa.array(frames.astype(np.int64))
-    columns["episode_index"] = pa.array(np.repeat(np.arange(len(episodes)), lengths).astype(np.int64))
-    columns["index"] = pa.array(np.arange(sum(lengths), dtype=np.int64))
-    columns["task_index"] = pa.array(
-        np.repeat([tasks.index(e.task) for e in episodes], lengths).astype(np.int64)
+        return pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
+
+    numbered = {
+        "frame_index": frames,
+        "episode_index": np.repeat(np.arange(len(episodes)), lengths),
+        "index": np.arange(sum(lengths)),
+        "task_index": np.repeat([tasks.index(e.task) for e in episodes], lengths),
+    }
+    return pa.table(
+        {
+            "observation.state": vectors([e.states for e in episodes]),
+            "action": vectors([e.actions for e in episodes]),
+            "timestamp": (frames / episodes[0].fps).astype(np.float32),
+            **{name: numbers.astype(np.int64) for name, numbers in numbered.items()},
+        }
     )
-    return pa.table(columns)
 
 
 def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
-    import pyarrow as pa
-
     ends = np.cumsum([len(episode.states) for episode in episodes])
     rows = [
         {
@@ -150,59 +146,27 @@ def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
     """LeRobot reads a frame of pandas whose index is the sentence: its metadata is written manually."""
-    import pyarrow as pa
-
-    index = "__index_level_0__"
-    table = pa.table(
-        {"task_index": pa.array(range(len(tasks)), pa.int64()), index: pa.array(tasks, pa.string())}
-    )
-    numbers = {"pandas_type": "int64", "numpy_type": "int64", "metadata": None}
-    words = {"pandas_type": "unicode", "numpy_type": "object", "metadata": None}
-    pandas = {
-        "index_columns": [index],
-        "column_indexes": [],
-        "columns": [
-            {"name": "task_index", "field_name": "task_index", **numbers},
-            {"name": None, "field_name": index, **words},
-        ],
-        "pandas_version": "2.0.0",
-    }
-    return table.replace_schema_metadata({b"pandas": json.dumps(pandas).encode()})
+    numbers, words = pa.array(range(len(tasks)), pa.int64()), pa.array(tasks, pa.string())
+    table = pa.table({"task_index": numbers, "__index_level_0__": words})
+    return table.replace_schema_metadata({b"pandas": render("lerobot_tasks.json.jinja").strip().encode()})
 
 
-def _info(episodes: Sequence[Demonstration], tasks: Sequence[str], size: tuple[int, ...]) -> dict[str, Any]:
-    joints = [f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])]
-    vector = {"dtype": "float32", "shape": [len(joints) + 1], "names": [*joints, "gripper.width"]}
+def _info(episodes: Sequence[Demonstration], tasks: Sequence[str], size: tuple[int, ...]) -> Any:
     fps = episodes[0].fps
-    height, width = size
-    video = {
-        "video.height": height, "video.width": width, "video.codec": "h264", "video.pix_fmt": "yuv420p",
-        "video.is_depth_map": False, "video.fps": fps, "video.channels": 3, "has_audio": False,
-    }  # fmt: skip
-    names = ["height", "width", "channels"]
-    counted = {"timestamp": "float32"} | dict.fromkeys(
-        ("frame_index", "episode_index", "index", "task_index"), "int64"
+    told = render(
+        "lerobot_info.json.jinja",
+        robot=episodes[0].robot,
+        episodes=len(episodes),
+        frames=sum(len(episode.states) for episode in episodes),
+        tasks=len(tasks),
+        fps=int(fps) if fps == int(fps) else fps,
+        joints=[f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])],
+        size=size,
+        video=VIDEO,
+        chunk=_CHUNK,
+        chunk_size=_FILES_A_CHUNK,
     )
-    return {
-        "codebase_version": VERSION,
-        "robot_type": episodes[0].robot,
-        "total_episodes": len(episodes),
-        "total_frames": sum(len(episode.states) for episode in episodes),
-        "total_tasks": len(tasks),
-        "chunks_size": _FILES_A_CHUNK,
-        "data_files_size_in_mb": 100,
-        "video_files_size_in_mb": 200,
-        "fps": int(fps) if fps == int(fps) else fps,
-        "splits": {"train": f"0:{len(episodes)}"},
-        "data_path": f"data/{_CHUNK}.parquet",
-        "video_path": f"videos/{{video_key}}/{_CHUNK}.mp4",
-        "features": {
-            "observation.state": vector,
-            "action": vector,
-            VIDEO: {"dtype": "video", "shape": [height, width, 3], "names": names, "info": video},
-            **{name: {"dtype": kind, "shape": [1], "names": None} for name, kind in counted.items()},
-        },
-    }
+    return json.loads(told)
 
 
 def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:

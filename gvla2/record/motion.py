@@ -6,6 +6,7 @@ makes training data sets from both.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -28,9 +29,8 @@ class Motion:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._moments: list[Moment] = []
-        self._early: list[NDArray[np.uint8]] = []  # until the second one gives the rate
         self._writer: Generator[None, bytes | None, None] | None = None
-        self._size = (0, 0)
+        self._first: NDArray[np.uint8] | None = None  # waits for the second, whose time gives the rate
         self._frames = 0
 
     def moment(self, moment: Moment) -> None:
@@ -43,17 +43,13 @@ class Motion:
             return  # not a film frame; the recorder reports what was wrong with it
         even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
         self._frames += 1
-        if self._frames == 1:
-            self._size = (even.shape[1], even.shape[0])
-        if self._frames < 2:
-            self._early.append(even)
+        if self._first is None:
+            self._first = even
             return
         if self._frames == 2:
-            self._open()
-        for each in (*self._early, even):
-            if self._writer is not None:
-                self._writer.send(each.tobytes())
-        self._early.clear()
+            self._open(self._first)
+        if self._writer is not None:
+            self._writer.send(even.tobytes())
 
     @property
     def fps(self) -> float:
@@ -71,14 +67,14 @@ class Motion:
         if self._moments and len(self._moments) == self._frames:
             write_bytes(self._folder / STATES, self._states())
 
-    def _open(self) -> None:
+    def _open(self, first: NDArray[np.uint8]) -> None:
         try:
             import imageio_ffmpeg
         except ImportError:
             return
         made: Any = imageio_ffmpeg.write_frames(
             str(self._folder / FILM),
-            self._size,
+            (first.shape[1], first.shape[0]),
             fps=self.fps,
             quality=7,
             macro_block_size=2,
@@ -86,11 +82,10 @@ class Motion:
             ffmpeg_log_level="error",
         )
         made.send(None)
+        made.send(first.tobytes())
         self._writer = made
 
     def _states(self) -> bytes:
-        import io
-
         stream = io.BytesIO()
         np.savez_compressed(
             stream,

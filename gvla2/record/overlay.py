@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -20,6 +21,9 @@ CLOSED_COLOUR: Colour = (255, 168, 60)
 
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
+_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "dash": 5.0, "alpha": 170}
+_NEAR: dict[str, Any] = {"width": 2.0}
+_FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
 _SEEN = 0.03  # share of an object's points that must be visible for its label
 
 
@@ -64,10 +68,9 @@ def plan_views(views: Iterable[View], trajectory: Trajectory, count: int = 2) ->
 
     A camera on the hand moves away from its view, so it is used only if there is no other.
     """
-    points = np.array([w.xyz for w in trajectory], dtype=np.float64).reshape(-1, 3)
 
     def rank(view: View) -> tuple[bool, bool, int]:
-        shown = int(view.camera.inside(view.camera.project(points)[0]).sum())
+        shown = int(view.camera.inside(view.camera.project(_stops(trajectory))[0]).sum())
         return "wrist" not in view.name, "front" in view.name and shown > 0, shown
 
     return sorted(views, key=rank, reverse=True)[:count]
@@ -87,22 +90,20 @@ def plan_overlay(
     straight below it, so that height can be read. The picture shows the part of the view with the path and the objects.
     """
     camera, waypoints = view.camera, list(trajectory)
-    stops = [np.asarray(w.xyz, dtype=np.float64) for w in waypoints]
-    path = stops if start is None else [np.asarray(start, dtype=np.float64), *stops]
+    stops = _stops(trajectory)
+    path = stops if start is None else np.vstack([start, stops])
     canvas = Canvas(view.image, width, _part(camera, stops, scene))
     if scene is not None:
         _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
-    for k, waypoint in enumerate(waypoints):
-        before = k if start is not None else k - 1
-        if before < 0:
-            continue
-        leg = _project(camera, np.linspace(path[before], stops[k], 16))
+    first = 0 if start is not None else 1
+    for a, b, opening, waypoint in zip(path, path[1:], openings[first:], waypoints[first:], strict=False):
+        leg = camera.project(np.linspace(a, b, 16))[0]
         dash = 0.0 if waypoint.motion == "linear" else 7.0
-        canvas.line(leg, _grip_colour(openings[k]), width=3.5 if waypoint.carries else 2.5, dash=dash)
-        for point in leg:
-            canvas.keep_clear(around(*point, 4 / canvas.scale))
-    for at, members in _clusters(camera, waypoints, canvas.scale):
+        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5, dash=dash)
+        for u, v in leg:
+            canvas.keep_clear(around(u, v, 4 / canvas.scale))
+    for at, members in _clusters(camera, stops, canvas.scale):
         last = waypoints[members[-1]]
         near = around(*at, 10 / canvas.scale)
         numbers = "·".join(str(k) for k in members)
@@ -110,6 +111,11 @@ def plan_overlay(
         text = " / ".join(_stage_labels(waypoints, members))
         canvas.label(text, near, _grip_colour(last.gripper), badge=numbers)
     return canvas.picture()
+
+
+def _stops(trajectory: Trajectory) -> FloatArray:
+    """(N, 3) the waypoints' positions."""
+    return trajectory.xyzg().reshape(-1, 4)[:, :3]
 
 
 def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
@@ -123,11 +129,10 @@ def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[s
     return list(labels)
 
 
-def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> list[tuple[Point, list[int]]]:
+def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Point, list[int]]]:
     """Waypoints in the picture, grouped if their dots would overlap: (pixel, all of them)."""
     clusters: list[tuple[Point, list[int]]] = []
-    spots = _project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3))
-    for k, (u, v) in enumerate(spots):
+    for k, (u, v) in enumerate(camera.project(stops)[0].tolist()):
         if not camera.inside(np.array([u, v])):
             continue
         for at, members in clusters:
@@ -139,19 +144,18 @@ def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> li
     return clusters
 
 
-def _part(camera: Camera, stops: Sequence[FloatArray], scene: Scene | None) -> Rect:
+def _part(camera: Camera, stops: FloatArray, scene: Scene | None) -> Rect:
     """A square of the image with the waypoints and the objects, and some margin; at least half the image."""
-    points = [*stops, *(corner for o in (scene.objects if scene else ()) for corner in o.corners())]
     whole = min(camera.width, camera.height)
-    uv, _ = camera.project(np.array(points, dtype=np.float64).reshape(-1, 3))
+    corners = [thing.corners() for thing in (scene.objects if scene else ())]
+    uv, _ = camera.project(np.vstack([stops, *corners]))
     uv = uv[camera.inside(uv)]
     if not len(uv):
         return Rect(0, 0, camera.width, camera.height)
     low, high = uv.min(axis=0), uv.max(axis=0)
     side = float(np.clip((high - low).max() * 1.2, 0.5 * whole, whole))
     middle = (low + high) / 2
-    x = float(np.clip(middle[0] - side / 2, 0, camera.width - side))
-    y = float(np.clip(middle[1] - side / 2, 0, camera.height - side))
+    x, y = np.clip(middle - side / 2, 0, [camera.width - side, camera.height - side]).tolist()
     return Rect(x, y, x + side, y + side)
 
 
@@ -159,30 +163,23 @@ def _grip_colour(opening: float) -> Colour:
     return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
 
 
-def _draw_shadow(canvas: Canvas, camera: Camera, path: Sequence[FloatArray], table: float) -> None:
-    if not path:
-        return
-    ground = [np.array([p[0], p[1], table]) for p in path]
-    canvas.line(_project(camera, np.array(ground)), INK, width=2.0, halo=0.0, alpha=90)
-    for high, low in zip(path, ground, strict=True):
-        canvas.line(_project(camera, np.array([high, low])), INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
+def _draw_shadow(canvas: Canvas, camera: Camera, path: FloatArray, table: float) -> None:
+    ground = np.column_stack([path[:, :2], np.full(len(path), table)])
+    canvas.line(camera.project(ground)[0], INK, width=2.0, halo=0.0, alpha=90)
+    for plumb in np.stack([path, ground], axis=1):
+        canvas.line(camera.project(plumb)[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
 
 
 def _draw_box(canvas: Canvas, camera: Camera, thing: SceneObject, colour: Colour, hidden: bool) -> None:
     corners = thing.corners()
-    pixels = _project(camera, corners)
+    pixels, _ = camera.project(corners)
     facing = {face for face in _FACES if _faces_camera(camera, corners, face, thing.centre)}
     for face in facing:
-        canvas.polygon([pixels[i] for i in face], colour, alpha=18 if hidden else 46)
-    edges = sorted(_EDGES, key=lambda edge: any(set(edge) <= set(face) for face in facing))
-    for a, b in edges:
-        near = any({a, b} <= set(face) for face in facing)
-        if hidden:
-            canvas.line([pixels[a], pixels[b]], colour, width=1.0, halo=0.0, dash=5.0, alpha=170)
-        elif near:
-            canvas.line([pixels[a], pixels[b]], colour, width=2.0)
-        else:
-            canvas.line([pixels[a], pixels[b]], colour, width=0.8, halo=0.0, alpha=120)
+        canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
+    near = {edge: any(set(edge) <= set(face) for face in facing) for edge in _EDGES}
+    for edge in sorted(_EDGES, key=near.__getitem__):
+        style = _HIDDEN if hidden else _NEAR if near[edge] else _FAR
+        canvas.line(pixels[list(edge)], colour, **style)
 
 
 def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
@@ -194,15 +191,9 @@ def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
     uv, _ = camera.project(thing.corners())
     if not np.isfinite(uv).all() or not camera.inside(uv).any():
         return None
-    low = np.clip(uv.min(axis=0), 0, [camera.width, camera.height])
-    high = np.clip(uv.max(axis=0), 0, [camera.width, camera.height])
-    return Rect(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])
+    return Rect(*box.ravel().tolist())
 
 
 def _distance(camera: Camera, thing: SceneObject) -> float:
     return float(np.linalg.norm(thing.centre - camera.position))
-
-
-def _project(camera: Camera, points: FloatArray) -> list[Point]:
-    uv, _ = camera.project(points)
-    return [(float(u), float(v)) for u, v in uv]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from PIL import Image
 
-from gvla2.record import wording
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.files import write_json, write_text
 from gvla2.record.page import data_uri, render
@@ -25,30 +24,9 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
     Thumbnails come from the folders' pictures, so records may have been stripped of their observations.
     Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
     """
-    rows = []
-    for index, record in enumerate(episodes):
-        place = episode_folder(folder, index)
-        title, tone = wording.headline(record)
-        told = {"headline": title, "tone": tone, "story": " · ".join(wording.details(record))}
-        rows.append(
-            {"record": record, "link": f"{place.name}/index.html", "thumbnail": _thumbnail(place), **told}
-        )
-    judged = [r.judgement for r in episodes if r.judgement is not None]
-    whole = len(episodes) if judged else 0  # without a referee's verdict an episode counts as a failure
-    ruled = [
-        (r.verdict.outcome == "verified_success", r.judgement.eased)
-        for r in episodes
-        if r.judgement is not None
-        and r.verdict is not None
-        and r.verdict.outcome in ("verified_success", "verified_fail")
-    ]
-    counts = [
-        ("episodes", str(len(episodes)), "info"),
-        ("referee: eased", _share(sum(j.eased for j in judged), whole), "good"),
-        ("referee: strict", _share(sum(j.strict for j in judged), whole), "good"),
-        ("verifier agrees with the referee", _share(sum(a == b for a, b in ruled), len(ruled)), "info"),
-    ]
-    html = render("overview.html.jinja", rows=rows, counts=counts, command=command)
+    places = [episode_folder(folder, index) for index in range(len(episodes))]
+    rows = [(record, place.name, _thumbnail(place)) for record, place in zip(episodes, places, strict=True)]
+    html = render("overview.html.jinja", episodes=list(episodes), rows=rows, command=command)
     return write_text(folder / "index.html", html)
 
 
@@ -78,10 +56,6 @@ def write_summary(folder: Path, episodes: Sequence[EpisodeRecord], command: str 
         "rows": rows,
     }
     return write_json(folder / "result.json", summary)
-
-
-def _share(part: int, whole: int) -> str:
-    return f"{part} of {whole}" if whole else "–"
 
 
 def _thumbnail(folder: Path, width: int = 192) -> str:

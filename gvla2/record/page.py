@@ -6,7 +6,7 @@ import base64
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -26,87 +26,68 @@ def render_page(
     pictures: Pictures,
     config_yaml: str = "",
     command: str = "run",
-    linked: Sequence[tuple[str, str]] = (),
+    beside: Sequence[str] = (),
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
     Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy keeps the
-    browser from loading anything else. ``linked`` are (file name, what it is) of files beside the page.
+    browser from loading anything else. ``beside`` are names of files beside the page.
     """
-    title, tone = wording.headline(record)
-    parameters, plan_notes = sections.parameter_rows(record.plan) if record.plan else ([], [])
     return render(
         "page.html.jinja",
         record=record,
         pictures=pictures,
         command=command,
         config_yaml=config_yaml,
-        linked=linked,
-        headline=title,
-        tone=tone,
-        steps=sections.steps(record),
-        attempts=[*record.attempts, replace(record, attempts=())],
-        parameters=parameters,
-        plan_notes=plan_notes,
-        candidates=sections.ranked_candidates(record.plan) if record.plan else [],
-        turns=turns_of(record),
+        beside=beside,
         finding=lambda stage: wording.finding(record, stage),
     )
 
 
 def render(template: str, **values: Any) -> str:
     """A template of this package with ``values``; every text in them is escaped."""
+    return templates().get_template(template).render(**values)
+
+
+@cache
+def templates() -> Environment:
+    """The package's templates. Its own files are trusted; everything from a run is escaped."""
     environment = Environment(
         loader=FunctionLoader(_source),
-        autoescape=True,
+        autoescape=lambda name: name != "findings.jinja",
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     script = f"{_source('page.js')}{_source('viewer.js')}".strip()
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals.update(
-        # The package's own files are trusted; everything from a run is escaped.
-        style=Markup(_source("page.css")),
+        source=lambda name: Markup(_source(name)),
         script=Markup(script),
-        script_digest=digest,
+        script_digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         data_uri=data_uri,
-        terms=sections.terms,
-        checks=sections.CHECKS,
-        outcomes=wording.OUTCOMES,
-        tones=wording.TONES,
-        executed=wording.executed,
-        marker=lambda index: css_colour(marker_colour(index)),
-        swatch=sections.swatch,
-        roles_of=sections.roles_of,
-        call_words=call_words,
-        effect_words=sections.effect_words,
-        orientation_words=sections.orientation_words,
-        guard_words=sections.guard_words,
+        executed=lambda record: wording.told(record, "execute"),
+        marker_colour=marker_colour,
+        sections=sections,
+        turns_of=turns_of,
+        wording=wording,
     )
     environment.filters.update(
         base64=lambda data: base64.b64encode(data).decode("ascii"),
-        number=wording.number,
-        seconds=wording.seconds,
-        fixed=wording.fixed,
-        mm=lambda metres: wording.fixed(1000 * metres, 1),
-        counted=count,
         called=sections.called,
-        finite=lambda value: value if math.isfinite(value) else 0.0,
+        counted=count,
+        css=css_colour,
+        degrees=math.degrees,
+        direction=sections.direction,
+        figure=sections.figure,
+        fixed=wording.fixed,
         label_of=sections.label_of,
         listing=listing,
+        number=wording.number,
         one_line=one_line,
+        seconds=wording.seconds,
+        share=sections.share,
     )
-    return environment.get_template(template).render(**values)
-
-
-def call_words(record: EpisodeRecord) -> list[str]:
-    """The plan's calls with labels in place of ids: "place(red cube, drawer, in)"."""
-    scene, calls = record.scene, record.plan.calls if record.plan else ()
-    named = [
-        replace(c, theme=sections.called(c.theme, scene), goal=sections.called(c.goal, scene)) for c in calls
-    ]
-    return list(map(str, named))
+    return environment
 
 
 def data_uri(data: bytes) -> str:

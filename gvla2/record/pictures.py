@@ -2,89 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
-from gvla2.record.drawing import png
+from gvla2.record.drawing import enlarged, png
 from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
 from gvla2.record.sheet import depth_picture
 
-
-@dataclass(frozen=True)
-class CameraPictures:
-    """One camera's pictures as PNG files: as taken, with the perceived objects, and its depth."""
-
-    name: str
-    plain: bytes = b""
-    objects: bytes = b""
-    depth: bytes = b""
+Shots = Mapping[str, bytes]
+"""PNG files by their captions, mostly cameras' names."""
 
 
 @dataclass
 class Pictures:
     """The page's pictures; empty if not made.
 
-    ``episode`` is a GIF, ``film`` the same motion as MP4, ``model`` the scene with the plan as GLB.
-
-    ``parts`` shows, where a program took several, the plan of each part in the main camera, with its caption.
+    ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects, ``depth`` their depth,
+    ``plan`` the planned path in some of them. ``parts`` shows, where a program took several, the plan of each part in
+    the main camera. ``episode`` is a GIF, ``film`` the same motion as MP4, ``model`` the scene with the plan as GLB.
     """
 
-    cameras: tuple[CameraPictures, ...] = ()
-    plan: tuple[tuple[str, bytes], ...] = ()
+    plain: Shots = field(default_factory=dict)
+    objects: Shots = field(default_factory=dict)
+    depth: Shots = field(default_factory=dict)
+    plan: Shots = field(default_factory=dict)
+    parts: Shots = field(default_factory=dict)
     before: bytes = b""
     after: bytes = b""
     episode: bytes = b""
     film: bytes = b""
     model: bytes = b""
-    parts: tuple[tuple[str, bytes], ...] = ()
 
 
-def main_view(observation: Observation) -> View:
-    """The view for before and after: a front camera if there is one, else the first."""
+def main_picture(observation: Observation) -> bytes:
+    """The picture for before and after, of a front camera if there is one, else of the first."""
     views = observation.pictured()
-    return next((v for v in views if "front" in v.name), views[0])
+    main = next((v for v in views if "front" in v.name), views[0])
+    return png(enlarged(Image.fromarray(main.image), 512))
 
 
-def plain_picture(view: View, width: int = 512) -> Image.Image:
-    """The camera's plain picture, enlarged smoothly by an integer factor to about ``width`` pixels."""
-    picture = Image.fromarray(view.image)
-    scale = max(1, round(width / picture.width))
-    return picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.LANCZOS)
+def plain_pictures(observation: Observation) -> Shots:
+    """Each camera's picture."""
+    return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
 
 
-def camera_pictures(observation: Observation) -> tuple[CameraPictures, ...]:
-    """Each camera's picture and depth, without objects yet."""
-    return tuple(
-        CameraPictures(
-            view.name,
-            plain=png(Image.fromarray(fine.image)),
-            depth=png(depth_picture(view.depth)) if view.depth is not None else b"",
-        )
-        for view, fine in zip(observation.views, observation.pictured(), strict=True)
-    )
+def depth_pictures(observation: Observation) -> Shots:
+    """Each camera's depth, where it measures any."""
+    return {v.name: png(depth_picture(v.depth)) for v in observation.views if v.depth is not None}
 
 
-def with_objects(
-    pictures: Sequence[CameraPictures], observation: Observation, scene: Scene
-) -> tuple[CameraPictures, ...]:
-    """The cameras' pictures plus those of the perceived objects."""
-    return tuple(
-        replace(camera, objects=png(perception_overlay(view, scene)))
-        for camera, view in zip(pictures, observation.pictured(), strict=True)
-    )
+def object_pictures(observation: Observation, scene: Scene) -> Shots:
+    """Each camera's picture with the perceived objects."""
+    return {view.name: png(perception_overlay(view, scene)) for view in observation.pictured()}
 
 
 def plan_pictures(
     observation: Observation, trajectory: Trajectory, scene: Scene | None, count: int = 2
-) -> tuple[tuple[str, bytes], ...]:
-    """(camera, PNG) of the planned path in the cameras that show it best."""
+) -> Shots:
+    """The planned path in the ``count`` cameras that show it best."""
     start = observation.world_from_tcp[:3, 3]
-    return tuple(
-        (view.name, png(plan_overlay(view, trajectory, start, scene)))
-        for view in plan_views(observation.pictured(), trajectory, count)
-    )
+
+    def drawn(view: View) -> bytes:
+        return png(plan_overlay(view, trajectory, start, scene))
+
+    return {v.name: drawn(v) for v in plan_views(observation.pictured(), trajectory, count)}

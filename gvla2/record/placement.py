@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Rect:
+class Rect(NamedTuple):
     """A rectangle in picture coordinates, y downwards; pixels or SVG units."""
 
     x0: float
@@ -27,9 +26,8 @@ class Rect:
 
     def overlap(self, other: Rect) -> float:
         """Area shared with ``other``."""
-        return Rect(
-            max(self.x0, other.x0), max(self.y0, other.y0), min(self.x1, other.x1), min(self.y1, other.y1)
-        ).area
+        low, high = map(max, self[:2], other[:2]), map(min, self[2:], other[2:])
+        return Rect(*low, *high).area
 
     def grown(self, by: float) -> Rect:
         """The rectangle with ``by`` more on every side."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 
 from rich.console import Console
 from rich.status import Status
@@ -14,10 +14,13 @@ from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.text import one_line
 from gvla2.record.wording import State, finding, headline, state, summary_line
 
-__all__ = ["Progress", "summary_line"]
-
-_MARKS = {"done": ("✓", "ok"), "warn": ("!", "!!"), "failed": ("✗", "FAIL"), "skipped": ("·", "-")}
-_STYLES = {"done": "green", "warn": "yellow", "failed": "bold red", "skipped": "dim"}
+_MARKS: Mapping[State, tuple[str, str, str]] = {
+    "done": ("✓", "ok", "green"),
+    "warn": ("!", "!!", "yellow"),
+    "failed": ("✗", "FAIL", "bold red"),
+    "skipped": ("·", "-", "dim"),
+}
+"""The mark of each state, its form without Unicode, and its style."""
 
 
 class Progress:
@@ -40,9 +43,7 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def say(self, text: str, style: str = "") -> None:
@@ -52,7 +53,7 @@ class Progress:
 
     def begin(self, stage: str) -> None:
         """A stage begins."""
-        self._stop()
+        self.close()
         self._began = time.monotonic()
         if self._live and not self._quiet:
             self._status = self._console.status(Text(stage, style="cyan"), spinner="line")
@@ -65,44 +66,37 @@ class Progress:
 
     def line(self, how: State, name: str, elapsed: float, found: str) -> None:
         """Something called ``name`` ended after ``elapsed`` seconds; ``found`` says with what."""
-        self._stop()
+        self.close()
         if self._quiet:
             return
-        mark = _MARKS[how][0] if self._console.encoding.lower().startswith("utf") else _MARKS[how][1]
-        line = Text.assemble(
-            (f"{mark:<2}", _STYLES[how] if self._live else ""),
-            (f"{name:<12}", "bold" if self._live else ""),
-            (f"{elapsed:6.1f} s  ", "dim" if self._live else ""),
-            self._printable(found),
+        mark, plain, style = _MARKS[how]
+        mark = mark if self._console.encoding.lower().startswith("utf") else plain
+        took = (f"{elapsed:6.1f} s  ", "dim")
+        self._print(
+            Text.assemble((f"{mark:<2}", style), (f"{name:<12}", "bold"), took, self._printable(found))
         )
-        self._print(line)
 
     def finish(self, record: EpisodeRecord, folder: Path) -> None:
         """The episode is over: its outcome on one line, and where to look."""
-        self._stop()
+        self.close()
         tone = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow"}[headline(record)[1]]
-        self._print(Text(self._printable(summary_line(record), 400), style=tone if self._live else ""))
+        self._print(Text(self._printable(summary_line(record), 400), style=tone))
         self._print(Text(self._printable(f"-> {folder / 'index.html'}", 400)))
 
     def close(self) -> None:
         """Remove the spinner; safe to call twice."""
-        self._stop()
+        if self._status is not None:
+            self._status.stop()
+            self._status = None
 
     def _print(self, line: Text) -> None:
         if self._gone:
             return
         try:
-            self._console.print(
-                Text.assemble((self._label, "dim" if self._live else ""), line), soft_wrap=True
-            )
+            self._console.print(Text.assemble((self._label, "dim"), line), soft_wrap=True)
         except (OSError, SystemExit):  # the pipe was closed; rich would exit, and stop the robot
             self._gone = self._quiet = True
 
     def _printable(self, text: str, limit: int = 160) -> str:
         encoding = self._console.encoding
         return one_line(text, limit).encode(encoding, errors="replace").decode(encoding)
-
-    def _stop(self) -> None:
-        if self._status is not None:
-            self._status.stop()
-            self._status = None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from gvla2.loop.refine import masked_views, objects_of_interest
 from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.drawing import png
 from gvla2.record.files import write_bytes, write_json, write_text
 from gvla2.record.folder import FolderRecorder
 from gvla2.record.motion import FILM, Motion
@@ -25,11 +25,12 @@ from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import (
     Pictures,
-    camera_pictures,
-    main_view,
-    plain_picture,
+    Shots,
+    depth_pictures,
+    main_picture,
+    object_pictures,
+    plain_pictures,
     plan_pictures,
-    with_objects,
 )
 from gvla2.record.scene_model import scene_glb
 from gvla2.record.sheet import contact_sheet_of
@@ -37,23 +38,6 @@ from gvla2.record.stages import STAGE_FILES
 from gvla2.robot.backend import Moment
 
 __all__ = ["RunRecorder", "write_index"]
-
-_LINKED = (
-    ("result.json", "outcome, machine-readable"),
-    ("config.yaml", "the composed configuration"),
-    *((name, what) for name, what, _ in STAGE_FILES),
-    ("perception.png", "objects in all cameras"),
-    ("depth.png", "depth of all cameras"),
-    ("plan.png", "the planned path"),
-    ("views.npz", "the views of the named object"),
-    ("before.png", "before"),
-    ("after.png", "after"),
-    ("episode.gif", "the motion"),
-    (FILM, "the motion, every frame"),
-    ("scene.glb", "scene and plan in 3D, glTF"),
-    ("motion.npz", "the arm at each frame"),
-    ("run.log", "the log"),
-)
 
 LARGEST_FILM = 6_000_000
 """Most bytes of an embedded film; a longer one is linked and the animation is shown."""
@@ -75,7 +59,7 @@ class RunRecorder(FolderRecorder):
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
-        self._studio = ThreadPoolExecutor(1, "pictures")  # one: some pictures are drawn upon others
+        self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
         self._awaited: list[Future[None]] = []
 
     def frame(self, image: NDArray[np.uint8]) -> None:
@@ -96,8 +80,7 @@ class RunRecorder(FolderRecorder):
         Its pictures follow within a moment, see :meth:`settle`.
         """
         self._write_numbers(record)
-        if stage in ("observe", "perceive", "reconstruct", "plan", "verify", "execute"):
-            self._write_pictures(record)
+        self._write_pictures(record)
 
     def finish(self, record: EpisodeRecord) -> Path:
         """Write everything still missing, the animation and the page; returns the page's path."""
@@ -126,7 +109,7 @@ class RunRecorder(FolderRecorder):
     def _write_numbers(self, record: EpisodeRecord) -> None:
         told = replace(record, notes=(*record.notes, *self.notes))
         write_json(self.folder / "result.json", told.result(self._command))
-        for name, _, content in STAGE_FILES:
+        for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
                 write_json(self.folder / name, value)
@@ -135,60 +118,37 @@ class RunRecorder(FolderRecorder):
     def _write_pictures(self, record: EpisodeRecord) -> None:
         seen, scene = record.observation, record.scene
         plan = record.plan.trajectory if record.plan else None
-        if seen is not None:
-            self._once("before", seen, "The picture before", lambda: self._photograph(seen, "before"))
-            self._once("cameras", seen, "The cameras' pictures", lambda: self._show_cameras(seen))
-        if seen is not None and scene is not None:
-            what = "The picture of the objects"
-            self._once("objects", (seen, scene), what, lambda: self._show_objects(seen, scene))
-            self._once("views", seen, "The views", lambda: self._keep_views(seen, scene, record.instruction))
-        if seen is not None and plan is not None:
-            self._once(
-                "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
-            )
-        if record.parts:
-            self._once("parts", record.parts, "The pictures of the parts", lambda: self._show_parts(record))
-        after = record.after
-        if after is not None:
-            self._once("after", after, "The picture after", lambda: self._photograph(after, "after"))
+        self._once("The picture before", partial(self._photograph, "before"), seen)
+        self._once("The cameras' pictures", partial(self._show, "plain", "", plain_pictures), seen)
+        self._once("The cameras' depth", partial(self._show, "depth", "depth.png", depth_pictures), seen)
+        objects = partial(self._show, "objects", "perception.png", object_pictures)
+        self._once("The picture of the objects", objects, seen, scene)
+        if scene is not None:
+            self._once("The views", partial(self._keep_views, scene, record.instruction), seen)
+        path = partial(self._show, "plan", "plan.png", plan_pictures)
+        self._once("The picture of the plan", path, seen, plan, scene)
+        parts = partial(self._show, "parts", "", _part_pictures)
+        self._once("The pictures of the parts", parts, record.parts or None)
+        self._once("The picture after", partial(self._photograph, "after"), record.after)
 
-    def _photograph(self, observation: Observation, when: str) -> None:
-        picture = png(plain_picture(main_view(observation)))
+    def _photograph(self, when: str, observation: Observation) -> None:
+        picture = main_picture(observation)
         setattr(self._pictures, when, picture)
         self._save(f"{when}.png", picture)
 
-    def _show_cameras(self, observation: Observation) -> None:
-        self._pictures.cameras = camera_pictures(observation)
-        depths = [(camera.name, camera.depth) for camera in self._pictures.cameras if camera.depth]
-        self._save("depth.png", contact_sheet_of(depths))
+    def _show(self, what: str, sheet: str, make: Callable[..., Shots], *inputs: Any) -> None:
+        """Put pictures on the page, and together on a sheet, a file of that name if it has one."""
+        made = make(*inputs)
+        setattr(self._pictures, what, made)
+        if sheet:
+            self._save(sheet, contact_sheet_of(made))
 
-    def _show_objects(self, observation: Observation, scene: Scene) -> None:
-        cameras = self._pictures.cameras or camera_pictures(observation)
-        self._pictures.cameras = with_objects(cameras, observation, scene)
-        found = [(camera.name, camera.objects) for camera in self._pictures.cameras]
-        self._save("perception.png", contact_sheet_of(found))
-
-    def _keep_views(self, observation: Observation, scene: Scene, instruction: str) -> None:
+    def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
         """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
         things = objects_of_interest(scene, instruction)
         views = masked_views(observation, things[0]) if things else None
         if views is not None:
             write_views(self.folder, views, things[0].label)
-
-    def _show_plan(self, record: EpisodeRecord) -> None:
-        if record.observation is None or record.plan is None or record.plan.trajectory is None:
-            return
-        self._pictures.plan = plan_pictures(record.observation, record.plan.trajectory, record.scene)
-        self._save("plan.png", contact_sheet_of(self._pictures.plan))
-
-    def _show_parts(self, record: EpisodeRecord) -> None:
-        """The plans of the parts before the last, which has its own pictures."""
-        self._pictures.parts = tuple(
-            (f"part {k}: {part.plan.skill}", picture)
-            for k, part in enumerate(record.parts, 1)
-            if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
-            for _, picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1)
-        )
 
     def _model(self, record: EpisodeRecord) -> None:
         self._pictures.model = scene_glb(record)
@@ -205,16 +165,30 @@ class RunRecorder(FolderRecorder):
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
-        return render_page(record, self._pictures, self.config, self._command, self.there(_LINKED))
+        return render_page(record, self._pictures, self.config, self._command, self.there())
 
     def _save(self, name: str, data: bytes) -> None:
         if data:
             write_bytes(self.folder / name, data)
 
-    def _once(self, key: str, source: Any, what: str, make: Callable[[], object]) -> None:
-        """Have ``make`` run once for these very inputs, beside the run; records are frozen, so identity tells."""
-        parts = source if isinstance(source, tuple) else (source,)
-        if list(map(id, self._written.get(key, ()))) == list(map(id, parts)):
+    def _once(self, what: str, make: Callable[..., object], *inputs: Any) -> None:
+        """Have ``make(*inputs)`` run beside the run when all inputs are there, once for these very ones.
+
+        Records are frozen, so identity tells.
+        """
+        if any(each is None for each in inputs):
             return
-        self._written[key] = parts
-        self._later(what, make)
+        if list(map(id, self._written.get(what, ()))) == list(map(id, inputs)):
+            return
+        self._written[what] = inputs
+        self._later(what, partial(make, *inputs))
+
+
+def _part_pictures(parts: Sequence[EpisodeRecord]) -> Shots:
+    """The plans of the parts before the last, which has its own pictures."""
+    return {
+        f"part {k}: {part.plan.skill}": picture
+        for k, part in enumerate(parts, 1)
+        if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
+        for picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1).values()
+    }

@@ -47,11 +47,11 @@ def scene_glb(record: EpisodeRecord) -> bytes:
     if record.observation is not None:
         points, colours = cloud(record.observation, scene.workspace)
         if len(points):
-            seen = trimesh.PointCloud(to_y_up(points), colors=_rgba(colours))
+            seen = trimesh.PointCloud(to_y_up(points), colors=colours)
             _add(model, seen, "seen", "seen")
     for k, thing in enumerate(scene.objects):
         solid = solid_of(thing)
-        solid.visual.face_colors = _rgba(255 * np.clip(np.nan_to_num(thing.rgb), 0, 1))
+        solid.visual.face_colors = np.uint8(255 * np.clip(np.nan_to_num(thing.rgb), 0, 1))
         at = np.append(thing.centre[:2], solid.bounds[1, 2])
         name = thing.label or thing.id
         text = f"{name}: {thing.shape}, {' × '.join(f'{1000 * e:.0f}' for e in thing.extents)} mm"
@@ -117,15 +117,15 @@ def _add_path(
     checks: CheckReport | None,
 ) -> None:
     """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
-    stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
+    stops = trajectory.xyzg().reshape(-1, 4)[:, :3]
     openings = [1.0, *(w.gripper for w in trajectory)]
-    tubes, plumbs = [], []
-    for k, waypoint in enumerate(trajectory):
-        before = stops[k - 1] if k else start
-        if before is not None:
-            colour = OPEN if openings[k] > 0.5 else CLOSED
-            tubes += _leg(np.asarray(before, dtype=np.float64), stops[k], colour, waypoint.motion == "free")
-        plumbs.append([stops[k], [*stops[k][:2], table]])
+    tubes = [
+        tube
+        for before, stop, opening, waypoint in zip([start, *stops], stops, openings, trajectory, strict=False)
+        if before is not None
+        for tube in _leg(before, stop, OPEN if opening > 0.5 else CLOSED, waypoint.motion == "free")
+    ]
+    plumbs = [[stop, [*stop[:2], table]] for stop in stops]
     if tubes:
         _add(model, _turned(trimesh.util.concatenate(tubes)), "path", "path")
     if plumbs:
@@ -134,7 +134,7 @@ def _add_path(
         text, bad = said_of(k, waypoint, checks)
         ball = trimesh.creation.icosphere(1, _DOT)
         ball.apply_translation(stops[k])
-        ball.visual.face_colors = _rgba(FAILED if bad else OPEN if waypoint.gripper > 0.5 else CLOSED)
+        ball.visual.face_colors = FAILED if bad else OPEN if waypoint.gripper > 0.5 else CLOSED
         more = {"label": str(k), "at": stops[k], "text": text, "bad": bad}
         _add(model, _turned(ball), f"waypoint {k}", "waypoint", **more)
 
@@ -143,12 +143,11 @@ def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: boo
     length = float(np.linalg.norm(b - a))
     count = max(1, min(40, round(length / 0.03))) if dashed else 1
     share = 0.6 if count > 1 else 1.0
-    tubes = []
-    for k in range(count if length > 1e-6 else 0):
-        ends = [a + (b - a) * (k / count), a + (b - a) * ((k + share) / count)]
-        tube = trimesh.creation.cylinder(_TUBE, segment=ends, sections=6)
-        tube.visual.face_colors = _rgba(colour)
-        tubes.append(tube)
+    starts = np.arange(count if length > 1e-6 else 0) / count
+    ends = [[a + (b - a) * k, a + (b - a) * (k + share / count)] for k in starts]
+    tubes = [trimesh.creation.cylinder(_TUBE, segment=each, sections=6) for each in ends]
+    for tube in tubes:
+        tube.visual.face_colors = colour
     return tubes
 
 
@@ -179,11 +178,6 @@ def _lines(pairs: Sequence[Any]) -> Any:
 def _turned(mesh: Any) -> Any:
     mesh.apply_transform(rigid(to_y_up(np.eye(3)).T))
     return mesh
-
-
-def _rgba(colour: Any) -> NDArray[np.uint8]:
-    rgb = np.asarray(colour, dtype=np.uint8)
-    return np.concatenate([rgb, np.full((*rgb.shape[:-1], 1), 255, np.uint8)], axis=-1)
 
 
 def _add(model: Any, geometry: Any, name: str, kind: str, **extras: Any) -> None:

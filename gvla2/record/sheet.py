@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gvla2.record.drawing import INK, PAPER, font, png
+from gvla2.record.drawing import INK, PAPER, enlarged, font, png
 from gvla2.record.text import one_line
 
-# Anchors of a perceptually even map (after viridis), near to far.
-_NEAR_TO_FAR = np.array(
-    [
-        [253, 231, 37],
-        [170, 220, 50],
-        [92, 200, 99],
-        [39, 173, 129],
-        [33, 144, 141],
-        [44, 113, 142],
-        [59, 81, 139],
-        [71, 44, 122],
-        [68, 1, 84],
-    ],
-    dtype=np.float64,
-)
+_UNKNOWN = (96, 100, 108)
 
 
 def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
@@ -36,13 +23,10 @@ def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
     """
     known = np.isfinite(depth)
     low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)
-    share = np.clip((np.where(known, depth, low) - low) / max(high - low, 1e-6), 0, 1)
-    stops = np.linspace(0, 1, len(_NEAR_TO_FAR))
-    colours = np.stack([np.interp(share, stops, _NEAR_TO_FAR[:, c]) for c in range(3)], axis=-1)
-    colours[~known] = (96, 100, 108)
-    scale = max(1, round(width / depth.shape[1]))
-    picture = Image.fromarray(colours.astype(np.uint8))
-    picture = picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.NEAREST)
+    nearness = np.clip((high - np.where(known, depth, low)) / max(high - low, 1e-6), 0, 1)
+    colours = cv2.applyColorMap(np.rint(255 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
+    picture = Image.fromarray(np.where(known[..., None], colours, _UNKNOWN).astype(np.uint8))
+    picture = enlarged(picture, width, how=Image.Resampling.NEAREST)
     text = f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured"
     _caption(picture, text)
     return picture
@@ -74,7 +58,7 @@ def _caption(picture: Image.Image, text: str) -> None:
     pen.text((12, y + height / 2), text, fill=PAPER, font=face, anchor="lm")
 
 
-def contact_sheet_of(files: Sequence[tuple[str, bytes]], columns: int = 2) -> bytes:
-    """The sheet of titled PNG files, as a PNG file; no bytes for none."""
-    tiles = [(name, Image.open(io.BytesIO(data))) for name, data in files]
+def contact_sheet_of(files: Mapping[str, bytes], columns: int = 2) -> bytes:
+    """The sheet of PNG files, titled by their names, as a PNG file; no bytes for none."""
+    tiles = [(name, Image.open(io.BytesIO(data))) for name, data in files.items()]
     return png(contact_sheet(tiles, columns)) if tiles else b""

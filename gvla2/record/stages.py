@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -45,7 +45,7 @@ def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
 def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
     """One of the earlier attempts, or parts of a program: what was planned, executed and found."""
     parts = ("plan.json", "trajectory.json", "report.json", "verdict.json")
-    made = {name.removesuffix(".json"): write(attempt) for name, _, write in STAGE_FILES if name in parts}
+    made = {name.removesuffix(".json"): STAGE_FILES[name](attempt) for name in parts}
     return {**attempt.attempted(), **made, "parts": [attempt_json(part) for part in attempt.parts]}
 
 
@@ -62,34 +62,25 @@ def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
     return content
 
 
-def _trajectory(record: EpisodeRecord) -> Any:
-    made = record.plan.trajectory if record.plan else None
-    return trajectory_json(made) if made is not None else None
-
-
 def _attempts(records: tuple[EpisodeRecord, ...]) -> Any:
     return [attempt_json(each) for each in records]
 
 
-STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
-    ("scene.json", "the perceived scene", _of("scene", scene_json)),
-    ("recalled.json", "what memory offered", _of("recalled")),
-    ("plan.json", "skill, roles, parameters, candidates", _of("plan", plan_json)),
-    ("trajectory.json", "the waypoints", _trajectory),
-    ("checks.json", "findings of the six checks", _of("checks", lambda checks: checks.to_json())),
-    ("report.json", "the execution, waypoint by waypoint", _of("report", lambda report: report.to_json())),
-    ("scene_after.json", "the scene perceived afterwards", _of("after_scene", scene_json)),
-    (
-        "attempts.json",
-        "the attempts before the last, each with its plan and report",
-        _of("attempts", _attempts),
-    ),
-    (
-        "parts.json",
-        "the parts of the program before the last, each with its plan and report",
-        _of("parts", _attempts),
-    ),
-    ("verdict.json", "the verifier's verdict", _of("verdict")),
-    ("learned.json", "what memory learnt", _of("learned")),
-)
-"""(file, what it is, its content or None while the record lacks it), in the order of the loop."""
+def _path(plan: Plan) -> Any:
+    return None if plan.trajectory is None else trajectory_json(plan.trajectory)
+
+
+STAGE_FILES: Mapping[str, Writer] = {
+    "scene.json": _of("scene", scene_json),
+    "recalled.json": _of("recalled"),
+    "plan.json": _of("plan", plan_json),
+    "trajectory.json": _of("plan", _path),
+    "checks.json": _of("checks", lambda checks: checks.to_json()),
+    "report.json": _of("report", lambda report: report.to_json()),
+    "scene_after.json": _of("after_scene", scene_json),
+    "attempts.json": _of("attempts", _attempts),
+    "parts.json": _of("parts", _attempts),
+    "verdict.json": _of("verdict"),
+    "learned.json": _of("learned"),
+}
+"""The content of each file, None while the record lacks it, in the order of the loop."""

@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 
-from gvla2.memory.contracts import Learned, MemoryContext
-from gvla2.planning.contracts import Plan
-from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Stage
-from gvla2.record.text import count, listing, one_line
+from gvla2.record.text import count, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]
 """How a stage ended: normally; with a reservation (abstained, rejected); aborted; not reached."""
 
 Tone = Literal["good", "bad", "unsure"]
-
-STAGES: tuple[Stage, ...] = get_args(Stage)
-
-MADE: Mapping[Stage, str] = {
-    "setup": "observation",
-    "observe": "observation",
-    "perceive": "scene",
-    "reconstruct": "refinement",
-    "recall": "recalled",
-    "plan": "plan",
-    "check": "checks",
-    "execute": "report",
-    "verify": "verdict",
-    "learn": "learned",
-    "judge": "judgement",
-}
-"""The record's field for each stage."""
 
 OUTCOMES = {
     "verified_success": "success",
@@ -71,85 +52,14 @@ def seconds(value: float | None) -> str:
     )
 
 
-def state(record: EpisodeRecord, stage: Stage) -> State:
-    """How ``stage`` ended."""
-    if record.failure is not None and record.failure.stage == stage:
-        return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
-    made = getattr(record, MADE[stage])
-    if made is None or made == "":
-        return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
-    match stage:
-        case "recall" | "learn":
-            return "warn" if made.degraded else "done"
-        case "plan":
-            return "done" if made.trajectory is not None else "warn"
-        case "check":
-            return "done" if made.passed else "failed"
-        case "execute":
-            return "done" if made.completed else "failed"
-        case "verify":
-            return "done" if made.outcome == "verified_success" else "warn"
-        case "judge":
-            return "done" if made.eased else "warn"
-    return "done"
+def told(record: EpisodeRecord, stage: Stage) -> str:
+    """What ``stage`` made in a few plain words; "" when it made nothing."""
+    from gvla2.record.page import templates  # whose pages call this module
 
-
-def finding(record: EpisodeRecord, stage: Stage) -> str:
-    """The result of ``stage`` in a few plain words; "" when it was not reached."""
-    failure = record.failure
-    if failure is not None and failure.stage == stage:
-        return one_line(failure.message or failure.kind)
-    made = getattr(record, MADE[stage])
-    match stage:
-        case "setup":
-            return one_line(record.goal)
-        case "reconstruct":
-            return one_line(record.refinement)
-        case "execute":
-            return executed(record)
-    if made is None:
+    if getattr(record, _TELLINGS[stage].field) is None:
         return ""
-    match stage:
-        case "observe":
-            views = made.views
-            return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
-        case "perceive":
-            labels = listing(one_line(o.label or o.id, 40) for o in made.objects)
-            return count(len(made.objects), "object") + (f": {labels}" if labels else "")
-        case "recall":
-            return _recalled(made)
-        case "plan":
-            return _planned(record, made)
-        case "check":
-            return _checked(made)
-        case "verify":
-            return judged(record)
-        case "learn":
-            return _learnt(made)
-        case "judge":
-            return f"eased {_yes(made.eased)}, strict {_yes(made.strict)}"
-
-
-def executed(record: EpisodeRecord) -> str:
-    """How far the motion got: "8 of 8 waypoints"."""
-    report = record.report
-    if report is None:
-        return ""
-    planned = len(record.plan.trajectory) if record.plan and record.plan.trajectory else len(report.waypoints)
-    done = sum(not w.abort for w in report.waypoints)
-    text = f"{done} of {count(planned, 'waypoint')}"
-    abort = report.abort
-    if abort is not None:
-        text += f", stopped at waypoint {abort.index} ({one_line(abort.stage, 24)}): {abort.abort}"
-    return text
-
-
-def judged(record: EpisodeRecord) -> str:
-    """The verifier's outcome and quality: "verified_success 0.93"."""
-    verdict = record.verdict
-    if verdict is None:
-        return ""
-    return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {fixed(verdict.quality, 2)}")
+    macros: Any = templates().get_template("findings.jinja").module
+    return str(getattr(macros, stage)(record)).strip()
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Tone]:
@@ -185,9 +95,9 @@ def details(record: EpisodeRecord) -> list[str]:
     if record.judgement is not None:
         parts.append(f"referee: {finding(record, 'judge')}")
     if record.verdict is not None:
-        parts.append(f"verifier: {judged(record)}")
+        parts.append(f"verifier: {told(record, 'verify')}")
     if record.report is not None:
-        parts.append(executed(record))
+        parts.append(told(record, "execute"))
     if record.failure is not None:
         parts.append(f"{record.failure.kind}: {one_line(record.failure.message)}")
     elif record.plan is not None and record.plan.abstention is not None:
@@ -197,42 +107,45 @@ def details(record: EpisodeRecord) -> list[str]:
     return parts
 
 
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
+@dataclass(frozen=True)
+class _Telling:
+    """The record's field for a stage, and the stage's state when what it made is not well."""
+
+    field: str
+    well: Callable[[Any], bool] = lambda made: True
+    otherwise: State = "warn"
 
 
-def _recalled(recalled: MemoryContext) -> str:
-    if recalled.degraded:
-        return f"memory unavailable: {one_line(recalled.degraded)}"
-    if recalled.abstained:
-        return f"nothing used: {one_line(recalled.abstained)}"
-    if not recalled.items:
-        return "nothing remembered"
-    binding = sum(item.binding for item in recalled.items)
-    return count(len(recalled.items), "record") + (f", {binding} binding" if binding else "")
+def state(record: EpisodeRecord, stage: Stage) -> State:
+    """How ``stage`` ended."""
+    if record.failure is not None and record.failure.stage == stage:
+        return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
+    telling = _TELLINGS[stage]
+    made = getattr(record, telling.field)
+    if made is None or made == "":
+        return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
+    return "done" if telling.well(made) else telling.otherwise
 
 
-def _planned(record: EpisodeRecord, plan: Plan) -> str:
-    if plan.abstention is not None:
-        return f"abstained, {plan.abstention.kind}: {one_line(plan.abstention.message)}"
-    if plan.trajectory is None:
-        return "no trajectory"
-    skill = f", skill {one_line(plan.skill, 40)}" if plan.skill else ""
-    place = f"part {len(record.whole)}: " if record.partial else ""
-    left = f", {count(len(plan.remaining), 'call')} to come" if plan.remaining else ""
-    return place + count(len(plan.trajectory), "waypoint") + skill + left
+def finding(record: EpisodeRecord, stage: Stage) -> str:
+    """The result of ``stage`` in a few plain words; "" when it was not reached."""
+    failure = record.failure
+    if failure is not None and failure.stage == stage:
+        return one_line(failure.message or failure.kind)
+    return told(record, stage)
 
 
-def _checked(checks: CheckReport) -> str:
-    repaired = f", {count(len(checks.repairs), 'repair')}" if checks.repairs else ""
-    if checks.passed:
-        return f"all checks passed{repaired}"
-    return f"rejected{repaired}: {one_line(listing(checks.reasons, 2))}"
-
-
-def _learnt(learned: Learned) -> str:
-    if learned.degraded:
-        return f"nothing stored: {one_line(learned.degraded)}"
-    counts = {name: len(getattr(learned, name)) for name in ("added", "merged", "provisional")}
-    counts["discarded"] = learned.discarded
-    return ", ".join(f"{n} {word}" for word, n in counts.items() if n) or "nothing new"
+_TELLINGS: Mapping[Stage, _Telling] = {
+    "setup": _Telling("goal"),
+    "observe": _Telling("observation"),
+    "perceive": _Telling("scene"),
+    "reconstruct": _Telling("refinement"),
+    "recall": _Telling("recalled", lambda made: not made.degraded),
+    "plan": _Telling("plan", lambda made: made.trajectory is not None),
+    "check": _Telling("checks", lambda made: made.passed, "failed"),
+    "execute": _Telling("report", lambda made: made.completed, "failed"),
+    "verify": _Telling("verdict", lambda made: made.outcome == "verified_success"),
+    "learn": _Telling("learned", lambda made: not made.degraded),
+    "judge": _Telling("judgement", lambda made: made.eased),
+}
+STAGES = tuple(_TELLINGS)

@@ -49,29 +49,17 @@ def choose(
 
     With ``on_plane`` their points are where the rays cross z = 0: the noise of the depth then has no say.
     """
-    view, row, column, points, rgb, maps = [], [], [], [], [], []
-    count = 0
-    for number, (frame, mask) in enumerate(zip(frames, masks, strict=True)):
-        rows, columns = np.nonzero(mask)
-        index = np.full(mask.shape, -1, dtype=np.int64)
-        index[rows, columns] = count + np.arange(len(rows))
-        count += len(rows)
-        maps.append(index)
-        view.append(np.full(len(rows), number, dtype=np.int64))
-        row.append(rows)
-        column.append(columns)
-        rgb.append(frame.image[rows, columns] / 255.0)
-        points.append(plane_crossings(frame, rows, columns) if on_plane else frame.points[rows, columns])
-    colours = np.concatenate(rgb)
-    return Pixels(
-        np.concatenate(view),
-        np.concatenate(row),
-        np.concatenate(column),
-        np.concatenate(points),
-        colours,
-        appearance_of(colours),
-        tuple(maps),
-    )
+    spots = [np.nonzero(mask) for mask in masks]
+    starts = np.cumsum([0, *(len(rows) for rows, _ in spots)])
+    maps = tuple(np.full(mask.shape, -1, dtype=np.int64) for mask in masks)
+    for index, spot, start, end in zip(maps, spots, starts, starts[1:], strict=False):
+        index[spot] = np.arange(start, end)
+    shown = list(zip(frames, spots, strict=True))
+    points = [plane_crossings(frame, *at) if on_plane else frame.points[at] for frame, at in shown]
+    rgb = np.concatenate([frame.image[at] for frame, at in shown]) / 255.0
+    view = np.repeat(np.arange(len(spots)), np.diff(starts))
+    row, column = np.concatenate(spots, axis=1)
+    return Pixels(view, row, column, np.concatenate(points), rgb, appearance_of(rgb), maps)
 
 
 def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray) -> FloatArray:

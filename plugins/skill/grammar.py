@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.clauses import Clause, clauses, noun_use, phrase_at
+from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
 from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
@@ -33,7 +34,7 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
     for wording, plainer in lexicon.PLAINER:
-        text = wording.sub(plainer, text)
+        text = re.sub(wording, plainer, text)
     why = lexicon.WHY.match(text)
     if why and not verbs_of(why["first"]):
         text = text[why.end() :]
@@ -43,7 +44,8 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
-    intent = combine([s for s in (_read(c) for c in parts) if s is not None])
+    read = [(_clause(words), words[0] in ("use", "using"), joint, no) for words, joint, no in parts]
+    intent = combine([Said(said, joint, no, means) for said, means, joint, no in read if said is not None])
     denials = tuple(_denial(words) for words in denied)
     if intent.skill == "place" and any(d.verbs & lexicon.TAKING for d in denials):
         intent = replace(intent, skill="push")  # "move it there without lifting it"
@@ -55,13 +57,6 @@ def _denial(words: Sequence[str]) -> Denial:
     phrase = read_phrase([t for i, t in enumerate(words) if i not in acts])
     verbs = frozenset(v for i in acts for v in verbs_of(words[i]))
     return Denial(" ".join(words), verbs, None if phrase.empty else phrase)
-
-
-def _read(clause: Clause) -> Said | None:
-    """What a clause says, None when that is nothing."""
-    tokens, joint, denied = clause
-    intent = _clause(tokens)
-    return None if intent is None else Said(intent, joint, tokens[0] in ("use", "using"), denied)
 
 
 def _clause(tokens: list[str]) -> Intent | None:
@@ -121,7 +116,6 @@ def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]]
             for first, *rest in (p.split() for p in phrases if p.split()[0] in bases):
                 if at := _rest_at(tokens, i, rest):
                     found.append((skill, (first, *(w for w in rest if w != "*")), at))
-        found += [("unsupported", (base,), (i,)) for base in sorted(bases & lexicon.UNSUPPORTED)]
     return max(found, key=lambda m: (len(m[2]), -m[2][0], m[0] != "unsupported"), default=None)
 
 

@@ -26,10 +26,9 @@ BETWEEN, LEEWAY = 25.0, 2.2
 
 @dataclass(frozen=True)
 class Grounded:
-    """The object meant, how well it fits in [0, 1], and what had to be assumed."""
+    """The object meant, and what had to be assumed."""
 
     object: SceneObject
-    score: float
     notes: tuple[str, ...] = ()
 
 
@@ -211,4 +210,4 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
         return Abstention("ambiguous", f"'{phrase.text}' fits {names} equally; say which, by side perhaps.")
     plain = not phrase.colour or not tied[0].colour or meant_by(phrase.colour, [tied[0].colour])
     notes = () if plain else (f"Nothing is plainly {phrase.colour}; the {tied[0].label} was taken for it.",)
-    return Grounded(tied[0], best[1], notes)
+    return Grounded(tied[0], notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 from gvla2_plugins.skill.lexicon import PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
@@ -47,8 +48,8 @@ class Said:
 
     intent: Intent
     joint: str = ""
-    means: bool = False
     denied: bool = False
+    means: bool = False
 
 
 ABSORBS: dict[str, frozenset[str]] = {
@@ -77,21 +78,16 @@ def combine(said: Sequence[Said]) -> Intent:
     if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
         acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
     skill = _one_skill([i.skill for i in acting])
-    named = [i.theme for i in acting if i.theme is not None and _names(i.theme)]
+    named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
     theme = _one_theme(named, skill) if named else said_first
-    aims = [i for i in intents if i.goal is not None]
-    if skill == "pick" and aims:
+    aim = next((i for i in reversed(intents) if i.goal is not None), Intent())
+    if skill == "pick" and aim.goal is not None:
         skill = "place"  # "get it out of the stack and onto the tray"
-    whole = Intent(
-        skill or acting[0].skill,
-        acting[0].verb,
-        theme,
-        aims[-1].goal if aims else None,
-        aims[-1].relation if aims else "",
-        next((i.amount for i in reversed(intents) if i.amount is not None), None),
-        next((i.direction for i in reversed(intents) if i.direction is not None), None),
-    )
+    amount = next((i.amount for i in reversed(intents) if i.amount is not None), None)
+    direction = next((i.direction for i in reversed(intents) if i.direction is not None), None)
+    asked = skill or acting[0].skill
+    whole = Intent(asked, acting[0].verb, theme, aim.goal, aim.relation, amount, direction)
     if not skill:
         return replace(whole, trouble="it asks for several different actions; ask for one at a time")
     known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting, skill)
@@ -110,7 +106,7 @@ def combine(said: Sequence[Said]) -> Intent:
     return settle(whole)
 
 
-def _names(theme: Phrase | None) -> bool:
+def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
     return theme is not None and not theme.pronoun and not theme.everywhere
 
 
@@ -119,10 +115,7 @@ def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
     first = next(k for k, i in enumerate(acting) if i.skill == skill or i.skill in ABSORBS[skill])
     worked = skill in ("twist", "open") and acting[first].skill in (skill, "open")
     later = acting[first + 1 :] if worked else []
-    return any(
-        i.skill in ("pick", "place") and i.theme is not None and _names(i.theme) and i.theme.noun not in PARTS
-        for i in later
-    )
+    return any(i.skill in ("pick", "place") and _names(i.theme) and i.theme.noun not in PARTS for i in later)
 
 
 def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead: bool) -> Intent | None:
@@ -169,25 +162,21 @@ def settle(intent: Intent) -> Intent:
     """Which skill a wording means, now that it is known what it is done to."""
     noun = intent.theme.noun if intent.theme is not None else ""
     nowhere = intent.goal is None and intent.direction is None
-    if intent.skill == "fetch":
-        return replace(intent, skill="pick" if nowhere else "place")
+    skill, verb = intent.skill, intent.verb
     pressed = (
-        (noun in ("button", "lamp") and intent.verb in ("flip", "flip up", "work"))
-        or (noun == "button" and intent.skill == "push" and nowhere)
-        or (
-            noun == "lamp" and intent.skill == "place" and nowhere and intent.verb != "move"
-        )  # "put the light on"
+        (noun in ("button", "lamp") and verb in ("flip", "flip up", "work"))
+        or (noun == "button" and skill == "push" and nowhere)
+        or (noun == "lamp" and skill == "place" and nowhere and verb != "move")  # "put the light on"
     )
-    if pressed and intent.skill in ("open", "close", "push", "place"):
-        return replace(intent, skill="press")
-    if intent.skill == "place" and intent.verb == "pop" and nowhere and noun == "lid":  # "pop the cork"
-        return replace(intent, skill="open")
-    if intent.skill == "press" and intent.verb in ("push down", "press down", "push on") and noun == "lid":
-        return replace(intent, skill="close")
-    downward = intent.skill == "press" and intent.verb in ("push down", "push on")
-    if downward and noun not in ("", "button", "lamp"):
-        return replace(intent, skill="push")
-    return intent
+    downward = skill == "press" and verb in ("push down", "push on")
+    readings = (
+        (skill == "fetch", "pick" if nowhere else "place"),
+        (pressed and skill in ("open", "close", "push", "place"), "press"),
+        (skill == "place" and verb == "pop" and nowhere and noun == "lid", "open"),  # "pop the cork"
+        ((downward or (skill == "press" and verb == "press down")) and noun == "lid", "close"),
+        (downward and noun not in ("", "button", "lamp"), "push"),
+    )
+    return replace(intent, skill=next((meant for holds, meant in readings if holds), skill))
 
 
 def _one_skill(skills: Sequence[str]) -> str:

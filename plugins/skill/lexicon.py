@@ -14,8 +14,12 @@ def _phrases(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(" ".join(p) for part in spelt for p in product(*(w.split("|") for w in part))))
 
 
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
 def _table(**lists: str) -> dict[str, tuple[str, ...]]:
-    return {key: _phrases(text) for key, text in lists.items()}
+    return {key.rstrip("_"): _phrases(text) for key, text in lists.items()}
 
 
 VERBS: dict[str, tuple[str, ...]] = _table(
@@ -47,16 +51,14 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
+    unsupported="""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
+        stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
+        spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
+        sell|watch|read|dim|extinguish|release|assemble|build""",
 )
-"""Skill to phrases; ``*`` stands for words between. ``fetch`` is a taking that a goal turns into ``place``."""
-
-UNSUPPORTED = frozenset(
-    _phrases("""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
-    stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
-    spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
-    sell|watch|read|dim|extinguish|release|assemble|build""")
-)
-"""Verbs that are understood and that no schema carries out."""
+"""Skill to phrases; ``*`` stands for words between. ``fetch`` is a taking that a goal turns into ``place``;
+``unsupported`` are verbs that are understood and that no skill carries out.
+"""
 
 NOUNS: dict[str, tuple[str, ...]] = _table(
     block="block, cube, box, brick, cuboid, prism", cylinder="cylinder", can="can, tin, canister", bowl="bowl, basin",
@@ -92,9 +94,9 @@ SHAPE_NOUNS = frozenset(("block", "cylinder", "ball", "disc", "plate", "object")
 """Classes that name a shape only: a label of such a class says nothing about what the thing is for."""
 WORKED: tuple[str, ...] = ("open", "close", "pull", "twist")
 """Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
-SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".split())
+SUPPORTS = _words("table tabletop desk surface ground floor bench counter")
 """Words of the table that something may be lifted off."""
-TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
+TABLE_WORDS = SUPPORTS | _words("air sky top height heights hand gripper")
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
     left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left,
@@ -123,7 +125,6 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
     from_="""away from, off of, off, from, out of, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
-RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 """Relation to its wordings."""
 UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
@@ -147,52 +148,45 @@ NUMBERS: dict[str, float] = {word: n for n, word in enumerate(_COUNTED, 1)}
 NUMBERS |= {"half": 0.5, "a": 1, "an": 1, "fifteen": 15, "twenty": 20, "thirty": 30, "forty": 40, "fifty": 50}
 """Number words."""
 PRONOUNS = frozenset(("it", "them", "this", "that"))
-DETERMINERS = frozenset(
-    "a an the this that these those my your its his her our their another single only".split()
-)
-FILLERS = frozenset(
-    """please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would
+DETERMINERS = _words("a an the this that these those my your its his her our their another single only")
+FILLERS = _words("""
+    please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would
     will i me us want like need must should to be is are was so which that colored coloured color colour shaped
     looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
-    simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has have
-    some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away
-    wooden wood plastic metal metallic steel cardboard rubber ceramic
-    further make sure ok okay hey hi well let let's lets we off table being by entire whole very rather fully nicely
-    direction distance about around roughly approximately exactly at marked painted highlighted outlined designated
-    indicated namely meaning as among find locate spot see notice identify look search reach approach head come begin
-    keep continue use using via wants""".split()
-)
+    simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has
+    have some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise
+    away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
+    let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
+    approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants
+""")
 """Words that carry nothing for us."""
-LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
+LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = frozenset(
-    "ought love want like need needs should must belongs goes shall let have has wish".split()
-)
+WISHING = _words("ought love want like need needs should must belongs goes shall let have has wish")
 """A clause with one of them asks for a state of things."""
 NEEDING = re.compile(
     r"\b(?:(?:i|we) (?:want|need)|(?:i'd|we'd|could|would|can|may) (?:\w+ )?(?:like|love|have))\b"
 )
 """Where no place is said, it asks for a thing."""
-SHINING = frozenset("shine shines shining glow glows glowing lit bright burning alight".split())
+SHINING = _words("shine shines shining glow glows glowing lit bright burning alight")
 """States of a lamp that is on."""
-CARRYING = frozenset("move carry put transport relocate position transfer".split())
+CARRYING = _words("move carry put transport relocate position transfer")
 """Verbs of placing that mean lifting where the only place said is the air."""
-TAKING = frozenset("lift pick grasp grab raise grip hold hoist".split())
+TAKING = _words("lift pick grasp grab raise grip hold hoist")
 """What a push does without."""
-HAND = frozenset("hand gripper fingers finger jaws".split())
+HAND = _words("hand gripper fingers finger jaws")
 """Words of the robot's own hand."""
-STAYING = frozenset(
-    "stay stays staying remain remains ignore ignores disregard skip spare exclude neglect".split()
-)
-LETTING = frozenset("leave leaves keep keeps let".split())
-UNTOUCHED = frozenset("alone untouched undisturbed unmoved where".split())
-REMAINDER = frozenset("others other rest everything else".split())
+STAYING = _words("stay stays staying remain remains ignore ignores disregard skip spare exclude neglect")
+LETTING = _words("leave leaves keep keeps let")
+UNTOUCHED = _words("alone untouched undisturbed unmoved where")
+REMAINDER = _words("others other rest everything else")
 """Words of a clause that says what is to be left as it is."""
 NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
     ignoring, keeping, except, except for, excepting, excluding, other than, apart|aside from, besides, but|save for, neither,
     nor, no""")
 """From one of these to the end of its clause, what is said is what not to do."""
-EACH = frozenset("all any every each everything anything both".split())
+EACH = _words("all any every each everything anything both")
 SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
 TOUCHES = tuple("knock touch hit bump disturb".split())
@@ -206,26 +200,14 @@ BACKGROUND = re.compile(
     r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
-PLAINER = [
-    (re.compile(pattern), plainer)
-    for pattern, plainer in (
-        (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
-        (
-            r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)",
-            "the thing ",
-        ),
-        (
-            r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)"
-            r"(?:s|es|ing|e|ed)?\b(?! out of| from| out from)(?: out| up| there| right)*\b",
-            "standing",
-        ),
-        (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
-        (
-            r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
-            "",
-        ),
-    )
-]
+PLAINER = (
+    (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+    (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
+    (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
+     r"(?! out of| from| out from)(?: out| up| there| right)*\b", "standing"),
+    (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
+    (r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b", ""),
+)  # fmt: skip
 """What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
 WHY = re.compile(
     r"^(?:(?:please|can|could|would|will|you|kindly|just) )*(?P<first>\w+)[^,.;!?:]* , so (?!that\b)"

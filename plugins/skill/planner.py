@@ -164,7 +164,8 @@ def _apart(denial: Denial, intent: Intent) -> bool:
     words = set(denial.text.split())
     if words & lexicon.LETTING or not denial.verbs:
         return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
-    skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
+    firsts = {skill: {p.split()[0] for p in phrases} for skill, phrases in lexicon.VERBS.items()}
+    skills = [s for s, verbs in firsts.items() if verbs & denial.verbs and s != "unsupported"]
     asked = {*MOVING} if intent.skill in MOVING else {intent.skill}
     plain = denial.phrase is None or not denial.phrase.unknown
     return plain and bool(skills) and not asked & set(skills)

@@ -28,7 +28,6 @@ def tokenise(sentence: str) -> list[str]:
 def _verb_forms() -> dict[str, frozenset[str]]:
     """Inflected form to the verbs it can be a form of."""
     bases = {phrase.split()[0] for listed in lexicon.VERBS.values() for phrase in listed}
-    bases |= lexicon.UNSUPPORTED
     forms: dict[str, set[str]] = {}
     for base in bases:
         stem = base[:-1] if base.endswith("e") else base

@@ -33,7 +33,7 @@ def test_every_attempt_is_in_the_result(twice, episode):
 
 
 def test_the_earlier_attempts_have_a_file_with_plan_and_report(twice, episode):
-    content = {name: write for name, _, write in STAGE_FILES}["attempts.json"]
+    content = STAGE_FILES["attempts.json"]
     (first,) = content(twice)
     assert first["report"]["completed"] == twice.attempts[0].report.completed
     assert len(first["trajectory"]["waypoints"]) == first["plan"]["waypoints"]

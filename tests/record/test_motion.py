@@ -10,9 +10,13 @@ import pytest
 
 from gvla2 import cli
 from gvla2.errors import Gvla2Error, MissingDependencyError
-from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.robot.backend import Moment
+
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
+
+from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset  # noqa: E402 - needs the two
 
 # imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
@@ -56,7 +60,6 @@ def demonstration(folder: Path, task: str = "lift it", **size: int) -> Demonstra
 
 
 def test_every_frame_has_its_state(tmp_path: Path):
-    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     keep(tmp_path)
     with np.load(tmp_path / STATES) as kept:
         assert kept["fps"] == FPS
@@ -70,7 +73,6 @@ def test_every_frame_has_its_state(tmp_path: Path):
 
 
 def test_a_robot_without_moments_has_a_film_alone(tmp_path: Path):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     keep(tmp_path, states=False)
     assert (tmp_path / FILM).is_file()
     assert not (tmp_path / STATES).exists()
@@ -84,8 +86,6 @@ def test_without_the_library_the_states_are_kept(tmp_path: Path, monkeypatch: py
 
 
 def test_the_data_set_has_the_published_layout(tmp_path: Path):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
-    pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
     episodes = [
         demonstration(tmp_path / "a"),
         demonstration(tmp_path / "b", "push it", frames=5),
@@ -118,7 +118,6 @@ def test_the_data_set_has_the_published_layout(tmp_path: Path):
 
 
 def test_the_tasks_are_a_frame_of_pandas_whose_index_is_the_sentence(tmp_path: Path):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     pandas = pytest.importorskip("pandas", reason="LeRobot reads tasks by pandas, which gvla2 does not need")
     write_dataset(tmp_path / "set", [demonstration(tmp_path / "a"), demonstration(tmp_path / "b", "push it")])
     tasks = pandas.read_parquet(tmp_path / "set/meta/tasks.parquet")
@@ -127,7 +126,6 @@ def test_the_tasks_are_a_frame_of_pandas_whose_index_is_the_sentence(tmp_path: P
 
 
 def test_what_one_data_set_cannot_hold_is_told(tmp_path: Path):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     one = demonstration(tmp_path / "a")
     with pytest.raises(Gvla2Error, match="There is no episode"):
         write_dataset(tmp_path / "set", [])
@@ -141,7 +139,6 @@ def test_what_one_data_set_cannot_hold_is_told(tmp_path: Path):
 
 
 def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     runs = tmp_path / "runs"
     for name, told in (
         ("0", {}),
@@ -184,7 +181,6 @@ def test_wrong_usage_of_the_command(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     monkeypatch.chdir(tmp_path)
     assert cli.main(["export", *words]) == status
     assert said in capsys.readouterr().err

@@ -84,7 +84,7 @@ def assert_self_contained(page: Reader) -> None:
 
 def test_a_full_run_tells_everything(episode: Callable[..., EpisodeRecord]) -> None:
     record = episode()
-    page = read(record, config_yaml="seed: 3\n", linked=[("result.json", "the outcome")])
+    page = read(record, config_yaml="seed: 3\n", beside=["result.json"])
     assert_self_contained(page)
     for words in (
         record.instruction,

@@ -6,7 +6,8 @@ import pytest
 from rich.console import Console
 
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.progress import Progress, summary_line
+from gvla2.record.progress import Progress
+from gvla2.record.wording import summary_line
 from gvla2.robot.backend import SuccessCheck
 
 

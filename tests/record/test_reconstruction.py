@@ -21,7 +21,7 @@ from gvla2.record.files import plain
 from gvla2.record.reconstruction import maps, sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Measures, fit, measure, on_white
-from gvla2.record.reconstruction.numbers import metric_groups
+from gvla2.record.reconstruction.numbers import compared
 from gvla2.record.reconstruction.page import render_reconstruction
 from gvla2.record.reconstruction.pictures import (
     MOST_VIEWS,
@@ -239,7 +239,7 @@ class Page(HTMLParser):
 
 
 def test_the_page_tells_everything(record, pictures):
-    page = Page(render_reconstruction(record, pictures, "seed: 3", [("result.ply", "3D Gaussians")]))
+    page = Page(render_reconstruction(record, pictures, "seed: 3", ["result.ply"]))
     before, after = (numbers["symmetric_iou"] for numbers in record.measures.groups["inputs"])
     for words in (
         "red cube",
@@ -314,11 +314,12 @@ def with_numbers(
     ],
 )
 def test_a_change_is_toned_by_what_is_better(record, group, name, before, after, tone):
-    ((shown,),) = [
-        g["rows"] for g in metric_groups(with_numbers(record, {name: before}, {name: after}, group))
-    ]
-    assert shown["tone"] == tone
-    assert ("%" in shown["change"]) == np.isfinite(before)
+    told = with_numbers(record, {name: before}, {name: after}, group)
+    number = compared(told, group, name)
+    assert number.tone == tone
+    assert (number.change is not None) == np.isfinite(before)
+    page = Page(render_reconstruction(told, ReconstructionPictures()))
+    assert f"change {tone}" in [attributes.get("class") for _, attributes in page.tags]
 
 
 def test_an_unchanged_object_says_so(record):

@@ -140,7 +140,7 @@ def test_a_failing_picture_costs_a_note_not_the_result(
     def broken(*_: object) -> bytes:
         raise ZeroDivisionError("no ink")
 
-    monkeypatch.setattr(recorder_module, "with_objects", broken)
+    monkeypatch.setattr(recorder_module, "object_pictures", broken)
     recorder = RunRecorder(tmp_path, "")
     with caplog.at_level(logging.WARNING):
         page = recorder.finish(run(recorder, episode()))

@@ -2,13 +2,21 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from markupsafe import Markup
 
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
 from gvla2.record import sections
 from gvla2.record.contents import EpisodeRecord, Failure
+from gvla2.record.page import templates
 from gvla2.record.text import one_line
 from gvla2.record.wording import STAGES, finding, headline, number, seconds, state
+
+
+def said(macro: str, *given: object) -> str:
+    """What a macro of the page's words says of something."""
+    words = templates().get_template("words.html.jinja").module
+    return Markup(getattr(words, macro)(*given)).unescape().strip()
 
 
 def test_each_stage_of_a_full_run_is_done_and_says_something(episode: Callable[..., EpisodeRecord]) -> None:
@@ -86,7 +94,7 @@ def test_one_line_takes_terminal_controls_away() -> None:
     ],
 )
 def test_orientations_in_words(orientation: Orientation, words: str) -> None:
-    assert sections.orientation_words(orientation) == words
+    assert said("orientation", orientation) == words
 
 
 def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(
@@ -101,10 +109,9 @@ def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(
 
 
 def test_effects_in_words() -> None:
-    assert sections.effect_words(
-        {"kind": "prior", "parameter": "lift", "value": 0.2, "sd": 0.01, "count": 4}
-    ) == ("lift ≈ 0.2 ± 0.01, 4 successes")
-    assert sections.effect_words({"kind": "forbid", "parameter": "approach:top", "skill": "pick"}) == (
+    assert said("effect", {"kind": "prior", "parameter": "lift", "value": 0.2, "sd": 0.01, "count": 4}) == (
+        "lift ≈ 0.2 ± 0.01, 4 successes"
+    )
+    assert said("effect", {"kind": "forbid", "parameter": "approach:top", "skill": "pick"}) == (
         "never approach:top, for the skill “pick”"
     )
-    assert sections.effect_words(None) == ""

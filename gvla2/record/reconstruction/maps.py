@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.views import View
-from gvla2.record.drawing import Colour
+from gvla2.record.drawing import Colour, enlarged
 from gvla2.record.reconstruction.measures import Floats, solid
 
 Box = tuple[int, int, int, int]
@@ -76,7 +76,7 @@ def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]], margin: float 
 def photograph(image: NDArray[np.uint8] | Floats, box: Box, width: int = 360) -> Image.Image:
     """A part of a picture (uint8, or float in [0, 1]), enlarged smoothly by an integer factor to about ``width``."""
     array = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
-    return _enlarged(Image.fromarray(np.ascontiguousarray(array)), box, width, Image.Resampling.LANCZOS)
+    return enlarged(Image.fromarray(np.ascontiguousarray(array)), width, box)
 
 
 def masked_picture(view: View, width: int = 512) -> Image.Image:
@@ -85,7 +85,7 @@ def masked_picture(view: View, width: int = 512) -> Image.Image:
     picture = np.asarray(photograph(view.image, box, width), dtype=np.float32)
     if view.mask is None:
         return Image.fromarray(picture.astype(np.uint8))
-    mask = _enlarged(Image.fromarray(view.mask.astype(np.float32)), box, width, Image.Resampling.BILINEAR)
+    mask = enlarged(Image.fromarray(view.mask.astype(np.float32)), width, box, Image.Resampling.BILINEAR)
     inside = np.asarray(mask) > 0.5
     faded = 0.35 * picture + 0.65 * 235
     return Image.fromarray(_with_edge(np.where(inside[..., None], picture, faded), inside))
@@ -96,7 +96,7 @@ def support_picture(painted: Floats, alpha: Floats, view: View, box: Box, width:
     shown = painted + (1 - alpha[..., None]) * (np.float32(PAPER / 255) - np.float32(1.0))
     picture = np.asarray(photograph(shown, box, width), dtype=np.float32)
     mask = Image.fromarray(solid(view).astype(np.float32))
-    inside = np.asarray(_enlarged(mask, box, width, Image.Resampling.BILINEAR)) > 0.5
+    inside = np.asarray(enlarged(mask, width, box, Image.Resampling.BILINEAR)) > 0.5
     return Image.fromarray(_with_edge(picture, inside, thin=True))
 
 
@@ -108,13 +108,7 @@ def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Box, width:
     picture[mask & silhouette] = (0.78 * np.array(AGREED) + 0.22 * grey)[mask & silhouette]
     picture[mask & ~silhouette] = MISSED
     picture[silhouette & ~mask] = EXCESS
-    return _enlarged(Image.fromarray(picture.astype(np.uint8)), box, width, Image.Resampling.NEAREST)
-
-
-def _enlarged(picture: Image.Image, box: Box, width: int, how: Image.Resampling) -> Image.Image:
-    across, down = box[2] - box[0], box[3] - box[1]
-    scale = max(1, round(width / across))
-    return picture.resize((across * scale, down * scale), how, box=box)
+    return enlarged(Image.fromarray(picture.astype(np.uint8)), width, box, Image.Resampling.NEAREST)
 
 
 def _with_edge(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.surfels import surfels
 
 Floats = NDArray[np.float32]
-Group = Literal["inputs", "held_out", "truth"]
 
 
 @dataclass(frozen=True)
@@ -73,17 +72,16 @@ class Measures:
 
     before: ReconstructionFit
     after: ReconstructionFit
-    groups: Mapping[Group, tuple[Mapping[str, float], Mapping[str, float]]]
+    groups: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]]
     held_out: tuple[str, ...] = ()
-    unmeasured: Mapping[str, str] | None = None
+    unmeasured: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Plain numbers; a group that was not measured is None."""
-        told: dict[str, Any] = {}
-        for group in ("inputs", "held_out", "truth"):
-            pair = self.groups.get(group)
-            told[group] = None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
-        return {**told, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured or {})}
+        ends = ("before", "after")
+        told = {group: dict(zip(ends, map(dict, pair), strict=True)) for group, pair in self.groups.items()}
+        groups = {group: told.get(group) for group in ("inputs", "held_out", "truth")}
+        return {**groups, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured)}
 
 
 def measure(
@@ -99,22 +97,21 @@ def measure(
     """
     ends = (result.g0, result.out)
     before, after = (fit(end, views, renderer) for end in ends)
-    groups: dict[Group, tuple[Mapping[str, float], Mapping[str, float]]] = {
+    groups: dict[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
         "inputs": (before.numbers(), after.numbers())
     }
     if held_out is None and truth is None:
         return Measures(before, after, groups)
     targets = views if held_out is None else held_out
     judge, why = _judge(ObjectViews("", views, _on_white(targets), truth), renderer)
-    drawn = [replace(end, gaussians=drawable(end)) for end in ends]
-    pair = [{k: v for k, v in judge.measure(end).measures.items() if v is not None} for end in drawn]
+    pair = [judge.measure(replace(end, gaussians=drawable(end))).measures for end in ends]
     for group, named, asked in (
         ("held_out", ("psnr", "ssim", "lpips"), held_out),
         ("truth", ("cd_surface", "cd_official"), truth),
     ):
         if asked is not None:
-            kept = [{name: numbers[name] for name in named if name in numbers} for numbers in pair]
-            groups[cast(Group, group)] = kept[0], kept[1]
+            kept = [{n: v for n in named if (v := numbers.get(n)) is not None} for numbers in pair]
+            groups[group] = kept[0], kept[1]
     names = () if held_out is None else tuple(view.name for view in held_out)
     return Measures(before, after, groups, names, {"lpips": why} if why and names else {})
 
@@ -132,9 +129,10 @@ def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Reconstructi
         image, alpha = renderer.render(gaussians, view.camera)
         mask = solid(view)
         missed, excess = int((mask & ~silhouette).sum()), int((silhouette & ~mask).sum())
-        union = int((mask | silhouette).sum())
-        iou = (union - missed - excess) / union if mask.any() else float("nan")
-        psnr = metrics.psnr(image, on_white(view)) if mask.any() else float("nan")
+        iou = psnr = float("nan")
+        if mask.any():
+            union = int((mask | silhouette).sum())
+            iou, psnr = (union - missed - excess) / union, metrics.psnr(image, on_white(view))
         rows.append(ViewFit(view.name, image, alpha, silhouette, iou, missed, excess, psnr))
     return ReconstructionFit(gaussians, mask_support(centres, views), tuple(rows))
 

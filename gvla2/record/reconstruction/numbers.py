@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from gvla2.record.reconstruction.contents import ReconstructionRecord
-from gvla2.record.reconstruction.measures import Group
-from gvla2.record.text import count
 from gvla2.record.wording import fixed
 
 
@@ -23,6 +20,10 @@ class NumberStyle:
     more_is_better: bool
     note: str = ""
 
+    def shown(self, value: float) -> str:
+        """The number with its unit."""
+        return f"{fixed(value, self.digits)} {self.unit}".strip()
+
 
 MEASURES: Mapping[str, NumberStyle] = {
     "symmetric_iou": NumberStyle("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
@@ -35,66 +36,43 @@ MEASURES: Mapping[str, NumberStyle] = {
     ),
     "cd_official": NumberStyle("CD official × 10³", 2, "", False, "each shape in its own unit box"),
 }
-GROUPS: Mapping[Group, tuple[str, str]] = {
-    "truth": ("Against the true mesh", "Chamfer distance, 100 000 points a surface"),
-    "held_out": ("In held-out views", "views not used as input"),
-    "inputs": ("In the input views", "the fit to the inputs; not a measure of quality by itself"),
-}
 _STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 
-def metric_groups(record: ReconstructionRecord) -> list[dict[str, Any]]:
-    """All numbers before and after, the strictest first: by group its ``title``, ``note`` and ``rows``.
+@dataclass(frozen=True)
+class Compared:
+    """A number before and after the branch."""
 
-    A row has ``label``, ``note``, ``before``, ``after``, the ``change`` in percent, all text, and its ``tone``.
-    """
-    if record.measures is None:
-        return []
-    made = []
-    for group, (title, note) in GROUPS.items():
-        pair = record.measures.groups.get(group)
-        if pair is None:
-            continue
-        rows = []
-        for name, after in pair[1].items():
-            how = MEASURES.get(name, NumberStyle(name.replace("_", " "), 4, "", True))
-            before = pair[0].get(name, float("nan"))
-            change = _change(before, after)
-            said = "" if change is None else f"{100 * change:+.2f} %".replace("-", "−")
-            was, now = (f"{fixed(value, how.digits)} {how.unit}".strip() for value in (before, after))
-            row = {"label": how.label, "note": how.note, "before": was, "after": now, "change": said}
-            rows.append({**row, "tone": tone_of(group, name, record)})
-        shown = f"{note}; {count(len(record.measures.held_out), 'view')}" if group == "held_out" else note
-        made.append({"title": title, "note": shown, "rows": rows})
-    return made
+    style: NumberStyle
+    before: float
+    after: float
 
+    @property
+    def change(self) -> float | None:
+        """Relative change; None when undefined."""
+        if not self.before or not math.isfinite(self.before) or not math.isfinite(self.after):
+            return None
+        return (self.after - self.before) / abs(self.before)
 
-def told(group: Group, name: str, record: ReconstructionRecord) -> tuple[str, str, str]:
-    """A number before and after as text, its tone and a note."""
-    pair = None if record.measures is None else record.measures.groups.get(group)
-    if pair is None or name not in pair[1]:
-        return "", "idle", "Not measured."
-    how = MEASURES[name]
-    texts = [fixed(numbers.get(name), how.digits) for numbers in pair]
-    value = f"{texts[0]} → {texts[1]} {how.unit}".strip()
-    if _change(pair[0].get(name), pair[1].get(name)) is None:
-        value = f"{texts[1]} {how.unit}".strip()
-    note = f"{how.label}: {how.note}. {'More' if how.more_is_better else 'Less'} is better."
-    return value, tone_of(group, name, record), note
+    @property
+    def tone(self) -> str:
+        """Whether the number improved ("good"), got worse ("bad") or hardly changed ("idle")."""
+        change = self.change
+        if change is None or abs(change) < _STEADY:
+            return "idle"
+        return "good" if (change > 0) == self.style.more_is_better else "bad"
+
+    @property
+    def told(self) -> str:
+        """The number before and after ("0.9012 → 0.9311"), or after alone where no change is defined."""
+        after = self.style.shown(self.after)
+        return after if self.change is None else f"{fixed(self.before, self.style.digits)} → {after}"
 
 
-def tone_of(group: Group, name: str, record: ReconstructionRecord) -> str:
-    """Whether a number improved ("good"), got worse ("bad") or hardly changed ("idle")."""
-    pair = None if record.measures is None else record.measures.groups.get(group)
-    change = None if pair is None else _change(pair[0].get(name), pair[1].get(name))
-    if change is None or abs(change) < _STEADY:
-        return "idle"
-    better = MEASURES[name].more_is_better if name in MEASURES else True
-    return "good" if (change > 0) == better else "bad"
-
-
-def _change(before: float | None, after: float | None) -> float | None:
-    """Relative change; None when undefined."""
-    if not before or after is None or not math.isfinite(before) or not math.isfinite(after):
+def compared(record: ReconstructionRecord, group: str, name: str) -> Compared | None:
+    """A number of the record; None when it was not measured."""
+    before, after = record.measures.groups.get(group, ({}, {})) if record.measures else ({}, {})
+    if name not in after:
         return None
-    return (after - before) / abs(before)
+    style = MEASURES.get(name, NumberStyle(name.replace("_", " "), 4, "", True))
+    return Compared(style, before.get(name, float("nan")), after[name])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Renderer
 from gvla2.record.animation import gif
 from gvla2.record.drawing import png
@@ -20,7 +18,7 @@ from gvla2.record.reconstruction.maps import (
     residual_picture,
     support_picture,
 )
-from gvla2.record.reconstruction.measures import Measures, ReconstructionFit, on_white
+from gvla2.record.reconstruction.measures import Measures, on_white
 from gvla2.record.reconstruction.turntable import SECONDS_A_TURN, ring, side_by_side, turn
 
 MOST_VIEWS = 12
@@ -41,9 +39,9 @@ class ViewPictures:
     name: str
     masked: bytes
     photo: bytes
-    renders: tuple[bytes, bytes]
-    supports: tuple[bytes, bytes]
-    residuals: tuple[bytes, bytes]
+    renders: list[bytes]
+    supports: list[bytes]
+    residuals: list[bytes]
 
 
 @dataclass
@@ -64,30 +62,22 @@ def view_pictures(views: Views, measures: Measures, renderer: Renderer) -> tuple
     """The pictures of the shown views."""
     ends = (measures.before, measures.after)
     painted = [painted_by_support(end.gaussians, end.support) for end in ends]
-    return tuple(_of_view(k, views[k], ends, painted, renderer) for k in shown_views(len(views)))
-
-
-def _of_view(
-    k: int,
-    view: View,
-    ends: tuple[ReconstructionFit, ReconstructionFit],
-    painted: Sequence[Gaussians],
-    renderer: Renderer,
-) -> ViewPictures:
-    fits = [end.views[k] for end in ends]
-    box = part_of(view, [fit.silhouette for fit in fits])
-    renders = [png(photograph(fit.image, box)) for fit in fits]
-    supports = [png(support_picture(*renderer.render(p, view.camera), view, box)) for p in painted]
-    residuals = [png(residual_picture(fit.silhouette, view, box)) for fit in fits]
-    return ViewPictures(
-        k,
-        view.name,
-        png(masked_picture(view)),
-        png(photograph(on_white(view), box)),
-        (renders[0], renders[1]),
-        (supports[0], supports[1]),
-        (residuals[0], residuals[1]),
-    )
+    made = []
+    for k in shown_views(len(views)):
+        view, fits = views[k], [end.views[k] for end in ends]
+        box = part_of(view, [fit.silhouette for fit in fits])
+        supports = [support_picture(*renderer.render(end, view.camera), view, box) for end in painted]
+        shown = ViewPictures(
+            k,
+            view.name,
+            masked=png(masked_picture(view)),
+            photo=png(photograph(on_white(view), box)),
+            renders=[png(photograph(fit.image, box)) for fit in fits],
+            supports=list(map(png, supports)),
+            residuals=[png(residual_picture(fit.silhouette, view, box)) for fit in fits],
+        )
+        made.append(shown)
+    return tuple(made)
 
 
 def turntables(

@@ -20,14 +20,6 @@ from gvla2.record.reconstruction.page import render_reconstruction
 from gvla2.record.reconstruction.pictures import ReconstructionPictures, turntables, view_pictures
 
 PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.gif"
-_LINKED = (
-    (PLY, "3D Gaussians, Z-up"),
-    (GLB, "mesh, Y-up"),
-    (RESULT, "stages and measures, machine-readable"),
-    (TURNTABLE, "before and after, turning"),
-    ("config.yaml", "the composed configuration"),
-    ("reconstruct.log", "the log"),
-)
 
 
 class ReconstructionRecorder(FolderRecorder):
@@ -92,7 +84,7 @@ class ReconstructionRecorder(FolderRecorder):
     def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
         path = self.folder / PAGE
-        page = render_reconstruction(self._noted(record), pictures, self.config, self.there(_LINKED))
+        page = render_reconstruction(self._noted(record), pictures, self.config, self.there())
         write_text(path, page)
         self.numbers(record)
         return path
