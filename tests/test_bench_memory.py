@@ -137,7 +137,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
         raise NotMeasuredError("no server")
 
     def sound(setting: Any, size: int, on: str) -> Mapping[str, Figure]:
-        return {"sound": Figure(0.5, "peer", 4.0, released=9.0)}
+        return {"sound": Figure(0.5, "peer", 4.0)}
 
     tests = (fake("broken", broken), fake("absent", absent), fake("sound", sound))
     monkeypatch.setattr(suite, "all_tests", lambda: tests)
@@ -145,8 +145,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
     status = [row["status"] for row in rows_of(tmp_path / "out")]
     assert status == ["failed: the disk is full", "not measured: no server", "ok"]
     text = (tmp_path / "out" / "report.md").read_text()
-    assert "released code" in text
-    assert "9.00 ms" in text
+    assert "4.00 ms" in text
     assert "the disk is full" in text
 
 
@@ -160,7 +159,6 @@ def test_the_folder_for_databases_is_made_and_stays(tmp_path: Path, catalog: Reg
     ("changes", "message"),
     [
         ({"tests": ["retreival"]}, "No test 'retreival'. Available: retrieval"),
-        ({"peer": "/nowhere"}, "no package memory_v2"),
         ({"folder": "/dev/null/at/all"}, "memory.folder is '/dev/null/at/all'"),
     ],
 )
@@ -187,12 +185,12 @@ def test_nonsense_in_the_configuration(changes: dict[str, Any]) -> None:
 
 def test_the_configuration_composes(catalog: Registry) -> None:
     register(catalog, PRIMARY)
-    chosen = ["+experiment=memory_figures", "memory.tests=[start]", "memory.scale=0.1", "memory.peer=x"]
+    chosen = ["+experiment=memory_figures", "memory.tests=[start]", "memory.scale=0.1"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=[chosen[0].lstrip("+"), *chosen[1:]]))
     assert isinstance(config, BenchConfig)
     assert config.suite == "memory"
-    assert config.memory == MemoryBenchConfig(["start"], 0.1, "x")
+    assert config.memory == MemoryBenchConfig(["start"], 0.1)
 
 
 def test_progress_counts_time_not_tests() -> None:

@@ -1,4 +1,4 @@
-"""The table of a suite of single figures: each beside its goal and its peers' values."""
+"""The table of a suite of single figures: each beside its goal and a peer's value."""
 
 from __future__ import annotations
 
@@ -36,8 +36,7 @@ MEMORY = FigureLayout(
     title="Memory",
     explanation=(
         "Each value beside its goal and a plain peer's in the same run: JSON lines scored one by one, as in the "
-        "released code (which has its own column if a checkout was given). Times are this machine's; "
-        "unmeasured values say so."
+        "released code. Times are this machine's; unmeasured values say so."
     ),
 )
 

@@ -41,10 +41,9 @@ class Sheet:
 
 
 def sheet_of_figures(table: FigureTable) -> Sheet:
-    """One row per figure; the released code has a column if it was measured."""
-    released = any(cell.measures.get("released_value") is not None for cell in table.cells)
-    headings = ("n", "value", "goal", "reached", "plain peer", *(("released code",) if released else ()), "")
-    rows = tuple(SheetRow(_label(cell), _figure(cell, released)) for cell in table.cells)
+    """One row per figure."""
+    headings = ("n", "value", "goal", "reached", "plain peer", "")
+    rows = tuple(SheetRow(_label(cell), _figure(cell)) for cell in table.cells)
     reached = [cell.notes["passed"] for cell in table.cells if cell.notes.get("passed") is not None]
     runs = ", ".join(map(str, table.runs))
     footnote = f"{sum(reached)} of {len(reached)} goals reached; runs {runs} of the results database."
@@ -56,7 +55,7 @@ def _label(cell: Cell) -> str:
     return f"{title} ({on})" if on else title
 
 
-def _figure(cell: Cell, released: bool) -> tuple[SheetCell, ...]:
+def _figure(cell: Cell) -> tuple[SheetCell, ...]:
     value, status = value_text(cell), str(cell.notes.get("status", "ok"))
     tone: dict[object, Tone] = {True: "better", False: "worse"}
     peer = value_text(cell, "peer_value")
@@ -68,8 +67,6 @@ def _figure(cell: Cell, released: bool) -> tuple[SheetCell, ...]:
         SheetCell((passed_text(cell),), tone=tone.get(cell.notes.get("passed"), "")),
         SheetCell((peer, str(cell.notes.get("peer", ""))) if peer else ("",)),
     ]
-    if released:
-        cells.append(SheetCell((value_text(cell, "released_value"),)))
     note = str(cell.notes.get("note", "")) if status == "ok" else status.removeprefix("not measured: ")
     return (*cells, SheetCell((note,)))
 

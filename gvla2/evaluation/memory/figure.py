@@ -32,27 +32,18 @@ class FigureRow:
 
 @dataclass(frozen=True)
 class Figure:
-    """A number beside its peers'; None if not measured, with the reason in ``note``.
+    """A number beside its peer's; None if not measured, with the reason in ``note``.
 
-    ``peer`` names the source of ``peer_value``; ``released`` is the released code's value, if a checkout was given.
-    ``n`` is the number of things measured, if it is not the test's own size; ``goal`` replaces the row's.
+    ``peer`` names the source of ``peer_value``; ``n`` is the number of things measured, if it is not the test's own
+    size; ``goal`` replaces the row's.
     """
 
     value: float | None
     peer: str = ""
     peer_value: float | None = None
-    released: float | None = None
     note: str = ""
     n: int | None = None
     goal: float | None = None
-
-    @classmethod
-    def beside(
-        cls, value: float, peers: Mapping[str, float], *, note: str = "", n: int | None = None
-    ) -> Figure:
-        """A value beside those of peers by name: the plain one first, then the released code if given."""
-        first, second = (*peers.items(), ("", None), ("", None))[:2]
-        return cls(value, first[0], first[1], second[1], note, n)
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from gvla2.evaluation.memory.corpus import lessons
 from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.peers import Peer, PeerLesson
+from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.curation.governance import Governed
 
 PEER_GOVERNS = 1_000
-"""Records up to which a peer's pass is run: it compares each with each."""
+"""Records up to which the peer's pass is run: it compares each with each."""
 
 
 def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -28,20 +27,10 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         times = spent(lambda item: bank.admit(item[0], item[1], task=item[2], trusted=True), items[:count])
     setting.tell(0.4, "the bank's are done")
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
-    theirs = dict[str, float]()
-    for place, peer in enumerate(setting.peers()):
-        folder = setting.folder / f"placing-{place}-{size}"
-        peer.fill(folder, setting.peer_lessons(size))
-        loaded = peer.load(folder)
-        theirs[peer.name] = 1e3 * middle(spent(partial(_placed, peer, loaded), few))
+    peer, known = setting.plain, setting.peer_lessons(size)
+    theirs = middle(spent(lambda lesson: peer.place(lesson, known), few))
     note = f"p95 of {count} durable admits, p50 {1e3 * middle(times):.1f} ms; the peer decides {len(few)}, in memory"
-    return {
-        "consolidation": Figure.beside(1e3 * high(times), theirs, note=note),
-    }
-
-
-def _placed(peer: Peer, loaded: list[Any], lesson: PeerLesson) -> str:
-    return peer.place(lesson, loaded)
+    return {"consolidation": Figure(1e3 * high(times), peer.name, 1e3 * theirs, note)}
 
 
 def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -58,13 +47,9 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             "governance": Figure(seconds, note=f"{note}; the peer is not run: it compares each with each")
         }
     setting.tell(0.3, "the bank's is done")
-    theirs = dict[str, float]()
-    for place, peer in enumerate(setting.peers()):
-        folder = setting.folder / f"governing-{place}-{size}"
-        peer.fill(folder, setting.peer_lessons(size))
-        loaded = peer.load(folder)
-        theirs[peer.name] = once(partial(peer.govern, loaded, budget, NOW))
-    return {"governance": Figure.beside(seconds, theirs, note=note)}
+    peer = setting.plain
+    theirs = once(partial(peer.govern, setting.peer_lessons(size), budget, NOW))
+    return {"governance": Figure(seconds, peer.name, theirs, note)}
 
 
 def tests() -> list[Test]:

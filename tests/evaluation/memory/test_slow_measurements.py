@@ -13,8 +13,7 @@ from crash_harness import in_processes, lesson, whole_lines
 
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
-from gvla2.evaluation.memory.peers import PeerLesson
-from gvla2.evaluation.memory.plain_peer import FILE, PlainPeer
+from gvla2.evaluation.memory.plain_peer import FILE, PeerLesson, PlainPeer
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.bank import KnowledgeBank
 
