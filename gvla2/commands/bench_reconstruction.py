@@ -25,7 +25,7 @@ MEASURING_CODE = (
         f"gvla2.evaluation.{name}"
         for name in (
             "ablation", "datasets", "drift", "gso_truth", "judge", "lpips", "metrics", "prior_noise", "protocol",
-            "textured_mesh", "textured_raycast", "texturing", "volume_baselines",
+            "textured_views", "volume_baselines",
         )
     ),
 )  # fmt: skip
