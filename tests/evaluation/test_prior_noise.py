@@ -7,11 +7,12 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from gvla2.evaluation.comparison import make_tables
 from gvla2.evaluation.noise_curve import noise_curve
 from gvla2.evaluation.prior_noise import CURVE, DEVELOPMENT, NOISES, PER_CENT
 from gvla2.evaluation.protocol import protocol_cameras
+from gvla2.evaluation.reports import RECONSTRUCTION
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.tables import RECONSTRUCTION, make_tables
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
