@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
-from rich.console import Console
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, MemoryBenchConfig, ResultsConfig
-from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.report import ReportConfig
 from gvla2.commands.report import job as make_report
@@ -191,16 +189,3 @@ def test_the_configuration_composes(catalog: Registry) -> None:
     assert isinstance(config, BenchConfig)
     assert config.suite == "memory"
     assert config.memory == MemoryBenchConfig(["start"], 0.1)
-
-
-def test_progress_counts_time_not_tests() -> None:
-    console = Console(force_terminal=True, width=80, quiet=True)
-    with BenchProgress(100.0, console=console, seconds=True) as progress:
-        assert progress.left() == pytest.approx(100, rel=0.05)
-        progress.done(1.0, "quick")
-        whole = progress.left()
-        progress.reached(49.5, "slow: half way")
-        assert progress.left() == pytest.approx(whole * 49.5 / 99, rel=0.9)
-        assert progress.left() < whole
-        progress.done(99.0, "slow")
-        assert progress.left() == 0

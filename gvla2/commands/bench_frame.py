@@ -49,9 +49,9 @@ class BenchRun:
         self.results.add(self.run_id, suite or self.config.suite, cells)
         return {cell.key: cell for cell in cells}
 
-    def progress(self, total: float, *, seconds: bool = False) -> BenchProgress:
-        """The bench's progress display, for so many rows or seconds."""
-        return BenchProgress(total, self.config.quiet, seconds=seconds)
+    def progress(self, total: int) -> BenchProgress:
+        """The bench's progress display, for so many rows."""
+        return BenchProgress(total, self.config.quiet)
 
     def measured(
         self, work: Callable[[Unit, Registry], Made], units: Sequence[Unit], tries: int = 1

@@ -58,27 +58,15 @@ def run(bench: BenchRun) -> list[Cell]:
     keys = [key for planned in plan for key in planned.keys]
     known = bench.known(keys)
     missing = [planned for planned in plan if not known.keys() >= set(planned.keys)]
-    with (
-        bench.progress(sum(map(_seconds, missing)), seconds=True) as progress,
-        _scratch(options.folder or str(bench.folder)) as scratch,
-    ):
+    parent = options.folder or str(bench.folder)
+    with bench.progress(len(missing)) as progress, _scratch(parent) as scratch:
+        embedders = _embedders(bench.registry)
         setting = Setting(
-            scratch,
-            scale=options.scale,
-            seed=options.seed,
-            question_file=questions,
-            embedders=_embedders(bench.registry),
+            scratch, scale=options.scale, seed=options.seed, question_file=questions, embedders=embedders
         )
         for planned in missing:
-            label, expected = planned.test.label, _seconds(planned)
-
-            def tell(share: float, what: str, label: str = label, expected: float = expected) -> None:
-                progress.reached(min(share, 1.0) * expected, f"{label}: {what}" if what else label)
-
-            tell(0.0, "")
-            setting.tell = tell
             known |= bench.store(_measure(planned, setting))
-            progress.done(expected, label)
+            progress.done(1, planned.test.label)
     return [known[key] for key in keys]
 
 
@@ -147,11 +135,6 @@ def figure_cell(
     }
     factors: dict[str, str | int] = {"test": row.name, "n": size if figure.n is None else figure.n, "on": on}
     return Cell(key, factors, measures, notes)
-
-
-def _seconds(planned: _Planned) -> float:
-    """An estimate of its duration, at least the time to open what it needs."""
-    return 0.5 + planned.test.seconds * planned.size / planned.test.size
 
 
 def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:

@@ -51,8 +51,7 @@ class Test:
     """A test of one size: its name, its rows, and how to measure them.
 
     ``size`` is at scale 1, and at least ``least``; ``on`` distinguishes tests of the same name and size (a database, a
-    kind of attack); ``seconds`` is about how long it takes at scale 1, for the time left. ``slow`` tests take many
-    minutes.
+    kind of attack).
     """
 
     __test__ = False  # not a pytest test
@@ -63,7 +62,6 @@ class Test:
     size: int
     least: int = 20
     on: str = ""
-    seconds: float = 1.0
 
     def scaled(self, scale: float) -> int:
         """The size at a scale."""

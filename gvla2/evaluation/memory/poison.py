@@ -55,7 +55,6 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         hits += place < len(attacked) and any(harm in said for said in now.values() for harm in _HARM)
         shown += len(was)
         lost += len(was.keys() - now.keys())
-    setting.tell(0.6, "the bank's are done")
     their_hits, their_losses = _peer(setting, size, on, asked)
     note = f"10 records for each of {len(attacked)} queries, top {TOP}"
     peer = setting.plain.name
@@ -112,5 +111,5 @@ def tests() -> list[Test]:
             FigureRow("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
             FigureRow("poison_collateral", "Sound records displaced by poison", "%", "lower", goal, 1),
         )
-        made.append(Test("poison", rows, poison, 1000, least=50, on=on, seconds=15.0))
+        made.append(Test("poison", rows, poison, 1000, least=50, on=on))
     return made

@@ -24,13 +24,9 @@ CHUNK = 5000
 Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
 
 
-def _quiet(_share: float, _what: str) -> None:
-    pass
-
-
 @dataclass
 class Setting:
-    """What tests share. ``folder`` is deleted after the run; ``tell`` receives a test's progress (a share, a word).
+    """What tests share. ``folder`` is deleted after the run.
 
     ``question_file`` is a public set of questions and evidence if available; ``embedders`` makes those to compare, by
     name.
@@ -42,7 +38,6 @@ class Setting:
     plain: PlainPeer = field(default_factory=PlainPeer)
     question_file: Path | None = None
     embedders: Mapping[str, Callable[[], Embedder]] = field(default_factory=dict)
-    tell: Callable[[float, str], None] = _quiet
     _records: list[Record] = field(default_factory=list)
 
     def count(self, number: int, least: int) -> int:
@@ -76,8 +71,6 @@ class Setting:
                                 for record, vector in zip(part, vectors, strict=True)
                             ]
                         )
-                    stored = start + len(part)
-                    self.tell(0.5 * stored / count, f"{stored:,} records stored")
             whole_copy(str(made), path)
             for left in self.folder.glob(f"filling-{count}.db*"):
                 left.unlink()

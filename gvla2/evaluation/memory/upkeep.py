@@ -25,7 +25,6 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         for lesson, verdict, task, _ in items[count:]:
             bank.admit(lesson, verdict, task=task, trusted=True)
         times = spent(lambda item: bank.admit(item[0], item[1], task=item[2], trusted=True), items[:count])
-    setting.tell(0.4, "the bank's are done")
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
     peer, known = setting.plain, setting.peer_lessons(size)
     theirs = middle(spent(lambda lesson: peer.place(lesson, known), few))
@@ -46,7 +45,6 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         return {
             "governance": Figure(seconds, note=f"{note}; the peer is not run: it compares each with each")
         }
-    setting.tell(0.3, "the bank's is done")
     peer = setting.plain
     theirs = once(partial(peer.govern, setting.peer_lessons(size), budget, NOW))
     return {"governance": Figure(seconds, peer.name, theirs, note)}
@@ -55,10 +53,8 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 def tests() -> list[Test]:
     """The tests of this file."""
     row = FigureRow("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
-    made = [Test("consolidation", (row,), consolidation, 10_000, least=100, seconds=25.0)]
-    for size, goal, seconds in ((1_000, 0.1, 45.0), (100_000, 5.0, 20.0)):
+    made = [Test("consolidation", (row,), consolidation, 10_000, least=100)]
+    for size, goal in ((1_000, 0.1), (100_000, 5.0)):
         row = FigureRow("governance", "A pass of governance", "s", "lower", goal, 3)
-        made.append(
-            Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300, seconds=seconds)
-        )
+        made.append(Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300))
     return made

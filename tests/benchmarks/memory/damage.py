@@ -100,4 +100,4 @@ def tests() -> list[Test]:
         FigureRow("quarantine_shown", "Damaged bank: damage shown", "%", "lower", 0.0, 1),
         FigureRow("quarantine_named", "Damaged bank: damage named", "%", "higher", 100.0, 1),
     )
-    return [Test("quarantine", rows, quarantine, 1000, least=50, seconds=5.0)]
+    return [Test("quarantine", rows, quarantine, 1000, least=50)]
