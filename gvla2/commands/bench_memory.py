@@ -50,10 +50,11 @@ def run(bench: BenchRun) -> list[Cell]:
     """
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.memory.suite import chosen_tests
+    from gvla2.evaluation.memory_retrieval import find_file
 
     config, options = bench.config, bench.config.memory
     tests = chosen_tests(options.tests)
-    questions = _question_file(config.data.root)
+    questions = find_file(config.data.root)
     plan = [_planned(test, config, questions) for test in tests]
     keys = [key for planned in plan for key in planned.keys]
     known = bench.known(keys)
@@ -146,22 +147,6 @@ def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:
         return embedder
 
     return {name: partial(made, name) for name in EMBEDDERS}
-
-
-def _question_file(root: str | None) -> Path | None:
-    """The questions in ``data.root``, or where GVLA2_DATA says; None where there are none.
-
-    Raises :class:`~gvla2.errors.ConfigurationError` for a ``data.root`` without them.
-    """
-    from gvla2.evaluation.memory_retrieval import FILE, find_file
-
-    if root is None:
-        return find_file()
-    places = [Path(root).expanduser() / FILE, Path(root).expanduser() / "locomo" / FILE]
-    for place in places:
-        if place.is_file():
-            return place
-    raise ConfigurationError(f"data.root is '{root}', which contains neither {FILE} nor locomo/{FILE}.")
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gvla2.evaluation.comparison import FEWEST, Table
 from gvla2.evaluation.curve import CurveLine, CurvePoint, draw_curve
-from gvla2.evaluation.prior_noise import CURVE, PER_CENT
+from gvla2.evaluation.prior_noise import PER_CENT
 
 _ROWS = {"carving": "#b5651d", "aligned_tsdf": "#5a7d2a", "ab_fusion": "#1f5fa8"}
 
@@ -14,10 +14,10 @@ _ROWS = {"carving": "#b5651d", "aligned_tsdf": "#5a7d2a", "ab_fusion": "#1f5fa8"
 def noise_curve(tables: Sequence[Table], measure: str = "cd_surface") -> str:
     """An SVG of the change of a measure against low-frequency error; "" with fewer than three points of the curve.
 
-    Lines are carving, aligned TSDF and the whole branch, of the tables whose ``noise`` lies on :data:`CURVE`, of the
+    Lines are carving, aligned TSDF and the whole branch, of the tables whose ``noise`` lies on :data:`PER_CENT`, of the
     first baseline and drift that have any. Bars are 95 % intervals over objects, if a table has them.
     """
-    on = [table for table in tables if table.group.get("noise") in CURVE]
+    on = [table for table in tables if table.group.get("noise") in PER_CENT]
     if not on:
         return ""
     same = ("data", "baseline", "drift", "mode", "compat")
