@@ -165,7 +165,7 @@ def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, p
         ({"drifts": ["big"]}, "No drift 'big'. Available: none, planted"),
         ({"baselines": ["hul"]}, "Did you mean 'hull'"),
         ({"baseline_options": {"hull": {"sides": 3}}}, "sides"),
-        ({"lpips_weights": "/nowhere.npz"}, "/nowhere.npz"),
+        ({"lpips_weights": "/nowhere.ckpt"}, "/nowhere.ckpt"),
     ],
 )
 def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path, changes, message):

@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
-from rich.console import Console
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, MemoryBenchConfig, ResultsConfig
-from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.report import ReportConfig
 from gvla2.commands.report import job as make_report
@@ -137,7 +135,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
         raise NotMeasuredError("no server")
 
     def sound(setting: Any, size: int, on: str) -> Mapping[str, Figure]:
-        return {"sound": Figure(0.5, "peer", 4.0, released=9.0)}
+        return {"sound": Figure(0.5, "peer", 4.0)}
 
     tests = (fake("broken", broken), fake("absent", absent), fake("sound", sound))
     monkeypatch.setattr(suite, "all_tests", lambda: tests)
@@ -145,8 +143,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
     status = [row["status"] for row in rows_of(tmp_path / "out")]
     assert status == ["failed: the disk is full", "not measured: no server", "ok"]
     text = (tmp_path / "out" / "report.md").read_text()
-    assert "released code" in text
-    assert "9.00 ms" in text
+    assert "4.00 ms" in text
     assert "the disk is full" in text
 
 
@@ -160,7 +157,6 @@ def test_the_folder_for_databases_is_made_and_stays(tmp_path: Path, catalog: Reg
     ("changes", "message"),
     [
         ({"tests": ["retreival"]}, "No test 'retreival'. Available: retrieval"),
-        ({"peer": "/nowhere"}, "no package memory_v2"),
         ({"folder": "/dev/null/at/all"}, "memory.folder is '/dev/null/at/all'"),
     ],
 )
@@ -187,22 +183,9 @@ def test_nonsense_in_the_configuration(changes: dict[str, Any]) -> None:
 
 def test_the_configuration_composes(catalog: Registry) -> None:
     register(catalog, PRIMARY)
-    chosen = ["+experiment=memory_figures", "memory.tests=[start]", "memory.scale=0.1", "memory.peer=x"]
+    chosen = ["+experiment=memory_figures", "memory.tests=[start]", "memory.scale=0.1"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=[chosen[0].lstrip("+"), *chosen[1:]]))
     assert isinstance(config, BenchConfig)
     assert config.suite == "memory"
-    assert config.memory == MemoryBenchConfig(["start"], 0.1, "x")
-
-
-def test_progress_counts_time_not_tests() -> None:
-    console = Console(force_terminal=True, width=80, quiet=True)
-    with BenchProgress(100.0, console=console, seconds=True) as progress:
-        assert progress.left() == pytest.approx(100, rel=0.05)
-        progress.done(1.0, "quick")
-        whole = progress.left()
-        progress.reached(49.5, "slow: half way")
-        assert progress.left() == pytest.approx(whole * 49.5 / 99, rel=0.9)
-        assert progress.left() < whole
-        progress.done(99.0, "slow")
-        assert progress.left() == 0
+    assert config.memory == MemoryBenchConfig(["start"], 0.1)

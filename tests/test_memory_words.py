@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2 import cli
-from gvla2.commands.memory_words import as_typed, wants_json
+from gvla2.commands.memory_line import as_typed, understood
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.record.text import count
@@ -114,8 +114,7 @@ def test_every_error_is_a_document_that_says_what(capsys, argv: list[str], statu
 
 
 def test_words_after_the_dashes_ask_for_nothing():
-    assert wants_json(["list", "--json"])
-    assert not wants_json(["search", "--", "--json"])
+    assert understood(["search", "--", "a", "--json"]).json is False
     assert (count(1, "line"), count(0, "line")) == ("1 line", "0 lines")
 
 

@@ -12,7 +12,7 @@ import pytest
 from gvla2 import cli
 from gvla2.commands import run, sweeps
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.runs import make_run_tables
+from gvla2.evaluation.runs import run_sheets
 
 
 def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: str) -> Cell:
@@ -29,24 +29,24 @@ def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: 
 
 
 def test_jobs_that_differ_in_their_seed_alone_are_one_row():
-    (table,) = make_run_tables(
+    (table,) = run_sheets(
         cell(job, succeeded, memory=memory, seed=str(seed), quiet="true")
         for job, (memory, seed, succeeded) in enumerate(
             [("none", 0, 0), ("none", 1, 1), ("governed", 0, 2), ("governed", 1, 2)]
         )
     )
-    rows = {row.label: [c.lines for c in row.cells] for row in table.sheet.rows}
+    rows = {row.label: [c.lines for c in row.cells] for row in table.rows}
     assert list(rows) == ["memory=none", "memory=governed"], "quiet did not vary, seeds are pooled"
     assert rows["memory=none"][0] == ("25", "[5, 70]")
     assert rows["memory=governed"][0] == ("100", "[51, 100]")
     assert [lines[0] for lines in rows["memory=governed"][2:]] == ["4", "3.0", "25", "2"]
-    assert table.jobs[0].caption == "memory=none, seed=0: 0 of 2"
-    assert "4 jobs; run 1" in table.sheet.footnote
+    assert table.gallery.exhibits[0].caption == "memory=none, seed=0: 0 of 2"
+    assert "4 jobs; runs 1" in table.footnote
 
 
 def test_a_failed_job_is_counted_and_measured_nowhere():
-    (table,) = make_run_tables([cell(0, 2, task="a"), cell(1, 0, "failed: no robot", task="b")])
-    rows = {row.label: [c.lines[0] for c in row.cells] for row in table.sheet.rows}
+    (table,) = run_sheets([cell(0, 2, task="a"), cell(1, 0, "failed: no robot", task="b")])
+    rows = {row.label: [c.lines[0] for c in row.cells] for row in table.rows}
     assert rows["task=b"] == [
         "not measured",
         "not measured",
@@ -55,12 +55,12 @@ def test_a_failed_job_is_counted_and_measured_nowhere():
         "not measured",
         "1, 1 failed",
     ]
-    assert table.jobs[1].caption == "task=b: failed: no robot"
-    assert "1 of them failed" in table.sheet.footnote
+    assert table.gallery.exhibits[1].caption == "task=b: failed: no robot"
+    assert "1 of them failed" in table.footnote
 
 
 def test_sweeps_are_tables_of_their_own():
-    assert [t.runs for t in make_run_tables([cell(0, 1, run=2), cell(0, 1, run=1)])] == [(1,), (2,)]
+    assert [t.runs for t in run_sheets([cell(0, 1, run=2), cell(0, 1, run=1)])] == [(1,), (2,)]
 
 
 SWEEP = ("run", "-m", "seed=0,1", "robot.image_size=64", "robot.cameras=[front,wrist]", "robot.video_size=64")

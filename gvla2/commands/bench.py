@@ -61,7 +61,6 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     from gvla2.commands.reporting import publish
     from gvla2.evaluation.provenance import commit, versions
     from gvla2.evaluation.results import Results
-    from gvla2.evaluation.tables import LAYOUTS
     from gvla2.record.files import make_folder, write_json
 
     if config.suite not in SUITES:
@@ -86,7 +85,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
         write_json(folder / "result.json", told)
         used = {cell.run for cell in cells}
         runs = [run for run in results.runs(config.suite) if run.id in used]
-        publish(cells, runs, LAYOUTS[config.suite], folder)
+        publish(cells, runs, config.suite, folder)
     failed = Counter(str(c.notes["status"]) for c in cells if c.notes.get("status") != "ok")
     for status, count in failed.items():
         log.warning("%d of %d cells %s", count, len(cells), status)

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +72,7 @@ def _work_off(
     cells = work(
         sequence,
         done,
-        _crew(bench, sequence.memory),
+        partial(_crew, bench, sequence.memory),
         _sandboxes(bench.config),
         tests_told=getattr(bench.config.verifier, "name", "") == "exit_status",
         tell=(lambda line: None) if bench.config.quiet else log.info,
@@ -125,30 +126,18 @@ def _arm(bench: BenchRun, name: str) -> BenchArm:
     return replace(arm, source="none") if arm.source == "off" else arm
 
 
-def _crew(bench: BenchRun, arm: str) -> Callable[[Path], Crew]:
-    """All components are built once, except the memory, which is reopened for each task."""
-    lasting: dict[str, Any] = {}
+def _crew(bench: BenchRun, arm: str, bank: Path) -> Crew:
+    from gvla2.evaluation.agents.sequence import Crew
+    from gvla2.language.ledger import Ledger
 
-    def made(bank: Path) -> Crew:
-        from gvla2.evaluation.agents.sequence import Crew
-        from gvla2.language.ledger import Ledger
-
-        built = dict(lasting)
-        root = _root(bench, arm, str(bank))
-        bench.registry.build_all(root, ("agent", "verifier", "memory"), built)
-        lasting.update({kind: part for kind, part in built.items() if kind not in ("memory", "retriever")})
-        language = built.get("language")
-        if language is None:
-            lasting.setdefault("ledger", Ledger())
-        ledger = language.ledger if language is not None else lasting["ledger"]
-        return Crew(built["agent"], built["memory"], built["verifier"], ledger)
-
-    return made
+    built: dict[str, Any] = {}
+    bench.registry.build_all(_root(bench, arm, str(bank)), ("agent", "verifier", "memory"), built)
+    language = built.get("language")
+    ledger = Ledger() if language is None else language.ledger
+    return Crew(built["agent"], built["memory"], built["verifier"], ledger)
 
 
 def _sandboxes(config: BenchConfig) -> Callable[[AgentTask], AbstractContextManager[TestedSandbox]]:
-    from functools import partial
-
     from gvla2.agents.sandbox import SandboxLimits, bubblewrap
 
     agents = config.agents

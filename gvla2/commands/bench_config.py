@@ -36,14 +36,12 @@ class DataConfig:
 class MemoryBenchConfig:
     """The memory suite: its ``tests`` by name (all by default), at a ``scale`` in (0, 1] of their sizes.
 
-    ``peer`` is a checkout of the paper's released code, whose own functions are then measured on the same data too.
     ``folder`` holds temporary databases, on the disk to be measured (by default the output folder); ``seed`` makes the
     random lessons.
     """
 
     tests: list[str] = field(default_factory=list)
     scale: float = 1.0
-    peer: str | None = None
     folder: str | None = None
     seed: int = 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -16,6 +16,7 @@ from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.record.files import write_bytes
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
@@ -49,9 +50,16 @@ class BenchRun:
         self.results.add(self.run_id, suite or self.config.suite, cells)
         return {cell.key: cell for cell in cells}
 
-    def progress(self, total: float, *, seconds: bool = False) -> BenchProgress:
-        """The bench's progress display, for so many rows or seconds."""
-        return BenchProgress(total, self.config.quiet, seconds=seconds)
+    def pictured(self, cell: Cell, picture: bytes | None, name: str) -> Cell:
+        """The row with the path of its picture (PNG), written into ``folder/pictures``; as it is for None."""
+        if picture is None:
+            return cell
+        path = write_bytes(self.folder / "pictures" / f"{name}.png", picture)
+        return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
+
+    def progress(self, total: int) -> BenchProgress:
+        """The bench's progress display, for so many rows."""
+        return BenchProgress(total, self.config.quiet)
 
     def measured(
         self, work: Callable[[Unit, Registry], Made], units: Sequence[Unit], tries: int = 1

@@ -20,7 +20,6 @@ from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
     from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-    from gvla2.evaluation.memory.released_peer import ReleasedPeer
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.results import Cell
     from gvla2.memory.contracts import Embedder
@@ -51,44 +50,29 @@ def run(bench: BenchRun) -> list[Cell]:
     """
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.memory.suite import chosen_tests
+    from gvla2.evaluation.memory_retrieval import find_file
 
     config, options = bench.config, bench.config.memory
     tests = chosen_tests(options.tests)
-    released = _released(options.peer)
-    questions = _question_file(config.data.root)
-    plan = [_planned(test, config, released, questions) for test in tests]
+    questions = find_file(config.data.root)
+    plan = [_planned(test, config, questions) for test in tests]
     keys = [key for planned in plan for key in planned.keys]
     known = bench.known(keys)
     missing = [planned for planned in plan if not known.keys() >= set(planned.keys)]
-    with (
-        bench.progress(sum(map(_seconds, missing)), seconds=True) as progress,
-        _scratch(options.folder or str(bench.folder)) as scratch,
-    ):
+    parent = options.folder or str(bench.folder)
+    with bench.progress(len(missing)) as progress, _scratch(parent) as scratch:
+        embedders = _embedders(bench.registry)
         setting = Setting(
-            scratch,
-            scale=options.scale,
-            seed=options.seed,
-            released=released,
-            question_file=questions,
-            embedders=_embedders(bench.registry),
+            scratch, scale=options.scale, seed=options.seed, question_file=questions, embedders=embedders
         )
         for planned in missing:
-            label, expected = planned.test.label, _seconds(planned)
-
-            def tell(share: float, what: str, label: str = label, expected: float = expected) -> None:
-                progress.reached(min(share, 1.0) * expected, f"{label}: {what}" if what else label)
-
-            tell(0.0, "")
-            setting.tell = tell
             known |= bench.store(_measure(planned, setting))
-            progress.done(expected, label)
+            progress.done(1, planned.test.label)
     return [known[key] for key in keys]
 
 
-def _planned(
-    test: Test, config: BenchConfig, released: ReleasedPeer | None, questions: Path | None
-) -> _Planned:
-    """The keys name what could change the numbers: the test, its size, the code, the machine, the peer, the data."""
+def _planned(test: Test, config: BenchConfig, questions: Path | None) -> _Planned:
+    """The keys name what could change the numbers: the test, its size, the code, the machine, the data."""
     from gvla2.evaluation.memory.suite import SUITE, VERSION, all_tests
     from gvla2.evaluation.provenance import code_digest, versions
     from gvla2.evaluation.results import cell_key
@@ -98,9 +82,8 @@ def _planned(
     data = None
     if test.name == "quality" and questions is not None:
         data = (str(questions), questions.stat().st_size)
-    peer = None if released is None else str(released.folder)
     options = config.memory
-    chosen = (size, test.on, options.scale, options.seed, options.folder, peer, data)
+    chosen = (size, test.on, options.scale, options.seed, options.folder, data)
     keys = tuple(cell_key(SUITE, test.name, row.name, *chosen, around) for row in test.rows)
     return _Planned(test, size, keys, [known.label for known in all_tests()].index(test.label))
 
@@ -141,7 +124,7 @@ def figure_cell(
     from gvla2.evaluation.results import Cell
 
     goal = row.goal if figure.goal is None else figure.goal
-    measures = {"value": figure.value, "peer_value": figure.peer_value, "released_value": figure.released}
+    measures = {"value": figure.value, "peer_value": figure.peer_value, "goal": goal}
     notes: dict[str, Any] = {
         "status": status,
         "size": size,
@@ -152,12 +135,7 @@ def figure_cell(
         "note": figure.note,
     }
     factors: dict[str, str | int] = {"test": row.name, "n": size if figure.n is None else figure.n, "on": on}
-    return Cell(key, factors, {**measures, "goal": goal}, notes)
-
-
-def _seconds(planned: _Planned) -> float:
-    """An estimate of its duration, at least the time to open what it needs."""
-    return 0.5 + planned.test.seconds * planned.size / planned.test.size
+    return Cell(key, factors, measures, notes)
 
 
 def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:
@@ -169,30 +147,6 @@ def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:
         return embedder
 
     return {name: partial(made, name) for name in EMBEDDERS}
-
-
-def _released(peer: str | None) -> ReleasedPeer | None:
-    if peer is None:
-        return None
-    from gvla2.evaluation.memory.released_peer import ReleasedPeer
-
-    return ReleasedPeer(Path(peer))
-
-
-def _question_file(root: str | None) -> Path | None:
-    """The questions in ``data.root``, or where GVLA2_DATA says; None where there are none.
-
-    Raises :class:`~gvla2.errors.ConfigurationError` for a ``data.root`` without them.
-    """
-    from gvla2.evaluation.memory_retrieval import FILE, find_file
-
-    if root is None:
-        return find_file()
-    places = [Path(root).expanduser() / FILE, Path(root).expanduser() / "locomo" / FILE]
-    for place in places:
-        if place.is_file():
-            return place
-    raise ConfigurationError(f"data.root is '{root}', which contains neither {FILE} nor locomo/{FILE}.")
 
 
 @contextmanager

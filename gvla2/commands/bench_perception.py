@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -38,9 +38,6 @@ def run(bench: BenchRun) -> list[Cell]:
 
     Pictures go to ``folder/pictures``.
     """
-    from gvla2.evaluation.perception.suite import with_picture
-    from gvla2.record.files import write_bytes
-
     units = list(_design(bench.config, bench.registry))
     scenes = bench.known([unit.wanted.key for unit in units])
     known = _with_things(scenes, bench.results)
@@ -48,13 +45,11 @@ def run(bench: BenchRun) -> list[Cell]:
     try:
         with bench.progress(len(missing)) as progress:
             for unit, measured in bench.measured(measure_unit, missing):
-                cells: Sequence[Cell] = measured.cells
-                if measured.picture is not None:
-                    name = f"{unit.task}-{unit.perceiver}-{bench.config.depth_noise.kind}.png"
-                    path = write_bytes(bench.folder / "pictures" / name, measured.picture)
-                    cells = with_picture(measured.cells, str(path.absolute()))
+                scene, *things = measured.cells
+                name = f"{unit.task}-{unit.perceiver}-{bench.config.depth_noise.kind}"
+                cells = [bench.pictured(scene, measured.picture, name), *things]
                 bench.store(cells)
-                known[unit.wanted.key] = list(cells)
+                known[unit.wanted.key] = cells
                 progress.done(1, f"{unit.task}, {unit.perceiver}")
     finally:
         _let_go()

@@ -25,11 +25,14 @@ MEASURING_CODE = (
         f"gvla2.evaluation.{name}"
         for name in (
             "ablation", "datasets", "drift", "gso_truth", "judge", "lpips", "metrics", "prior_noise", "protocol",
-            "textured_mesh", "textured_raycast", "texturing", "volume_baselines",
+            "textured_views", "volume_baselines",
         )
     ),
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
+
+_NAMED = ("object", "baseline", "drift", "noise", "variant")
+"""What names a picture."""
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +40,6 @@ log = logging.getLogger(__name__)
 def run(bench: BenchRun) -> list[Cell]:
     """Measure what the database lacks, one object and baseline after another. Pictures go to ``folder/pictures``."""
     from gvla2.evaluation.datasets import open_dataset
-    from gvla2.record.files import write_bytes
 
     config, data = bench.config, bench.config.data
     dataset = open_dataset(data.kind, data.root, data.objects, size=data.size, samples=data.samples)
@@ -49,15 +51,9 @@ def run(bench: BenchRun) -> list[Cell]:
     missing = [unit for unit in left if unit.wanted]
     with bench.progress(sum(len(unit.wanted) for unit in missing)) as progress:
         for unit, measured in bench.measured(measure_unit, missing):
-            cells = []
-            for one in measured:
-                cell = one.cell
-                if one.picture is not None:
-                    parts = ("object", "baseline", "drift", "noise", "variant")
-                    name = "-".join(str(cell.factors[part]) for part in parts)
-                    path = write_bytes(bench.folder / "pictures" / f"{name}.png", one.picture)
-                    cell = replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
-                cells.append(cell)
+            cells = [
+                bench.pictured(one.cell, one.picture, "-".join(one.cell.told(*_NAMED))) for one in measured
+            ]
             known |= bench.store(cells)
             progress.done(len(cells), f"{unit.item.name}, {unit.baseline}")
     return [known[key] for key in keys]

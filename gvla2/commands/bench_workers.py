@@ -1,4 +1,4 @@
-"""Sharing a benchmark's work among processes, each with one core's worth of threads."""
+"""Sharing a benchmark's work among processes, each with one thread."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from gvla2.errors import Gvla2Error
 
@@ -62,51 +61,33 @@ def _once(
 ) -> Iterator[tuple[int, Answer]]:
     """The answers of the tasks at these places; raises BrokenProcessPool when a process dies."""
     context = multiprocessing.get_context("spawn")
-    shares = context.Queue()
-    for share in _core_shares(workers):
-        shares.put(share)
-    with _one_thread_each():
-        others = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(workers, context, _begin, (shares,))
-        try:
-            pending: dict[Future[Answer], int] = {
-                pool.submit(function, tasks[place]): place for place in places
-            }
-            while pending:
-                done, _ = wait(pending, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield pending.pop(future), future.result()
-        except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: do not wait for running tasks
-            for child in set(multiprocessing.active_children()) - others:
-                child.terminate()
-            raise
-        finally:
-            pool.shutdown(cancel_futures=True)
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, context, _begin)
+    try:
+        pending: dict[Future[Answer], int] = {pool.submit(function, tasks[place]): place for place in places}
+        while pending:
+            done, _ = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield pending.pop(future), future.result()
+    except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: do not wait for running tasks
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _cores() -> int:
-    return len(_own_cores()) or os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _own_cores() -> list[int]:
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-
-
-def _core_shares(workers: int) -> list[list[int]]:
-    """The cores of each worker: disjoint where there are enough."""
-    cores = _own_cores()
-    if len(cores) < workers:
-        return [cores] * workers
-    return [cores[k::workers] for k in range(workers)]
-
-
-def _begin(shares: Any) -> None:
-    """In a new worker: keep to its cores, and end quietly on Ctrl-C (the terminal signals all processes)."""
+def _begin() -> None:
+    """In a new worker, before it loads numerical libraries: one thread for each, a quiet end on Ctrl-C (the terminal
+    signals all processes), and an end with its parent.
+    """
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    share = shares.get()
-    if share and hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, share)
 
 
 def _end_with(parent: int) -> None:
@@ -114,18 +95,3 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Limits the numerical libraries of processes started within to one thread."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -41,7 +41,6 @@ SYSTEM_PACKAGES = {
 
 
 NEEDED = {
-    "embreex": ("embreex", "views of textured meshes in measurements", "pip install gvla2"),
     "sapien": ("sapien", "the simulated Panda", "pip install 'gvla2[sim]'"),
     "pinocchio": ("pin", "kinematics and collision checks", "pip install 'gvla2[sim]'"),
     "ompl": ("ompl", "motion planning", "pip install 'gvla2[sim]'"),

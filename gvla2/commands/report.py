@@ -41,11 +41,11 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
     Raises :class:`ConfigurationError` when the database does not exist, or nothing in it fits the selection.
     """
     from gvla2.commands.reporting import publish
+    from gvla2.evaluation.reports import REPORTS
     from gvla2.evaluation.results import Results, file_of
-    from gvla2.evaluation.tables import LAYOUTS
 
-    if config.suite not in LAYOUTS:
-        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(LAYOUTS)}.")
+    if config.suite not in REPORTS:
+        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(REPORTS)}.")
     path = file_of(config.results.url)
     if path is not None and not path.is_file():
         raise ConfigurationError(
@@ -56,7 +56,7 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
         runs = results.runs(config.suite)
         if not cells:
             raise ConfigurationError(_nothing(config, results.cells(config.suite), [run.id for run in runs]))
-        written = publish(cells, runs, LAYOUTS[config.suite], folder, config.formats)
+        written = publish(cells, runs, config.suite, folder, config.formats)
     for file in written:
         print(f"{file.suffix[1:]}: {file}")
     return len(cells)

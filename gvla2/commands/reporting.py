@@ -14,49 +14,44 @@ from gvla2.commands.tables import console, row, table
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Run
-    from gvla2.evaluation.table_formats import AnyTable
-    from gvla2.evaluation.tables import AnyLayout
+    from gvla2.evaluation.sheets import Sheet
 
 
 def publish(
     cells: Sequence[Cell],
     runs: Sequence[Run],
-    layout: AnyLayout,
+    suite: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
     out: Console | None = None,
 ) -> list[Path]:
-    """Make the tables of these cells in every format asked for; returns the files written into ``folder``."""
-    from gvla2.evaluation.noise_curve import noise_curve
+    """Make the suite's tables of these cells in every format asked for; returns the files written into ``folder``."""
     from gvla2.evaluation.report_page import render_report
-    from gvla2.evaluation.robot.learning_curve import learning_curve
+    from gvla2.evaluation.reports import REPORTS
     from gvla2.evaluation.table_formats import to_latex, to_markdown
-    from gvla2.evaluation.tables import Table, tables_of
     from gvla2.record.files import write_text
 
-    tables = tables_of(cells, layout)
+    report = REPORTS[suite]
+    sheets, curve = report.sheets(cells), report.curve(cells)
     if "terminal" in formats:
-        show(tables, out or console())
+        show(sheets, out or console())
     written = []
     if "markdown" in formats:
-        written.append(write_text(folder / "report.md", to_markdown(tables)))
+        written.append(write_text(folder / "report.md", to_markdown(sheets)))
     if "latex" in formats:
-        written.append(write_text(folder / "report.tex", to_latex(tables)))
-    curve = noise_curve([table for table in tables if isinstance(table, Table)]) or learning_curve(cells)
+        written.append(write_text(folder / "report.tex", to_latex(sheets)))
     if curve and formats:
         written.append(write_text(folder / "curve.svg", curve))
     if "html" in formats:
-        page = render_report(tables, cells, runs, f"gvla2: {layout.title}", curve)
+        page = render_report(sheets, runs, f"gvla2: {report.title}", curve)
         written.append(write_text(folder / "index.html", page))
     return written
 
 
-def show(tables: Sequence[AnyTable], out: Console) -> None:
+def show(sheets: Sequence[Sheet], out: Console) -> None:
     """Print tables, one below the other, with what their numbers mean."""
     from gvla2.evaluation.sheets import explanations
-    from gvla2.evaluation.table_formats import sheet_of
 
-    sheets = [sheet_of(table) for table in tables]
     for sheet in sheets:
         listing = table("", *sheet.headings)
         for line in sheet.rows:

@@ -142,7 +142,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
     from gvla2.commands.reporting import publish
     from gvla2.evaluation.provenance import commit, versions
     from gvla2.evaluation.results import Cell, Results, Run, cell_key, now
-    from gvla2.evaluation.runs import RUNS, SUITE
+    from gvla2.evaluation.runs import SUITE
     from gvla2.record.files import write_text
 
     cells = [
@@ -167,7 +167,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
         runs = results.runs(SUITE)
-    written = publish(stored, runs, RUNS, folder, ("terminal", "html"))
+    written = publish(stored, runs, SUITE, folder, ("terminal", "html"))
     written.append(write_text(folder / "jobs.csv", _csv(rows)))
     for file in written:
         print(f"{file.suffix[1:]}: {file}")

@@ -1,70 +1,52 @@
-"""The table of a suite of single figures: each beside its goal and its peers' values."""
+"""The table of a suite of single figures: each beside its goal and a peer's value."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-from gvla2.evaluation.results import Cell
+from gvla2.evaluation.results import Cell, latest
+from gvla2.evaluation.sheets import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of
 
-
-@dataclass(frozen=True)
-class FigureLayout:
-    """A suite whose cells are single figures: test, n, value, unit, goal, peers."""
-
-    suite: str
-    title: str
-    explanation: str
+HEADINGS = ("n", "value", "goal", "reached", "plain peer", "")
 
 
-@dataclass(frozen=True)
-class FigureTable:
-    """The figures of a suite, in the order of the table, and the runs that they come from."""
-
-    layout: FigureLayout
-    cells: tuple[Cell, ...]
-    runs: tuple[int, ...]
-
-    @property
-    def title(self) -> str:
-        """The suite's title."""
-        return self.layout.title
-
-
-MEMORY = FigureLayout(
-    suite="memory",
-    title="Memory",
-    explanation=(
-        "Each value beside its goal and a plain peer's in the same run: JSON lines scored one by one, as in the "
-        "released code (which has its own column if a checkout was given). Times are this machine's; "
-        "unmeasured values say so."
-    ),
-)
-
-TRAJECTORIES = FigureLayout(
-    suite="trajectories",
-    title="Published runs of software agents",
-    explanation=(
-        "A verifier judges runs whose outcome is known but hidden from it; a memory learns from them with those "
-        "verdicts. The peer is a one-line rule on the same transcripts."
-    ),
-)
-
-
-def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[FigureTable]:
-    """One table, or none for no cells; if a figure was measured twice, the later one counts."""
-    latest: dict[tuple[str, ...], Cell] = {}
-    for cell in sorted(cells, key=lambda cell: cell.run):
-        # By the requested size: an unmeasured figure has no other.
-        size = cell.notes.get("size", cell.factors.get("n"))
-        latest[str(cell.factors["test"]), str(cell.factors.get("on", "")), str(size)] = cell
-    kept = sorted(latest.values(), key=lambda cell: cell.notes.get("order", []))
+def figure_sheets(cells: Iterable[Cell], title: str, explanation: str) -> list[Sheet]:
+    """One table with a row per figure, in the order of the suite; none for no cells."""
+    # By the requested size: an unmeasured figure has no other.
+    once = latest(cells, lambda c: (*c.told("test", "on"), str(c.notes.get("size", c.factors.get("n")))))
+    kept = sorted(once, key=lambda cell: cell.notes.get("order", []))
     if not kept:
         return []
-    return [FigureTable(layout, tuple(kept), tuple(sorted({cell.run for cell in kept})))]
+    rows = tuple(SheetRow(_label(cell), _figure(cell)) for cell in kept)
+    reached = [cell.notes["passed"] for cell in kept if cell.notes.get("passed") is not None]
+    counts = f"{sum(reached)} of {len(reached)} goals reached"
+    return [Sheet(title, HEADINGS, rows, counts, runs_of(kept), explanation)]
 
 
-def value_text(cell: Cell, name: str = "value") -> str:
+def _label(cell: Cell) -> str:
+    title, on = str(cell.notes.get("title", cell.factors.get("test"))), cell.factors.get("on")
+    return f"{title} ({on})" if on else title
+
+
+def _figure(cell: Cell) -> tuple[SheetCell, ...]:
+    value, goal, peer = (_text(cell, name) for name in ("value", "goal", "peer_value"))
+    status, n = str(cell.notes.get("status", "ok")), cell.factors.get("n", "")
+    better = "≤" if cell.notes.get("better") == "lower" else "≥"
+    outcomes: dict[object, tuple[str, Tone]] = {True: ("yes", "better"), False: ("NO", "worse")}
+    reached, tone = outcomes.get(cell.notes.get("passed"), ("", ""))
+    return (
+        SheetCell((f"{n:,}" if isinstance(n, int) and value else "",)),
+        SheetCell((value,)) if value else NONE,
+        SheetCell((f"{better} {goal}" if goal else "",)),
+        SheetCell((reached,), tone=tone),
+        SheetCell((peer, str(cell.notes.get("peer", ""))) if peer else ("",)),
+        SheetCell(
+            (str(cell.notes.get("note", "")) if status == "ok" else status.removeprefix("not measured: "),)
+        ),
+    )
+
+
+def _text(cell: Cell, name: str) -> str:
     """A measure of a figure with its unit; "" where there is none."""
     value = cell.measures.get(name)
     if value is None:
@@ -72,14 +54,3 @@ def value_text(cell: Cell, name: str = "value") -> str:
     digits, unit = int(cell.notes.get("digits", 2)), str(cell.notes.get("unit", ""))
     text = f"{value:,.{digits}f}" if abs(value) < 1e6 else f"{value:,.0f}"
     return f"{text}{unit}" if unit.startswith("/") else f"{text} {unit}".strip()
-
-
-def goal_text(cell: Cell) -> str:
-    """The goal with its direction."""
-    text = value_text(cell, "goal")
-    return f"{'≤' if cell.notes.get('better') == 'lower' else '≥'} {text}" if text else ""
-
-
-def passed_text(cell: Cell) -> str:
-    """Whether the goal is reached: yes, no, or "" for no goal."""
-    return {True: "yes", False: "NO"}.get(cell.notes.get("passed"), "")  # type: ignore[arg-type]

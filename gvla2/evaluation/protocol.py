@@ -1,8 +1,8 @@
 """The GSO-30 view protocol on any textured mesh: 25 cameras, five inputs, fifteen held-out targets.
 
 The mesh is scaled to a longest side of 1 and centred. Cameras look at its centre from random points of the sphere, at
-radius 1.5 to 2.2 (view 0: radius 1.7 to 2.0 at height 0.9 to 1.1), with a 35 mm lens on a 32 mm sensor. Pictures are
-ray cast at 512 x 512 with 2 x 2 rays a pixel and averaged to 256 x 256 on white. The cameras depend only on the
+radius 1.5 to 2.2 (view 0: radius 1.7 to 2.0 at height 0.9 to 1.1), with a 35 mm lens on a 32 mm sensor. Pictures
+have 512 x 512 pixels of 2 x 2 rays and are averaged to 256 x 256 on white. The cameras depend only on the
 object's name. Rendered views are cached on disk under a hash of the visible content and the protocol's version.
 """
 
@@ -117,10 +117,9 @@ def object_views(
 
 def render(textured: TexturedMesh, cameras: list[Camera], samples: int = SAMPLES) -> tuple[View, ...]:
     """Views of a mesh as it lies, with ``samples`` squared rays a pixel; masks are alpha, depth in metres."""
-    from gvla2.evaluation.textured_raycast import TexturedCaster
+    from gvla2.evaluation.textured_views import textured_view
 
-    caster = TexturedCaster(textured)
-    return tuple(caster.view(camera, samples) for camera in cameras)
+    return tuple(textured_view(textured, camera, samples) for camera in cameras)
 
 
 def _file_name(name: str) -> str:

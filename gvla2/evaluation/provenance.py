@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGES = ("gvla2", "numpy", "scipy", "numba", "scikit-image", "trimesh", "embreex", "sqlmodel", "torch")
+PACKAGES = ("gvla2", "numpy", "scipy", "numba", "scikit-image", "trimesh", "sqlmodel", "torch")
 
 
 def versions() -> dict[str, str]:

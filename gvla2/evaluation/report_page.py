@@ -8,118 +8,52 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from gvla2.evaluation.perception.table import PerceptionTable
-from gvla2.evaluation.results import Cell, Run
-from gvla2.evaluation.robot.tables import Film, RobotTable
-from gvla2.evaluation.runs import RunJob, RunTable
-from gvla2.evaluation.sheets import explanations
-from gvla2.evaluation.table_formats import EXPLANATION, AnyTable, sheet_of
-from gvla2.evaluation.tables import Table
-
-MOST_PICTURES = 60
-"""Objects shown below one table: the page stays small enough for e-mail."""
+from gvla2.evaluation.results import Run
+from gvla2.evaluation.sheets import Exhibit, Sheet, explanations
 
 
-def render_report(
-    tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Sequence[Run], title: str, curve: str = ""
-) -> str:
-    """The page, ``curve`` (SVG) on top. Pictures of the cells that are still on disk are embedded."""
-    environment = Environment(
-        loader=PackageLoader("gvla2.evaluation", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=False,
+def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str, curve: str = "") -> str:
+    """The page, ``curve`` (SVG) on top. Pictures that are still on disk are embedded, films linked."""
+    used = {number for sheet in sheets for number in sheet.runs}
+    return (
+        template("report.html.jinja").render(
+            title=title,
+            curve=Markup(curve),
+            explanation=explanations(sheets),
+            sheets=[(sheet, _shown(sheet)) for sheet in sheets],
+            runs=[(run, _versions(run)) for run in runs if run.id in used],
+        )
+        + "\n"
     )
-    used = {number for table in tables for number in table.runs}
-    page = environment.get_template("report.html.jinja").render(
-        title=title,
-        curve=Markup(curve),
-        explanation=explanations([sheet_of(table) for table in tables]) or EXPLANATION,
-        tables=[_table(table, cells) for table in tables],
-        runs=[_run(run) for run in runs if run.id in used],
-    )
-    return page + "\n"
 
 
-def _table(table: AnyTable, cells: Sequence[Cell]) -> dict[str, Any]:
-    sheet = sheet_of(table)
-    return {
-        "title": sheet.title,
-        "headings": sheet.headings,
-        "rows": sheet.rows,
-        "footnote": sheet.footnote,
-        "pictures": _pictures(table, cells) if isinstance(table, Table) else [],
-        "films": _films(table),
-        "shown": "Jobs" if isinstance(table, RunTable) else "Failures to look at",
-        "overlays": _overlays(table) if isinstance(table, PerceptionTable) else [],
-    }
+def template(name: str) -> Template:
+    """A template of this package; every text in its values is escaped."""
+    loader = PackageLoader("gvla2.evaluation", ".")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined).get_template(name)
 
 
-def _overlays(table: PerceptionTable) -> list[dict[str, str]]:
-    found = [{"caption": caption, "source": _data_uri(path)} for caption, path in table.pictures()]
-    return [one for one in found if one["source"]][:MOST_PICTURES]
+def _shown(sheet: Sheet) -> list[dict[str, Any]]:
+    """The exhibits of a table; of those that no page tells about, only the ones with a picture."""
+    found = [_exhibit(exhibit) for exhibit in sheet.gallery.exhibits] if sheet.gallery else []
+    return [one for one in found if one["page"] or one["sources"]]
 
 
-def _films(table: AnyTable) -> list[dict[str, str]]:
-    if isinstance(table, RobotTable):
-        return [_film(film) for film in table.films]
-    return [_film(job) for job in table.jobs] if isinstance(table, RunTable) else []
-
-
-def _film(film: Film | RunJob) -> dict[str, str]:
+def _exhibit(exhibit: Exhibit) -> dict[str, Any]:
     """Films are linked, not embedded: they would make it hundreds of megabytes."""
-    folder = Path(film.folder)
-    moving = folder / "episode.gif"
-    still = moving if moving.is_file() else folder / "before.png"
-    return {
-        "caption": film.caption,
-        "page": (folder / "index.html").as_uri(),
-        "picture": still.as_uri() if still.is_file() else "",
-    }
+    files = [Path(path) for path in exhibit.pictures if Path(path).is_file()]
+    if exhibit.page:
+        sources, page = [file.as_uri() for file in files], Path(exhibit.page).as_uri()
+        return {"caption": exhibit.caption, "sources": sources, "page": page}
+    coded = (base64.b64encode(file.read_bytes()).decode("ascii") for file in files)
+    return {"caption": exhibit.caption, "sources": [f"data:image/png;base64,{c}" for c in coded], "page": ""}
 
 
-def _pictures(table: Table, cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """One entry per object: its pictures in the order of the table's rows."""
-    layout = table.layout
-    order = list(layout.labels)
-    by_object: dict[str, dict[str, str]] = {}
-    for cell in cells:
-        if all(str(cell.factors.get(name, "")) == value for name, value in table.group.items()):
-            source = _data_uri(str(cell.notes.get("picture", "")))
-            if source:
-                name = str(cell.factors.get(layout.pair))
-                by_object.setdefault(name, {}).setdefault(str(cell.factors.get(layout.row)), source)
-    shown = sorted(by_object.items())[:MOST_PICTURES]
-    return [
-        {
-            "caption": name,
-            "sources": [
-                rows[row] for row in sorted(rows, key=lambda r: order.index(r) if r in order else 99)
-            ],
-        }
-        for name, rows in shown
-    ]
-
-
-def _data_uri(path: str) -> str:
-    if not path or not Path(path).is_file():
-        return ""
-    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode("ascii")
-
-
-def _run(run: Run) -> dict[str, Any]:
+def _versions(run: Run) -> str:
     try:
-        versions = ", ".join(f"{name} {version}" for name, version in json.loads(run.versions).items())
+        return ", ".join(f"{name} {version}" for name, version in json.loads(run.versions).items())
     except json.JSONDecodeError:
-        versions = run.versions
-    return {
-        "id": run.id,
-        "started": run.started,
-        "commit": run.commit,
-        "folder": run.folder,
-        "config": run.config,
-        "versions": versions,
-    }
+        return run.versions

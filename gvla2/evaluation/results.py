@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,9 +74,26 @@ class Cell:
     notes: Mapping[str, Any]
     run: int = 0
 
+    def told(self, *names: str) -> tuple[str, ...]:
+        """The factors of these names as text, "" for one that it does not have."""
+        return tuple(str(self.factors.get(name, "")) for name in names)
+
     def flat(self) -> dict[str, Any]:
         """Factors, measures and notes side by side, as in ``result.json``."""
         return {**self.factors, **self.measures, **self.notes}
+
+
+def latest(cells: Iterable[Cell], place: Callable[[Cell], Hashable]) -> list[Cell]:
+    """One cell for each place: if it was measured twice, the later run's."""
+    return list({place(cell): cell for cell in sorted(cells, key=lambda cell: cell.run)}.values())
+
+
+def grouped(cells: Iterable[Cell], *names: str) -> dict[tuple[str, ...], list[Cell]]:
+    """The cells by these factors, in order of first appearance."""
+    groups: dict[tuple[str, ...], list[Cell]] = {}
+    for cell in cells:
+        groups.setdefault(cell.told(*names), []).append(cell)
+    return groups
 
 
 def cell_key(suite: str, *parts: object) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
 
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+from gvla2.evaluation.sheets import NONE, Gallery, Sheet, SheetCell, SheetRow, film, runs_of
 from gvla2.evaluation.statistics import wilson_interval
 
 SUITE = "run"
@@ -22,43 +21,10 @@ EXPLANATION = (
 )
 
 
-@dataclass(frozen=True)
-class RunLayout:
-    """The suite's name and title."""
-
-    suite: str
-    title: str
-
-
-@dataclass(frozen=True)
-class RunJob:
-    """A job with a page: its varied options, and the page's folder."""
-
-    caption: str
-    folder: str
-
-
-@dataclass(frozen=True)
-class RunTable:
-    """One finished sheet, the run of the results database behind it, and its jobs."""
-
-    sheet: Sheet
-    runs: tuple[int, ...]
-    jobs: tuple[RunJob, ...]
-
-    @property
-    def title(self) -> str:
-        """The sheet's."""
-        return self.sheet.title
-
-
-RUNS = RunLayout(SUITE, "Runs")
-
-
-def make_run_tables(cells: Iterable[Cell], layout: RunLayout = RUNS) -> list[RunTable]:
+def run_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """One table per sweep; cells are jobs, with the overrides as factors."""
     by_run = sorted(cells, key=lambda cell: (cell.run, int(cell.factors["job"])))
-    return [_table(run, list(group), layout) for run, group in groupby(by_run, key=lambda cell: cell.run)]
+    return [_sheet(list(group)) for _, group in groupby(by_run, key=lambda cell: cell.run)]
 
 
 def varied(factors: Sequence[Mapping[str, str | int]]) -> list[str]:
@@ -72,26 +38,25 @@ def label_of(factors: Mapping[str, str | int], names: Sequence[str]) -> str:
     return ", ".join(f"{name}={factors.get(name, '')}" for name in names)
 
 
-def _table(run: int, cells: list[Cell], layout: RunLayout) -> RunTable:
+def _sheet(cells: list[Cell]) -> Sheet:
     names = varied([cell.factors for cell in cells])
     rows: dict[str, list[Cell]] = {}
     for cell in cells:
         label = label_of(cell.factors, [name for name in names if name != REPEATED]) or "all jobs"
         rows.setdefault(label, []).append(cell)
-    jobs = tuple(
-        RunJob(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
-    )
+    jobs = [
+        film(_caption(cell, names), folder) for cell in cells if (folder := str(cell.notes.get("folder", "")))
+    ]
     failed = sum(cell.notes.get("status") != "ok" for cell in cells)
-    footnote = f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else "")
-    headings = ("success", "strict", "episodes", "seconds", "tokens", "jobs")
-    sheet = Sheet(
-        f"{layout.title}: {', '.join(names) or 'nothing'} varied",
-        headings,
+    return Sheet(
+        f"Runs: {', '.join(names) or 'nothing'} varied",
+        ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
         tuple(SheetRow(label, _cells(members)) for label, members in rows.items()),
-        f"{footnote}; run {run} of the results database.",
+        f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else ""),
+        runs_of(cells),
         EXPLANATION,
+        gallery=Gallery("Jobs", "films", tuple(jobs)),
     )
-    return RunTable(sheet, (run,), jobs)
 
 
 def _caption(cell: Cell, names: Sequence[str]) -> str:
@@ -106,8 +71,7 @@ def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
     failed = len(members) - len(well)
     count = f"{len(members)}, {failed} failed" if failed else str(len(members))
     if not well:
-        nothing = SheetCell(("not measured",), none=True)
-        return nothing, nothing, SheetCell(("0",)), nothing, nothing, SheetCell((count,))
+        return NONE, NONE, SheetCell(("0",)), NONE, NONE, SheetCell((count,))
     episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
     return (
         _success(well, "succeeded", episodes),
@@ -122,6 +86,6 @@ def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
 def _success(cells: Sequence[Cell], measure: str, episodes: int) -> SheetCell:
     reached = int(sum(cell.measures[measure] or 0 for cell in cells))
     if not episodes:
-        return SheetCell(("not measured",), none=True)
+        return NONE
     low, high = wilson_interval(reached, episodes)
     return SheetCell((f"{100 * reached / episodes:.0f}", f"[{100 * low:.0f}, {100 * high:.0f}]"))

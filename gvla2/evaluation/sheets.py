@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
-from gvla2.evaluation.figures import FigureTable, goal_text, passed_text, value_text
 from gvla2.evaluation.results import Cell
 
 Tone = Literal["", "better", "worse"]
+NOT_MEASURED = "not measured"
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,9 @@ class SheetCell:
     tone: Tone = ""
 
 
+NONE = SheetCell((NOT_MEASURED,), none=True)
+
+
 @dataclass(frozen=True)
 class SheetRow:
     """A labelled row."""
@@ -30,48 +34,57 @@ class SheetRow:
 
 
 @dataclass(frozen=True)
+class Exhibit:
+    """Something to look at: paths of pictures, side by side, and of the page that tells more, "" for none."""
+
+    caption: str
+    pictures: tuple[str, ...]
+    page: str = ""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Exhibits below a table; ``style`` is how a page lays them out."""
+
+    heading: str
+    style: Literal["pictures", "films", "overlays"]
+    exhibits: tuple[Exhibit, ...]
+
+
+@dataclass(frozen=True)
 class Sheet:
-    """A table as text. ``headings`` are those of the cells, without the label's."""
+    """A table as text. ``headings`` are those of the cells, without the label's.
+
+    ``counts`` tells how much was measured in which ``runs`` of the results database; ``remarks`` follow below the
+    table.
+    """
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[SheetRow, ...]
-    footnote: str
+    counts: str
+    runs: tuple[int, ...]
     explanation: str
+    remarks: str = ""
+    gallery: Gallery | None = None
+
+    @property
+    def footnote(self) -> str:
+        """Counts, sources and remarks."""
+        sources = f"{self.counts}; runs {', '.join(map(str, self.runs))} of the results database."
+        return f"{sources} {self.remarks}".strip()
 
 
-def sheet_of_figures(table: FigureTable) -> Sheet:
-    """One row per figure; the released code has a column if it was measured."""
-    released = any(cell.measures.get("released_value") is not None for cell in table.cells)
-    headings = ("n", "value", "goal", "reached", "plain peer", *(("released code",) if released else ()), "")
-    rows = tuple(SheetRow(_label(cell), _figure(cell, released)) for cell in table.cells)
-    reached = [cell.notes["passed"] for cell in table.cells if cell.notes.get("passed") is not None]
-    runs = ", ".join(map(str, table.runs))
-    footnote = f"{sum(reached)} of {len(reached)} goals reached; runs {runs} of the results database."
-    return Sheet(table.title, headings, rows, footnote, table.layout.explanation)
+def film(caption: str, folder: str) -> Exhibit:
+    """The page of an episode or job, by its folder, with its film, or the picture from before it."""
+    stills = (f"{folder}/{name}" for name in ("episode.gif", "before.png"))
+    shown = next((path for path in stills if Path(path).is_file()), "")
+    return Exhibit(caption, (shown,) if shown else (), f"{folder}/index.html")
 
 
-def _label(cell: Cell) -> str:
-    title, on = str(cell.notes.get("title", cell.factors.get("test"))), cell.factors.get("on")
-    return f"{title} ({on})" if on else title
-
-
-def _figure(cell: Cell, released: bool) -> tuple[SheetCell, ...]:
-    value, status = value_text(cell), str(cell.notes.get("status", "ok"))
-    tone: dict[object, Tone] = {True: "better", False: "worse"}
-    peer = value_text(cell, "peer_value")
-    n = cell.factors.get("n", "")
-    cells = [
-        SheetCell((f"{n:,}" if isinstance(n, int) and value else "",)),
-        SheetCell((value or "not measured",), none=not value),
-        SheetCell((goal_text(cell),)),
-        SheetCell((passed_text(cell),), tone=tone.get(cell.notes.get("passed"), "")),
-        SheetCell((peer, str(cell.notes.get("peer", ""))) if peer else ("",)),
-    ]
-    if released:
-        cells.append(SheetCell((value_text(cell, "released_value"),)))
-    note = str(cell.notes.get("note", "")) if status == "ok" else status.removeprefix("not measured: ")
-    return (*cells, SheetCell((note,)))
+def runs_of(cells: Iterable[Cell]) -> tuple[int, ...]:
+    """The runs that cells come from."""
+    return tuple(sorted({cell.run for cell in cells}))
 
 
 def explanations(sheets: Sequence[Sheet]) -> str:

@@ -134,7 +134,7 @@ class RayCaster:
             surface = self._surfaces[index]
             camera_from_surface = invert_rigid(camera.world_from_camera) @ poses[index]
             seen = transform_points(camera_from_surface, surface.vertices) @ camera.K.T
-            _draw(np.ascontiguousarray(seen), surface.faces, int(self._first_faces[index]), depth, hits)
+            draw(np.ascontiguousarray(seen), surface.faces, int(self._first_faces[index]), depth, hits)
         shown = np.zeros(len(self._ids) + 1, dtype=bool)
         shown[hits] = True
         faces = np.flatnonzero(shown[:-1])
@@ -172,7 +172,8 @@ class RayCaster:
             camera.world_from_camera, pixels @ np.linalg.inv(camera.K).T * distance[:, None]
         )
         faces = hits[rows, columns] - first
-        weights = _barycentric(surface, faces, transform_points(invert_rigid(pose), points))
+        corners = surface.faces[faces]
+        weights = barycentric(surface.vertices, corners, transform_points(invert_rigid(pose), points))
         seen = surface.texture.at(faces, weights, distance / camera.K[0, 0])
         image[rows, columns] = _as_bytes(self._rgb[first + faces] * seen * shades[first + faces][:, None])
 
@@ -192,9 +193,9 @@ class RayCaster:
         return shades
 
 
-def _barycentric(surface: Surface, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
-    """(N, 3) weights of the corners of ``faces`` (N,) at ``points`` (N, 3) on them, the surface's frame."""
-    a, b, c = (surface.vertices[surface.faces[faces, k]] for k in range(3))
+def barycentric(vertices: FloatArray, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
+    """(N, 3) weights of the corners of faces (N, 3), indices of vertices (V, 3), at points (N, 3) on them."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     area = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-30)
     second = np.einsum("ij,ij->i", np.cross(points - a, c - a), normal) / area
@@ -220,7 +221,7 @@ def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
 
 
 @compiled
-def _draw(
+def draw(
     corners: FloatArray,
     faces: NDArray[np.int64],
     first_face: int,

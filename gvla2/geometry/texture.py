@@ -67,7 +67,7 @@ class Texture:
             mine = self.image[faces] == number
             for depth in np.unique(np.minimum(level[mine], len(pyramid) - 1)):
                 chosen = mine & (np.minimum(level, len(pyramid) - 1) == depth)
-                colours[chosen] = _bilinear(pyramid[depth], spot[chosen])
+                colours[chosen] = bilinear(pyramid[depth], spot[chosen])
         return colours
 
 
@@ -104,8 +104,8 @@ def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(blocks.sum(axis=(1, 3)), dtype=np.float32)
 
 
-def _bilinear(image: NDArray[np.float32], uv: FloatArray) -> FloatArray:
-    """(N, 3) between texel centres, which lie at ((i + .5) / W, 1 - (j + .5) / H)."""
+def bilinear(image: NDArray[np.uint8] | NDArray[np.float32], uv: FloatArray) -> FloatArray:
+    """(N, 3) of an image (H, W, 3) at uv (N, 2), between texel centres at ((i + .5) / W, 1 - (j + .5) / H)."""
     height, width = image.shape[:2]
     x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)
     y = np.clip((1.0 - uv[:, 1]) * height - 0.5, 0, height - 1)

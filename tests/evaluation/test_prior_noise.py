@@ -7,11 +7,12 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from gvla2.evaluation.comparison import make_tables
 from gvla2.evaluation.noise_curve import noise_curve
-from gvla2.evaluation.prior_noise import CURVE, DEVELOPMENT, NOISES, PER_CENT
+from gvla2.evaluation.prior_noise import NOISES, PER_CENT
 from gvla2.evaluation.protocol import protocol_cameras
+from gvla2.evaluation.reports import RECONSTRUCTION
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.tables import RECONSTRUCTION, make_tables
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
@@ -85,16 +86,14 @@ def test_every_noise_is_a_setting_of_the_depth_prior(views, name):
 
 
 def test_low_frequency_errors_have_the_size_of_their_name(views):
-    for name in CURVE[1:]:
+    for name in NOISES_OF_CURVE[1:]:
         options = dict(NOISES[name][1])
         config = DepthPriorConfig(noise="learned", learned=LearnedNoise(**options["learned"]), erode=0)
         ratio = DepthPrior(config).predict(views).depth / np.stack([v.depth for v in views])
         assert 100 * np.nanstd(ratio) == pytest.approx(PER_CENT[name], rel=0.6)
 
 
-def test_the_development_scans_are_every_third():
-    assert len(DEVELOPMENT) == 10
-    assert list(DEVELOPMENT) == sorted(DEVELOPMENT)
+NOISES_OF_CURVE = tuple(PER_CENT)
 
 
 def curve_cells(noises):
@@ -116,10 +115,10 @@ def curve_cells(noises):
 
 
 def test_the_curve_is_a_picture_with_a_line_a_method():
-    tables = make_tables(list(curve_cells(CURVE)), RECONSTRUCTION)
+    tables = make_tables(list(curve_cells(NOISES_OF_CURVE)), RECONSTRUCTION)
     drawn = noise_curve(tables)
     assert drawn.startswith("<svg")
-    assert drawn.count("<circle") == 2 * len(CURVE)
+    assert drawn.count("<circle") == 2 * len(NOISES_OF_CURVE)
     assert "-60 %" not in drawn
     assert "2 %" in drawn
-    assert noise_curve(make_tables(list(curve_cells(CURVE[:2])), RECONSTRUCTION)) == ""
+    assert noise_curve(make_tables(list(curve_cells(NOISES_OF_CURVE[:2])), RECONSTRUCTION)) == ""

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import pytest
 
+from gvla2.evaluation.comparison import comparison_sheets, make_tables
 from gvla2.evaluation.report_page import render_report
+from gvla2.evaluation.reports import AGENTS, RECONSTRUCTION
 from gvla2.evaluation.results import Cell, Run
-from gvla2.evaluation.table_formats import NOT_MEASURED, to_latex, to_markdown
-from gvla2.evaluation.tables import AGENTS, RECONSTRUCTION, make_tables
+from gvla2.evaluation.sheets import NOT_MEASURED
+from gvla2.evaluation.table_formats import to_latex, to_markdown
 
 
 def cells() -> list[Cell]:
@@ -35,7 +37,7 @@ def cells() -> list[Cell]:
 def test_means_changes_and_the_worst_object():
     (table,) = make_tables(cells(), RECONSTRUCTION)
     assert [row.name for row in table.rows] == ["baseline", "ab_fusion"]
-    assert table.runs == (7,)
+    assert {cell.run for cell in table.cells} == {7}
     base, fused = (row.entries[0] for row in table.rows)
     assert base.mean == pytest.approx(15.5)
     assert base.deviation == pytest.approx(0.5**0.5)
@@ -58,7 +60,7 @@ def test_groups_are_tables_of_their_own_and_failures_are_counted():
     )
     first, second = make_tables([*made, *drifted, lost], RECONSTRUCTION)
     assert (first.group["drift"], second.group["drift"]) == ("none", "planted")
-    assert first.runs == (7, 9)
+    assert {cell.run for cell in first.cells} == {7, 9}
     assert [row.failed for row in first.rows] == [0, 1]
     assert first.rows[1].entries[0].change.count == 2
 
@@ -84,18 +86,20 @@ def test_stages_that_the_views_refuted_are_counted_below_the_table():
     fused = [cell for cell in made if cell.factors["variant"] == "ab_fusion"]
     others = [replace(cell, notes={"status": "ok"}) for cell in made if cell not in fused]
     tables = make_tables([*fused, *others], RECONSTRUCTION)
-    assert "refuted a stage: A + B fusion: axis 2 of 4." in to_markdown(tables)
+    assert "refuted a stage: A + B fusion: axis 2 of 4." in to_markdown(
+        comparison_sheets([*fused, *others], RECONSTRUCTION)
+    )
     assert [dict(row.rejected) for row in tables[0].rows] == [{}, {"axis": "2 of 4"}]
 
 
 def test_a_table_is_explained_by_its_own_suite():
-    assert "prior" in to_markdown(make_tables(cells(), RECONSTRUCTION))
+    assert "prior" in to_markdown(comparison_sheets(cells(), RECONSTRUCTION))
     agent = Cell("a", {"memory": "off", "task": "t", "seed": 0}, {"solved": 1.0}, {"status": "ok"}, 1)
-    assert "prior" not in to_markdown(make_tables([agent], AGENTS))
+    assert "prior" not in to_markdown(comparison_sheets([agent], AGENTS))
 
 
 def test_markdown():
-    text = to_markdown(make_tables(cells(), RECONSTRUCTION))
+    text = to_markdown(comparison_sheets(cells(), RECONSTRUCTION))
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in rows}) == 1
     assert "15.50 ± 0.71" in text
@@ -104,7 +108,7 @@ def test_markdown():
 
 
 def test_latex_escapes_what_it_must():
-    text = to_latex(make_tables(cells(), RECONSTRUCTION))
+    text = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
     assert r"a\_mug" in text or r"bowl" in text
     assert not re.search(r"(?<!\\)%", text)
     assert not re.search(r"[±↓↑×]", text)
@@ -113,7 +117,7 @@ def test_latex_escapes_what_it_must():
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
 def test_latex_compiles(tmp_path):
-    body = to_latex(make_tables(cells(), RECONSTRUCTION))
+    body = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
     (tmp_path / "t.tex").write_text(
         "\\documentclass{article}\\usepackage{booktabs}\\begin{document}" + body + "\\end{document}"
     )
@@ -131,7 +135,7 @@ def test_the_page_is_self_contained_and_escapes(tmp_path):
         made[0].key, made[0].factors, made[0].measures, {"status": "ok", "picture": str(picture)}, 7
     )
     run = Run(id=7, suite="reconstruction", started="2026", commit="<b>abc", config="seed: 0", versions="{")
-    page = render_report(make_tables(made, RECONSTRUCTION), made, [run], "Title")
+    page = render_report(comparison_sheets(made, RECONSTRUCTION), [run], "Title")
     assert "data:image/png;base64," in page
     assert "&lt;b&gt;abc" in page
     assert not re.search(r'(src|href)="(?!data:)', page)

@@ -6,10 +6,10 @@ import json
 import logging
 import random
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -77,24 +77,25 @@ def work(
     folder.mkdir(parents=True, exist_ok=True)
     bank = folder / DATABASE
     _restore(folder, done)
-    with closing(_Open(crew_of, bank)) as open_:
+    crew = crew_of(bank)
+    with closing(crew.memory):
         for place in range(done, len(sequence.tasks)):
             task = sequence.tasks[place]
-            before = open_.crew.ledger.totals()
+            before = crew.ledger.totals()
             row = f"{sequence.memory}/{sequence.seed}/{task.name}"
             made: Attempt | None = None
             try:
                 with sandbox_of(task) as sandbox:
                     made = attempt(
                         task,
-                        open_.crew.agent,
+                        crew.agent,
                         sandbox,
-                        open_.crew.memory,
-                        open_.crew.verifier,
+                        crew.memory,
+                        crew.verifier,
                         source=row,
                         tests_told=tests_told,
                         seed=sequence.seed,
-                        tell=partial(_tell, tell, row),
+                        tell=lambda line, row=row: tell(f"{row} {line}"),  # type: ignore[misc]
                     )
                 status = "ok"
             except EnvironmentFailedError as error:
@@ -104,54 +105,34 @@ def work(
                     "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
                 )
                 return
-            open_.settle()
             _keep(folder, place + 1)
-            spent = open_.crew.ledger.totals(before)
-            yield _cell(sequence, place, made, status, spent, bank)
+            yield _cell(sequence, place, made, status, crew.ledger.totals(before))
 
 
-class _Open:
-    """The crew; its memory is closed after each task, so that its file can be copied, and opened for the next."""
-
-    def __init__(self, crew_of: Callable[[Path], Crew], bank: Path) -> None:
-        self._crew_of, self._bank = crew_of, bank
-        self.crew = crew_of(bank)
-
-    def settle(self) -> None:
-        """Flush everything learnt to the file."""
-        self.crew.memory.close()
-        ledger = self.crew.ledger
-        self.crew = self._crew_of(self._bank)
-        assert self.crew.ledger is ledger, "one ledger counts the whole sequence"
-
-    def close(self) -> None:
-        """Release the memory."""
-        self.crew.memory.close()
+def _after(folder: Path, done: int) -> Path:
+    return folder / f"after-{done}.db"
 
 
 def _restore(folder: Path, done: int) -> None:
     """The memory as it was after ``done`` tasks."""
     for file in folder.glob(f"{DATABASE}*"):
         file.unlink()
-    kept = folder / f"after-{done}.db"
+    kept = _after(folder, done)
     if done and kept.is_file():
         shutil.copyfile(kept, folder / DATABASE)
 
 
 def _keep(folder: Path, done: int) -> None:
     """Copy the memory after ``done`` tasks; the previous copy stays, in case the row is not stored."""
-    bank = folder / DATABASE
+    bank, aside = folder / DATABASE, folder / f"after-{done}.part"
     if bank.is_file():
-        aside = folder / f"after-{done}.part"
-        shutil.copyfile(bank, aside)
-        aside.replace(folder / f"after-{done}.db")
+        aside.unlink(missing_ok=True)
+        with closing(sqlite3.connect(bank)) as connection:
+            connection.execute("VACUUM INTO ?", (str(aside),))
+        aside.replace(_after(folder, done))
     for old in folder.glob("after-*.db"):
         if int(old.stem.removeprefix("after-")) < done - 1:
             old.unlink()
-
-
-def _tell(tell: Callable[[str], None], row: str, line: str) -> None:
-    tell(f"{row} {line}")
 
 
 def _cell(
@@ -160,9 +141,8 @@ def _cell(
     made: Attempt | None,
     status: str,
     spent: Mapping[str, Mapping[str, float]],
-    bank: Path,
 ) -> Cell:
-    task = sequence.tasks[place]
+    task, kept = sequence.tasks[place], _after(sequence.folder, place + 1)
     factors = {
         **sequence.factors,
         "memory": sequence.memory,
@@ -184,7 +164,7 @@ def _cell(
         "tokens": agent + extra,
         "seconds": made.run.seconds,
         "overhead": sum(made.seconds[name] for name in ("recall", "verify", "learn")),
-        "storage_kb": bank.stat().st_size / 1000 if bank.is_file() else 0.0,
+        "storage_kb": kept.stat().st_size / 1000 if kept.is_file() else 0.0,
     }
     notes: dict[str, Any] = {
         "status": status,

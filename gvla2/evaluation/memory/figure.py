@@ -32,27 +32,18 @@ class FigureRow:
 
 @dataclass(frozen=True)
 class Figure:
-    """A number beside its peers'; None if not measured, with the reason in ``note``.
+    """A number beside its peer's; None if not measured, with the reason in ``note``.
 
-    ``peer`` names the source of ``peer_value``; ``released`` is the released code's value, if a checkout was given.
-    ``n`` is the number of things measured, if it is not the test's own size; ``goal`` replaces the row's.
+    ``peer`` names the source of ``peer_value``; ``n`` is the number of things measured, if it is not the test's own
+    size; ``goal`` replaces the row's.
     """
 
     value: float | None
     peer: str = ""
     peer_value: float | None = None
-    released: float | None = None
     note: str = ""
     n: int | None = None
     goal: float | None = None
-
-    @classmethod
-    def beside(
-        cls, value: float, peers: Mapping[str, float], *, note: str = "", n: int | None = None
-    ) -> Figure:
-        """A value beside those of peers by name: the plain one first, then the released code if given."""
-        first, second = (*peers.items(), ("", None), ("", None))[:2]
-        return cls(value, first[0], first[1], second[1], note, n)
 
 
 @dataclass(frozen=True)
@@ -60,8 +51,7 @@ class Test:
     """A test of one size: its name, its rows, and how to measure them.
 
     ``size`` is at scale 1, and at least ``least``; ``on`` distinguishes tests of the same name and size (a database, a
-    kind of attack); ``seconds`` is about how long it takes at scale 1, for the time left. ``slow`` tests take many
-    minutes.
+    kind of attack).
     """
 
     __test__ = False  # not a pytest test
@@ -72,7 +62,6 @@ class Test:
     size: int
     least: int = 20
     on: str = ""
-    seconds: float = 1.0
 
     def scaled(self, scale: float) -> int:
         """The size at a scale."""

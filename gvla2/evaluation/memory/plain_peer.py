@@ -10,12 +10,12 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from difflib import SequenceMatcher
 from functools import lru_cache
 from pathlib import Path
 
-from gvla2.evaluation.memory.peers import PeerLesson
+from gvla2.memory.records import Record
 
 FILE = "active.jsonl"
 MATCH, MERGE, MERGE_WORDS, DISCARD, CONFLICT = 0.35, 0.80, 0.5, 0.95, 0.3
@@ -24,8 +24,38 @@ _PRIOR = {"verified_success": 0.30, "success": 0.25, "verified_fail": -0.10, "un
 _NEGATIONS = frozenset(("no", "not", "never", "avoid", "cannot", "without", "don't", "dont"))
 
 
+@dataclass(frozen=True)
+class PeerLesson:
+    """A record as the peer knows it. ``created`` is in seconds since the epoch; ``status`` a verdict's outcome."""
+
+    id: str
+    query: str
+    content: str
+    type: str
+    status: str
+    confidence: float
+    quality: float
+    created: float
+    usage: int = 0
+
+    @classmethod
+    def of(cls, record: Record) -> PeerLesson:
+        """The same lesson."""
+        return cls(
+            record.id,
+            record.query,
+            record.content,
+            record.type,
+            record.outcome,
+            record.confidence,
+            record.quality,
+            record.created,
+            record.usage,
+        )
+
+
 class PlainPeer:
-    """See the module."""
+    """Active records as JSON lines in a folder, one file. ``now`` is in seconds since the epoch."""
 
     name = "JSONL, linear"
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gvla2.evaluation.memory.corpus import tasks
 from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.peers import Peer, PeerLesson
+from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
@@ -55,16 +55,12 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         hits += place < len(attacked) and any(harm in said for said in now.values() for harm in _HARM)
         shown += len(was)
         lost += len(was.keys() - now.keys())
-    setting.tell(0.6, "the bank's are done")
-    theirs = {
-        peer.name: _peer(setting, peer, place, size, on, asked) for place, peer in enumerate(setting.peers())
-    }
+    their_hits, their_losses = _peer(setting, size, on, asked)
     note = f"10 records for each of {len(attacked)} queries, top {TOP}"
-    their_hits = {name: one[0] for name, one in theirs.items()}
-    their_losses = {name: one[1] for name, one in theirs.items()}
+    peer = setting.plain.name
     return {
-        "poison_hit": Figure.beside(100 * hits / len(attacked), their_hits, note=note),
-        "poison_collateral": Figure.beside(100 * lost / max(shown, 1), their_losses, note=note),
+        "poison_hit": Figure(100 * hits / len(attacked), peer, their_hits, note),
+        "poison_collateral": Figure(100 * lost / max(shown, 1), peer, their_losses, note),
     }
 
 
@@ -79,10 +75,8 @@ def _top(bank: KnowledgeBank, task: MemoryTask) -> dict[str, str]:
     return {item.id: item.content for item in items[:TOP]}
 
 
-def _peer(
-    setting: Setting, peer: Peer, place: int, size: int, on: str, asked: Sequence[MemoryTask]
-) -> tuple[float, float]:
-    """Hits and collateral of a peer with the same sound records, and the same verdict on the attacker's.
+def _peer(setting: Setting, size: int, on: str, asked: Sequence[MemoryTask]) -> tuple[float, float]:
+    """Hits and collateral of the plain peer with the same sound records, and the same verdict on the attacker's.
 
     Without admission it believes the attacker's claim of success, as a memory without a verifier would.
     """
@@ -91,7 +85,7 @@ def _peer(
         "no admission": "success",
         "verifier fooled": "verified_success",
     }.get(on, "verified_success")
-    lessons, folder = setting.peer_lessons(size), setting.folder / f"poisoned-{place}"
+    peer, lessons, folder = setting.plain, setting.peer_lessons(size), setting.folder / "poisoned"
     peer.fill(folder, lessons)
     queries = [task.query for task in asked]
     victims = len(queries) // 2
@@ -117,5 +111,5 @@ def tests() -> list[Test]:
             FigureRow("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
             FigureRow("poison_collateral", "Sound records displaced by poison", "%", "lower", goal, 1),
         )
-        made.append(Test("poison", rows, poison, 1000, least=50, on=on, seconds=15.0))
+        made.append(Test("poison", rows, poison, 1000, least=50, on=on))
     return made

@@ -1,4 +1,4 @@
-"""The setting of a run's tests: a scratch folder, banks of any size, peers, the available data."""
+"""The setting of a run's tests: a scratch folder, banks of any size, a plain peer, the available data."""
 
 from __future__ import annotations
 
@@ -8,12 +8,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.peers import Peer, PeerLesson
-from gvla2.evaluation.memory.plain_peer import PlainPeer
+from gvla2.evaluation.memory.plain_peer import PeerLesson, PlainPeer
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
 from gvla2.memory.records import Record
@@ -28,35 +24,25 @@ CHUNK = 5000
 Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
 
 
-def _quiet(_share: float, _what: str) -> None:
-    pass
-
-
 @dataclass
 class Setting:
-    """What tests share. ``folder`` is deleted after the run; ``tell`` receives a test's progress (a share, a word).
+    """What tests share. ``folder`` is deleted after the run.
 
-    ``released`` is the released code if a checkout was given; ``question_file`` a public set of questions and evidence
-    if available; ``embedders`` makes those to compare, by name.
+    ``question_file`` is a public set of questions and evidence if available; ``embedders`` makes those to compare, by
+    name.
     """
 
     folder: Path
     scale: float = 1.0
     seed: int = 0
-    plain: Peer = field(default_factory=PlainPeer)
-    released: Peer | None = None
+    plain: PlainPeer = field(default_factory=PlainPeer)
     question_file: Path | None = None
     embedders: Mapping[str, Callable[[], Embedder]] = field(default_factory=dict)
-    tell: Callable[[float, str], None] = _quiet
     _records: list[Record] = field(default_factory=list)
 
     def count(self, number: int, least: int) -> int:
         """A number of repetitions at this scale."""
         return min(number, max(least, round(number * self.scale)))
-
-    def peers(self) -> list[Peer]:
-        """The plain peer, and the released code if given."""
-        return [self.plain, *([self.released] if self.released is not None else [])]
 
     def records(self, count: int) -> list[Record]:
         """Random lessons, the same for the same count; the latest are cached."""
@@ -74,31 +60,21 @@ class Setting:
         if not path.exists():
             records, embedder = self.records(count), StaticEmbedder()
             made = self.folder / f"filling-{count}.db"
-            vectors = np.lib.format.open_memmap(
-                self._vectors(count), "w+", np.float32, (count, embedder.embed([""]).shape[1])
-            )
             with Store.open(f"sqlite:///{made}") as store:
                 for start in range(0, count, CHUNK):
-                    part = slice(start, min(start + CHUNK, count))
-                    vectors[part] = embedder.embed([r.text for r in records[part]])
+                    part = records[start : start + CHUNK]
+                    vectors = embedder.embed([record.text for record in part])
                     with store.writing("default", actor="bench", now=NOW) as transaction:
                         transaction.put_many(
                             [
                                 Put(record, "add", vector, embedder.model)
-                                for record, vector in zip(records[part], vectors[part], strict=True)
+                                for record, vector in zip(part, vectors, strict=True)
                             ]
                         )
-                    self.tell(0.5 * part.stop / count, f"{part.stop:,} records stored")
             whole_copy(str(made), path)
-            vectors.flush()
             for left in self.folder.glob(f"filling-{count}.db*"):
                 left.unlink()
         return f"sqlite:///{path}"
-
-    def vectors(self, count: int) -> NDArray[np.float32]:
-        """(count, D) the embeddings of :meth:`filled`, in the order of :meth:`records`."""
-        self.filled(count)
-        return np.asarray(np.load(self._vectors(count)))
 
     @contextmanager
     def copied(self, count: int, options: BankOptions | None = None) -> Iterator[KnowledgeBank]:
@@ -113,11 +89,8 @@ class Setting:
                 left.unlink()
 
     def peer_lessons(self, count: int) -> list[PeerLesson]:
-        """The lessons of :meth:`records` as peers know them."""
+        """The lessons of :meth:`records` as the peer knows them."""
         return [PeerLesson.of(record) for record in self.records(count)]
-
-    def _vectors(self, count: int) -> Path:
-        return self.folder / f"vectors-{count}.npy"
 
 
 def whole_copy(url: str, path: Path) -> None:

@@ -43,7 +43,7 @@ def middle(times: list[float]) -> float:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Collects garbage before, not during, for us and the peers."""
+    """Collects garbage before, not during, for us and the peer."""
     gc.collect()
     was = gc.isenabled()
     gc.disable()

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from gvla2.evaluation.memory.corpus import lessons
 from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.peers import Peer, PeerLesson
+from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.curation.governance import Governed
 
 PEER_GOVERNS = 1_000
-"""Records up to which a peer's pass is run: it compares each with each."""
+"""Records up to which the peer's pass is run: it compares each with each."""
 
 
 def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -26,22 +25,11 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         for lesson, verdict, task, _ in items[count:]:
             bank.admit(lesson, verdict, task=task, trusted=True)
         times = spent(lambda item: bank.admit(item[0], item[1], task=item[2], trusted=True), items[:count])
-    setting.tell(0.4, "the bank's are done")
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
-    theirs = dict[str, float]()
-    for place, peer in enumerate(setting.peers()):
-        folder = setting.folder / f"placing-{place}-{size}"
-        peer.fill(folder, setting.peer_lessons(size))
-        loaded = peer.load(folder)
-        theirs[peer.name] = 1e3 * middle(spent(partial(_placed, peer, loaded), few))
+    peer, known = setting.plain, setting.peer_lessons(size)
+    theirs = middle(spent(lambda lesson: peer.place(lesson, known), few))
     note = f"p95 of {count} durable admits, p50 {1e3 * middle(times):.1f} ms; the peer decides {len(few)}, in memory"
-    return {
-        "consolidation": Figure.beside(1e3 * high(times), theirs, note=note),
-    }
-
-
-def _placed(peer: Peer, loaded: list[Any], lesson: PeerLesson) -> str:
-    return peer.place(lesson, loaded)
+    return {"consolidation": Figure(1e3 * high(times), peer.name, 1e3 * theirs, note)}
 
 
 def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -57,23 +45,16 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         return {
             "governance": Figure(seconds, note=f"{note}; the peer is not run: it compares each with each")
         }
-    setting.tell(0.3, "the bank's is done")
-    theirs = dict[str, float]()
-    for place, peer in enumerate(setting.peers()):
-        folder = setting.folder / f"governing-{place}-{size}"
-        peer.fill(folder, setting.peer_lessons(size))
-        loaded = peer.load(folder)
-        theirs[peer.name] = once(partial(peer.govern, loaded, budget, NOW))
-    return {"governance": Figure.beside(seconds, theirs, note=note)}
+    peer = setting.plain
+    theirs = once(partial(peer.govern, setting.peer_lessons(size), budget, NOW))
+    return {"governance": Figure(seconds, peer.name, theirs, note)}
 
 
 def tests() -> list[Test]:
     """The tests of this file."""
     row = FigureRow("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
-    made = [Test("consolidation", (row,), consolidation, 10_000, least=100, seconds=25.0)]
-    for size, goal, seconds in ((1_000, 0.1, 45.0), (100_000, 5.0, 20.0)):
+    made = [Test("consolidation", (row,), consolidation, 10_000, least=100)]
+    for size, goal in ((1_000, 0.1), (100_000, 5.0)):
         row = FigureRow("governance", "A pass of governance", "s", "lower", goal, 3)
-        made.append(
-            Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300, seconds=seconds)
-        )
+        made.append(Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300))
     return made

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -209,9 +209,3 @@ def object_key(scene_key: str, name: str) -> str:
 
 def _number(value: bool | None) -> float | None:
     return None if value is None else float(value)
-
-
-def with_picture(cells: tuple[Cell, ...], path: str) -> tuple[Cell, ...]:
-    """The rows of a layout, the scene's with the path of its picture."""
-    scene, *rest = cells
-    return (replace(scene, notes={**scene.notes, "picture": path}), *rest)

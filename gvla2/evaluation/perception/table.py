@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.sheets import Exhibit, Gallery, Sheet, SheetCell, SheetRow, runs_of
 
 GROUPS = ("robot", "perceiver", "depth_noise", "scale")
 SCENE = "scene"
@@ -28,67 +27,25 @@ OF_THINGS = (
 OF_SCENES = ("false a scene ↓", "abstained ↑", "seconds ↓")
 
 
-@dataclass(frozen=True)
-class PerceptionLayout:
-    """A suite with a row per layout (``object`` is ``scene``) and a row per true thing."""
-
-    suite: str
-    title: str
-    explanation: str
-
-
-@dataclass(frozen=True)
-class PerceptionTable:
-    """All cells of one group, in rows by the factor ``by``, and the runs that they come from."""
-
-    layout: PerceptionLayout
-    title: str
-    by: str
-    cells: tuple[Cell, ...]
-    runs: tuple[int, ...]
-
-    def pictures(self) -> list[tuple[str, str]]:
-        """Caption and path of a picture per task; a table by kind has none."""
-        if self.by != "task":
-            return []
-        paths = {
-            str(c.factors["task"]): str(c.notes["picture"]) for c in self.cells if c.notes.get("picture")
-        }
-        return sorted(paths.items())
-
-
-PERCEPTION = PerceptionLayout(
-    suite="perception",
-    title="Perception",
-    explanation=(
-        "Things that the true pixels show, against the perceived objects. Mask IoU is over all views together, and a "
-        "thing is found above 0.5, seen whole from 0.8 where no second object is a piece of it. Label, colour, centre "
-        "and extent are of found things: a label is right when its colour words and its head noun are the true ones "
-        "(a synonym is wrong), an extent's error is that of the worst visible side. The first line is the median (a "
-        "share, if in per cent), the second the 95th percentile, p95: one in twenty is worse. False objects match no "
-        "thing, or are a second piece of one. Abstained: refused sentences that fit two twins of one colour."
-    ),
+EXPLANATION = (
+    "Things that the true pixels show, against the perceived objects. Mask IoU is over all views together, and a "
+    "thing is found above 0.5, seen whole from 0.8 where no second object is a piece of it. Label, colour, centre "
+    "and extent are of found things: a label is right when its colour words and its head noun are the true ones "
+    "(a synonym is wrong), an extent's error is that of the worst visible side. The first line is the median (a "
+    "share, if in per cent), the second the 95th percentile, p95: one in twenty is worse. False objects match no "
+    "thing, or are a second piece of one. Abstained: refused sentences that fit two twins of one colour."
 )
 
 
-def make_perception_tables(cells: Iterable[Cell], layout: PerceptionLayout) -> list[PerceptionTable]:
+def perception_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """Two tables per group, by task and by kind; if equal cells were measured twice, the later counts."""
-    groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
-    for cell in sorted(cells, key=lambda cell: cell.run):
-        factors = cell.factors
-        group = tuple(str(factors.get(name, "")) for name in GROUPS)
-        place = tuple(str(factors.get(name)) for name in ("task", "seed", "episode", "object"))
-        groups.setdefault(group, {})[place] = cell
-    tables = []
-    for group, placed in groups.items():
-        kept = tuple(_without_stale(list(placed.values())))
-        runs = tuple(sorted({cell.run for cell in kept}))
+    once = latest(cells, lambda cell: cell.told(*GROUPS, "task", "seed", "episode", "object"))
+    sheets = []
+    for group, placed in grouped(once, *GROUPS).items():
+        kept = _without_stale(placed)
         said = ", ".join(f"{name} {value}" for name, value in zip(GROUPS, group, strict=True))
-        tables += [
-            PerceptionTable(layout, f"{layout.title}: {said}, by {by}", by, kept, runs)
-            for by in ("task", "kind")
-        ]
-    return tables
+        sheets += [_sheet(kept, f"Perception: {said}, by {by}", by) for by in ("task", "kind")]
+    return sheets
 
 
 def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
@@ -97,20 +54,24 @@ def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
     return [cell for cell in cells if cell.key in latest]
 
 
-def sheet_of_perception(table: PerceptionTable) -> Sheet:
-    """One row per task or kind of thing, and one for all."""
-    scenes = table.by == "task"
-    groups: dict[str, list[Cell]] = {}
-    for cell in table.cells:
-        if scenes or not _is_scene(cell):
-            groups.setdefault(str(cell.factors.get(table.by)), []).append(cell)
-    rows = [SheetRow(_label(name, cells), _row(cells, scenes)) for name, cells in sorted(groups.items())]
+def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
+    """One row per task or kind of thing, and one for all; by task with a picture of each."""
+    scenes = by == "task"
+    groups = grouped([cell for cell in cells if scenes or not _is_scene(cell)], by)
+    rows = [SheetRow(_label(name, some), _row(some, scenes)) for (name,), some in sorted(groups.items())]
     if len(rows) > 1:
-        rows.append(SheetRow(ALL, _row(table.cells, scenes)))
+        rows.append(SheetRow(ALL, _row(cells, scenes)))
     headings = (*OF_THINGS[:-1], *(OF_SCENES if scenes else ()), OF_THINGS[-1])
-    layouts = sum(map(_is_scene, table.cells))
-    footnote = f"{layouts} layouts; runs {', '.join(map(str, table.runs))} of the results database."
-    return Sheet(table.title, headings, tuple(rows), footnote, table.layout.explanation)
+    counts = f"{sum(map(_is_scene, cells))} layouts"
+    gallery = _gallery(cells) if scenes else None
+    return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION, gallery=gallery)
+
+
+def _gallery(cells: Sequence[Cell]) -> Gallery | None:
+    paths = {str(c.factors["task"]): str(c.notes["picture"]) for c in cells if c.notes.get("picture")}
+    exhibits = tuple(Exhibit(task, (path,)) for task, path in sorted(paths.items()))
+    heading = "True outlines (white: found, red: missed) and perceived boxes"
+    return Gallery(heading, "overlays", exhibits) if exhibits else None
 
 
 def _is_scene(cell: Cell) -> bool:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from itertools import cycle
 
+from gvla2.evaluation.curve import CurveLine, CurvePoint, draw_curve
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.statistics import wilson_interval
 
 FEWEST = 3
 """Points of a curve."""
 _COLOURS = ("#1f5fa8", "#b5651d", "#5a7d2a", "#7d2a5a")
-_WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _BOTTOM = 640, 380, 64, 34, 20, 52
 
 Point = tuple[int, int, int]
 """Explored layouts, successes, episodes."""
@@ -25,52 +26,24 @@ def learning_curve(cells: Iterable[Cell]) -> str:
     lines = {name: found for name, found in _lines(cells).items() if len(found) >= FEWEST}
     if not lines:
         return ""
-    most = max(point[0] for points in lines.values() for point in points)
-
-    def x(explored: int) -> float:
-        return _LEFT + (_WIDTH - _LEFT - _RIGHT) * explored / most
-
-    def y(share: float) -> float:
-        return _TOP + (_HEIGHT - _TOP - _BOTTOM) * (1.0 - share)
-
-    drawn = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" '
-        'font-family="sans-serif" font-size="12">',
-        f'<rect width="{_WIDTH}" height="{_HEIGHT}" fill="white"/>'
-        f'<text x="{_LEFT}" y="20">success of first attempts, with 95 % intervals</text>',
+    shown = [
+        CurveLine(name, colour, [_point(*point) for point in points])
+        for (name, points), colour in zip(lines.items(), cycle(_COLOURS), strict=False)
     ]
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        drawn.append(
-            f'<path d="M{_LEFT} {y(share):.1f}H{_WIDTH - _RIGHT}" stroke="#ddd"/>'
-            f'<text x="{_LEFT - 8}" y="{y(share) + 4:.1f}" text-anchor="end">{100 * share:.0f} %</text>'
-        )
-    for explored in sorted({point[0] for points in lines.values() for point in points}):
-        drawn.append(f'<text x="{x(explored):.1f}" y="{_HEIGHT - 32}" text-anchor="middle">{explored}</text>')
-    drawn.append(f'<text x="{_LEFT}" y="{_HEIGHT - 12}">explored layouts of each row</text>')
-    for number, (name, points) in enumerate(lines.items()):
-        drawn += _line(name, points, _COLOURS[number % len(_COLOURS)], number, x, y)
-    return "\n".join([*drawn, "</svg>\n"])
+    explored = sorted({point[0] for points in lines.values() for point in points})
+    return draw_curve(
+        "success of first attempts, with 95 % intervals",
+        shown,
+        {count: str(count) for count in explored},
+        {share: f"{share} %" for share in (0, 25, 50, 75, 100)},
+        (0.0, 100.0),
+        "explored layouts of each row",
+    )
 
 
-def _line(
-    name: str,
-    points: Sequence[Point],
-    colour: str,
-    number: int,
-    x: Callable[[int], float],
-    y: Callable[[float], float],
-) -> list[str]:
-    way = "L".join(f"{x(explored):.1f} {y(won / count):.1f}" for explored, won, count in points)
-    drawn = [f'<path d="M{way}" fill="none" stroke="{colour}" stroke-width="2"/>']
-    for explored, won, count in points:
-        low, high = wilson_interval(won, count)
-        drawn.append(
-            f'<path d="M{x(explored):.1f} {y(low):.1f}V{y(high):.1f}" stroke="{colour}"/>'
-            f'<circle cx="{x(explored):.1f}" cy="{y(won / count):.1f}" r="3" fill="{colour}"/>'
-        )
-    place = _HEIGHT - _BOTTOM - 8 - 15 * number
-    drawn.append(f'<text x="{_WIDTH - _RIGHT}" y="{place}" text-anchor="end" fill="{colour}">{name}</text>')
-    return drawn
+def _point(explored: int, won: int, count: int) -> CurvePoint:
+    low, high = wilson_interval(won, count)
+    return CurvePoint(explored, 100 * won / count, (100 * low, 100 * high))
 
 
 def _lines(cells: Iterable[Cell]) -> Mapping[str, list[Point]]:

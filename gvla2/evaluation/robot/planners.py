@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from statistics import fmean, median
 
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+from gvla2.evaluation.results import Cell, grouped
+from gvla2.evaluation.sheets import NONE, Sheet, SheetCell, SheetRow
 from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
 
 FIRST = ("off", "on")
 TAUGHT = " (taught by "
 """Precedes the planner whose exploration an arm learnt from, if it is a different one."""
-NONE = SheetCell(("not measured",), none=True)
 
 PLANNERS = (
     "Success in per cent over episodes with its 95 % Wilson interval; below it an episode's median seconds of planning "
@@ -49,20 +48,18 @@ def success_lines(cells: Sequence[Cell]) -> tuple[str, str]:
 
 def columns_of(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     """The cells by planner, its language model if there are several, and arm if any is not ``off``."""
-    models: dict[str, set[str]] = {}
-    for cell in cells:
-        models.setdefault(str(cell.factors["planner"]), set()).add(str(cell.factors.get("model", "")))
+    models = {planner: grouped(some, "model") for (planner,), some in grouped(cells, "planner").items()}
     several = any(arm != "off" for arm in arms_of(cells))
     columns: dict[str, list[Cell]] = {}
     for arm in arms_of(cells):
         for cell in cells:
             if arm_of(cell) == arm:
-                planner, model = str(cell.factors["planner"]), str(cell.factors.get("model", ""))
+                planner, model = cell.told("planner", "model")
                 asked = f" by {model}" if model and len(models[planner]) > 1 else ""
                 named = f"{planner}{asked}, memory {arm}" if several else f"{planner}{asked}"
                 columns.setdefault(named, []).append(cell)
-    order = list(dict.fromkeys(str(cell.factors["planner"]) for cell in cells))
-    return dict(sorted(columns.items(), key=lambda item: order.index(str(item[1][0].factors["planner"]))))
+    order = list(models)
+    return dict(sorted(columns.items(), key=lambda item: order.index(item[1][0].told("planner")[0])))
 
 
 def planner_sheet(
@@ -70,7 +67,6 @@ def planner_sheet(
     tasks: Sequence[str],
     profile: str,
     title: str,
-    runs: tuple[int, ...],
     costs: bool = True,
 ) -> Sheet:
     """Tasks down, planners across, a row of means, then, with ``costs``, the cost per episode."""
@@ -99,8 +95,7 @@ def planner_sheet(
     add("episodes", lambda some: str(len(some)))
     models = sorted({str(cell.factors.get("model", "")) for cell in everything} - {""})
     asked = f"; language model {', '.join(models)}" if models else ""
-    footnote = f"{len(tasks)} tasks{asked}; runs {', '.join(map(str, runs))} of the results database."
-    return Sheet(title, tuple(columns), tuple(rows), footnote, PLANNERS)
+    return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks{asked}", (), PLANNERS)
 
 
 def _cell(cells: Sequence[Cell], costs: bool) -> SheetCell:
@@ -123,18 +118,25 @@ def _costs(cells: Sequence[Cell]) -> list[str]:
 
 def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
     """The mean over tasks, its deviation over seeds if there are several, and how many tasks ever succeed."""
-    by_seed: dict[str, dict[str, list[bool]]] = {}
-    for cell in cells:
-        of_seed = by_seed.setdefault(str(cell.factors["seed"]), {})
-        of_seed.setdefault(str(cell.factors["task"]), []).append(bool(cell.measures["success"]))
-    if not by_seed:
+    if not cells:
         return NONE
-    rates = [100 * fmean(fmean(won) for won in of_seed.values()) for of_seed in by_seed.values()]
+    rates = seed_rates(cells)
     mean, deviation = mean_and_deviation(rates)
     over = f" ± {deviation:.1f} over {len(rates)} seeds" if len(rates) > 1 else ""
-    measured = [task for task in tasks if any(task in of_seed for of_seed in by_seed.values())]
-    reached = sum(any(any(of_seed.get(task, ())) for of_seed in by_seed.values()) for task in measured)
-    return SheetCell((f"{mean:.1f}{over}", f"{reached} of {len(measured)} tasks above 0"))
+    by_task = [some for (task,), some in grouped(cells, "task").items() if task in tasks]
+    reached = sum(any(cell.measures["success"] for cell in some) for some in by_task)
+    return SheetCell((f"{mean:.1f}{over}", f"{reached} of {len(by_task)} tasks above 0"))
+
+
+def seed_rates(cells: Sequence[Cell]) -> list[float]:
+    """The success rate of each seed in per cent, a mean over tasks."""
+    return [
+        100
+        * fmean(
+            fmean(bool(c.measures["success"]) for c in of_task) for of_task in grouped(some, "task").values()
+        )
+        for some in grouped(cells, "seed").values()
+    ]
 
 
 def _seconds(cells: Sequence[Cell]) -> str:

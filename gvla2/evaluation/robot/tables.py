@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from dataclasses import replace
 from statistics import median
 from textwrap import shorten
 
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.design import PAPER, PROFILES, SUITE, ordered
+from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.robot.design import PAPER, PROFILES, ordered
 from gvla2.evaluation.robot.planners import (
-    NONE,
     TAUGHT,
     arm_of,
     arms_of,
     columns_of,
     planner_sheet,
+    seed_rates,
     success_lines,
     unmeasured,
 )
-from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone
+from gvla2.evaluation.sheets import NONE, Exhibit, Gallery, Sheet, SheetCell, SheetRow, Tone, film, runs_of
 from gvla2.evaluation.statistics import mean_and_deviation
 
 HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
@@ -50,125 +49,74 @@ FAILURES = (
 )
 
 
-@dataclass(frozen=True)
-class RobotLayout:
-    """The suite's name and title."""
-
-    suite: str
-    title: str
-
-
-@dataclass(frozen=True)
-class Film:
-    """A filmed episode: its caption, and the folder of its run page."""
-
-    caption: str
-    folder: str
-
-
-@dataclass(frozen=True)
-class RobotTable:
-    """One finished sheet, the runs behind it, and films of pairs that differ and of failures."""
-
-    layout: RobotLayout
-    sheet: Sheet
-    runs: tuple[int, ...]
-    films: tuple[Film, ...] = ()
-
-    @property
-    def title(self) -> str:
-        """The sheet's."""
-        return self.sheet.title
-
-
-ROBOT = RobotLayout(SUITE, "Robot")
-
-_Episodes = Mapping[tuple[str, str], Mapping[tuple[str, str], Cell]]
+_Episodes = Mapping[tuple[str, str], Mapping[tuple[str, ...], Cell]]
 """Cells of one profile by (task, arm), then by (seed, episode)."""
 
 
-def make_robot_tables(cells: Iterable[Cell], layout: RobotLayout) -> list[RobotTable]:
+def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """For each group its planners side by side, its success by profile, the differences between arms, the failures."""
     given = list(cells)
-    order = {_of(cell, PLANNER): place for place, cell in reversed(list(enumerate(given)))}
-    latest: dict[tuple[str, ...], Cell] = {}
-    for cell in sorted(given, key=lambda cell: cell.run):
-        which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
-        latest[_of(cell, HOUSE) + _of(cell, which)] = cell
-    tables = []
-    kept = sorted(latest.values(), key=lambda cell: (_of(cell, HOUSE), order[_of(cell, PLANNER)]))
-    for _, found in groupby(kept, key=lambda cell: _of(cell, HOUSE)):
-        tables += _of_house(list(found), layout)
-    return tables
+    order = list(grouped(given, *PLANNER))
+    which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
+    once = latest(given, lambda cell: cell.told(*HOUSE, *which))
+    kept = sorted(once, key=lambda cell: (cell.told(*HOUSE), order.index(cell.told(*PLANNER))))
+    return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(found)]
 
 
-def _of(cell: Cell, names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(str(cell.factors.get(name, "")) for name in names)
-
-
-def _of_house(cells: Sequence[Cell], layout: RobotLayout) -> list[RobotTable]:
-    by_planner = {which: list(some) for which, some in groupby(cells, key=lambda cell: _of(cell, PLANNER))}
-    runs = tuple(sorted({cell.run for cell in cells}))
+def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
+    by_planner = grouped(cells, *PLANNER)
     tasks = ordered([str(cell.factors["task"]) for cell in cells])
     sheets: list[Sheet] = []
-    if len(by_planner) > 1 or any(
-        cell.measures.get("calls") or cell.measures.get("cached") for cell in cells
-    ):
-        title = f"{layout.title} ({_said(cells[0], HOUSE)})"
+    asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in cells)
+    if len(by_planner) > 1 or asked:
+        title = f"Robot ({_said(cells[0], HOUSE)})"
         columns = columns_of(cells)
         sheets += [
-            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", runs, profile == "eased")
+            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", profile == "eased")
             for profile in PROFILES
         ]
-        sheets.append(_failures(columns, tasks, f"{title}: failures", runs))
+        sheets.append(_failures(columns, tasks, f"{title}: failures"))
     for found in by_planner.values():
         own = ordered([str(cell.factors["task"]) for cell in found])
-        sheets += _of_planner(found, own, layout, runs, bool(sheets))
-    films = tuple(film for cell in cells if (film := _film(cell)) is not None)
-    return [
-        RobotTable(layout, sheet, runs, films if place == len(sheets) - 1 else ())
-        for place, sheet in enumerate(sheets)
-    ]
+        sheets += _of_planner(found, own, bool(sheets))
+    films = tuple(shown for cell in cells if (shown := _film(cell)) is not None)
+    last = replace(sheets[-1], gallery=Gallery("Failures to look at", "films", films) if films else None)
+    runs = runs_of(cells)
+    return [replace(sheet, runs=runs) for sheet in (*sheets[:-1], last)]
 
 
 def _said(cell: Cell, names: Sequence[str]) -> str:
     return ", ".join(f"{name} {value}" for name in names if (value := str(cell.factors.get(name, ""))))
 
 
-def _of_planner(
-    cells: Sequence[Cell], tasks: Sequence[str], layout: RobotLayout, runs: tuple[int, ...], compared: bool
-) -> list[Sheet]:
+def _of_planner(cells: Sequence[Cell], tasks: Sequence[str], compared: bool) -> list[Sheet]:
     """Memory's effect for one planner; nothing if it is off and the planner was ``compared`` above."""
     arms = arms_of(cells)
     if compared and len(arms) == 1:
         return []
-    title = f"{layout.title} ({_said(cells[0], (*HOUSE, *PLANNER))})"
+    title = f"Robot ({_said(cells[0], (*HOUSE, *PLANNER))})"
     by_profile = {profile: _episodes(cells, profile) for profile in PROFILES}
     sheets = [
-        _success(found, tasks, arms, f"{title}: success, {profile}", runs)
-        for profile, found in by_profile.items()
+        _success(found, tasks, arms, f"{title}: success, {profile}") for profile, found in by_profile.items()
     ]
     if len(arms) > 1:
-        sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds", runs))
+        sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds"))
     if not compared:
         columns = {f"memory {arm}": [c for c in cells if arm_of(c) == arm] for arm in arms}
-        sheets.append(_failures(columns, tasks, f"{title}: failures", runs))
+        sheets.append(_failures(columns, tasks, f"{title}: failures"))
     return sheets
 
 
 def _episodes(cells: Sequence[Cell], profile: str) -> _Episodes:
-    found: dict[tuple[str, str], dict[tuple[str, str], Cell]] = {}
+    found: dict[tuple[str, str], dict[tuple[str, ...], Cell]] = {}
     for cell in cells:
-        f = cell.factors
-        if f.get("profile") == profile and not unmeasured(cell):
-            place = str(f["task"]), arm_of(cell)
-            found.setdefault(place, {})[str(f["seed"]), str(f["episode"])] = cell
+        if cell.factors.get("profile") == profile and not unmeasured(cell):
+            here = found.setdefault((str(cell.factors["task"]), arm_of(cell)), {})
+            here[cell.told("seed", "episode")] = cell
     return found
 
 
-def _success(
-    found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title: str, runs: tuple[int, ...]
-) -> Sheet:
+def _success(found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title: str) -> Sheet:
     sure = {arm: _different(found, tasks, "off", arm) for arm in arms}
     rows = []
     for task in tasks:
@@ -184,13 +132,11 @@ def _success(
     rows.append(SheetRow("mean over tasks", (*mean, *means)))
     headings = (*(f"memory {arm}" for arm in arms), "paper, with memory", "paper, without")
     episodes = sum(len(cells) for cells in found.values())
-    footnote = (
-        f"{episodes} episodes, {len(tasks)} tasks; runs {', '.join(map(str, runs))} of the results database."
-    )
-    return Sheet(title, headings, tuple(rows), footnote, SUCCESS)
+    counts = f"{episodes} episodes, {len(tasks)} tasks"
+    return Sheet(title, headings, tuple(rows), counts, (), SUCCESS)
 
 
-def _rate(cells: Mapping[tuple[str, str], Cell], gain: int | None) -> SheetCell:
+def _rate(cells: Mapping[tuple[str, ...], Cell], gain: int | None) -> SheetCell:
     if not cells:
         return NONE
     tone: Tone = "" if not gain else "better" if gain > 0 else "worse"
@@ -198,15 +144,9 @@ def _rate(cells: Mapping[tuple[str, str], Cell], gain: int | None) -> SheetCell:
 
 
 def _mean(found: _Episodes, tasks: Sequence[str], arm: str) -> SheetCell:
-    by_seed: dict[str, dict[str, list[bool]]] = {}
-    for task in tasks:
-        for (seed, _), cell in found.get((task, arm), {}).items():
-            by_seed.setdefault(seed, {}).setdefault(task, []).append(bool(cell.measures["success"]))
-    if not by_seed:
+    rates = seed_rates([cell for task in tasks for cell in found.get((task, arm), {}).values()])
+    if not rates:
         return NONE
-    rates = [
-        sum(100 * sum(won) / len(won) for won in tasks_.values()) / len(tasks_) for tasks_ in by_seed.values()
-    ]
     mean, deviation = mean_and_deviation(rates)
     return SheetCell((f"{mean:.1f} ± {deviation:.1f}", f"{len(rates)} seeds"))
 
@@ -234,7 +174,6 @@ def _effects(
     tasks: Sequence[str],
     arms: Sequence[str],
     title: str,
-    runs: tuple[int, ...],
 ) -> Sheet:
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
     for arm in arms:
@@ -245,8 +184,7 @@ def _effects(
     for second, first in against:
         cells = [_effect(by_profile[profile], tasks, first, second) for profile in PROFILES]
         rows.append(SheetRow(f"{second} against {first}", tuple(cells)))
-    footnote = f"{len(tasks)} tasks; runs {', '.join(map(str, runs))} of the results database."
-    return Sheet(title, PROFILES, tuple(rows), footnote, EFFECT)
+    return Sheet(title, PROFILES, tuple(rows), f"{len(tasks)} tasks", (), EFFECT)
 
 
 def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> SheetCell:
@@ -270,9 +208,7 @@ def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> 
     )
 
 
-def _failures(
-    columns: Mapping[str, Sequence[Cell]], tasks: Sequence[str], title: str, runs: tuple[int, ...]
-) -> Sheet:
+def _failures(columns: Mapping[str, Sequence[Cell]], tasks: Sequence[str], title: str) -> Sheet:
     eased = {name: [c for c in some if c.factors.get("profile") == "eased"] for name, some in columns.items()}
     gaps = {name: sum(unmeasured(cell) for cell in some) for name, some in eased.items()}
     sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in eased.items()}
@@ -289,8 +225,7 @@ def _failures(
         add("not measured", lambda name: str(gaps[name]))
     add("verifier agrees", lambda name: _agreement(sound[name]))
     add("seconds, median", lambda name: _median(sound[name]))
-    footnote = f"{len(tasks)} tasks; runs {', '.join(map(str, runs))} of the results database."
-    return Sheet(title, tuple(columns), tuple(rows), footnote, FAILURES)
+    return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks", (), FAILURES)
 
 
 def _agreement(cells: Sequence[Cell]) -> str:
@@ -304,7 +239,7 @@ def _median(cells: Sequence[Cell]) -> str:
     return f"{median(spent):.1f}" if spent else ""
 
 
-def _film(cell: Cell) -> Film | None:
+def _film(cell: Cell) -> Exhibit | None:
     folder = str(cell.notes.get("film", ""))
     if not folder:
         return None
@@ -312,4 +247,4 @@ def _film(cell: Cell) -> Film | None:
     who = f"{f.get('planner', '')}, {f['task']}, memory {arm_of(cell)}, layout {notes.get('layout')}"
     said = f"{who}: {notes.get('failure') or 'succeeded'}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
-    return Film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)
+    return film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)

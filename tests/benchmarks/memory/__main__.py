@@ -4,7 +4,7 @@
     python tests/benchmarks/memory kills writers --scale 0.1    # some, smaller
     python tests/benchmarks/memory flood --folder /scratch      # a million admits
 
-One line a figure: what it is, its value, its goal, its peers' values, a note. What a user of the package can measure
+One line a figure: what it is, its value, its goal, its peer's value, a note. What a user of the package can measure
 is in ``gvla2 bench suite=memory``.
 """
 

@@ -40,7 +40,6 @@ def writers(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     twice = len(stored) - len({record.rev for record in stored.values()}) + max(raised - len(ids), 0)
     rate = f"{len(ids) / answer['seconds']:,.0f}/s"
     note = f"{len(ids):,} of {PROCESSES * size:,} acknowledged, {rate}; {problems} problems"
-    setting.tell(0.7, "the bank's are done")
     peer = _plain_crowd(setting, min(size, PEER_EACH))
     waited = [seconds for _, seconds in answer["said"]]
     return {
@@ -87,7 +86,6 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         said = {id for id, _ in in_processes(job)["said"]}
         with Store.open(url) as store:
             stored, problems = stored_and_problems(store)
-    setting.tell(0.7, "the bank's are done")
     folder = setting.folder / "plain-kills"
     folder.mkdir(exist_ok=True)
     job = {"do": "kills", "kind": "plain", "place": str(folder), "times": size, "seed": setting.seed}
@@ -119,7 +117,7 @@ def tests() -> list[Test]:
     )
     killed = (FigureRow("kills_lost", "kill -9: acknowledged and lost", "records", "lower", 0.0, 0),)
     made = []
-    for on, seconds in (("sqlite", 25.0), ("postgresql", 40.0)):
-        made.append(Test("writers", crowd, writers, 1000, least=10, on=on, seconds=seconds))
-        made.append(Test("kills", killed, kills, 200, least=4, on=on, seconds=seconds))
+    for on in ("sqlite", "postgresql"):
+        made.append(Test("writers", crowd, writers, 1000, least=10, on=on))
+        made.append(Test("kills", killed, kills, 200, least=4, on=on))
     return made

@@ -38,13 +38,11 @@ def contradictions(setting: Setting, size: int, on: str) -> Mapping[str, Figure]
             if pair.held_out is (on == "hand-written, held out")
         ]
     mine = rates(suspected, judged)
-    theirs = {peer.name: rates(peer.contradict, judged) for peer in setting.peers()}
-    found = {name: one[0] for name, one in theirs.items()}
-    false = {name: one[1] for name, one in theirs.items()}
+    found, false = rates(setting.plain.contradict, judged)
     real = sum(fact for _, _, fact in judged)
     return {
-        "contradictions_found": Figure.beside(mine[0], found, n=real),
-        "contradictions_false": Figure.beside(mine[1], false, n=len(judged) - real),
+        "contradictions_found": Figure(mine[0], setting.plain.name, found, n=real),
+        "contradictions_false": Figure(mine[1], setting.plain.name, false, n=len(judged) - real),
     }
 
 

@@ -22,8 +22,7 @@ import numpy as np
 
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.memory.figure import NotMeasuredError
-from gvla2.evaluation.memory.peers import PeerLesson
-from gvla2.evaluation.memory.plain_peer import FILE, PlainPeer
+from gvla2.evaluation.memory.plain_peer import FILE, PeerLesson, PlainPeer
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 

@@ -42,10 +42,10 @@ def quarantine(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     served = _found(path, sound)
     path.unlink()
     found = len(named & damaged.keys())
-    theirs = _peers_serve(setting, size, spoilt)
+    theirs = _peer_serves(setting, size, spoilt)
     note = f"{len(damaged)} of {size:,} records damaged: " + ", ".join(KINDS)
     return {
-        "quarantine_served": Figure.beside(100 * served / len(sound), theirs, note=note),
+        "quarantine_served": Figure(100 * served / len(sound), setting.plain.name, theirs, note),
         "quarantine_shown": Figure(100 * wrong / max(len(shown), 1), note=note, n=len(shown)),
         "quarantine_named": Figure(100 * found / len(damaged), note=note, n=len(damaged)),
     }
@@ -80,25 +80,17 @@ def _spoil(connection: sqlite3.Connection, id: str, kind: str) -> None:
         connection.execute("UPDATE memory_vector SET vector = x'' WHERE id = ?", (id,))
 
 
-def _peers_serve(setting: Setting, size: int, spoilt: Set[str]) -> dict[str, float]:
-    """Per cent of the sound records that each peer still reads with as many lines of its file damaged."""
-    shares = {}
-    for place, peer in enumerate(setting.peers()):
-        folder = setting.folder / f"damaged-{place}"
-        peer.fill(folder, setting.peer_lessons(size))
-        lines = (folder / FILE).read_text(encoding="utf-8").splitlines()
-        lines = [line[: len(line) // 2] if _id(line) in spoilt else line for line in lines]
-        (folder / FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
-        try:
-            shares[peer.name] = 100 * len(peer.load(folder)) / (size - len(spoilt))
-        except ValueError:  # json's, and pydantic's
-            shares[peer.name] = 0.0
-    return shares
-
-
-def _id(line: str) -> str:
-    data = json.loads(line)
-    return str(data.get("id") or data.get("memory_id"))
+def _peer_serves(setting: Setting, size: int, spoilt: Set[str]) -> float:
+    """Per cent of the sound records that the peer still reads with as many lines of its file damaged."""
+    peer, folder = setting.plain, setting.folder / "damaged"
+    peer.fill(folder, setting.peer_lessons(size))
+    lines = (folder / FILE).read_text(encoding="utf-8").splitlines()
+    lines = [line[: len(line) // 2] if json.loads(line)["id"] in spoilt else line for line in lines]
+    (folder / FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    try:
+        return 100 * len(peer.load(folder)) / (size - len(spoilt))
+    except ValueError:
+        return 0.0
 
 
 def tests() -> list[Test]:
@@ -108,4 +100,4 @@ def tests() -> list[Test]:
         FigureRow("quarantine_shown", "Damaged bank: damage shown", "%", "lower", 0.0, 1),
         FigureRow("quarantine_named", "Damaged bank: damage named", "%", "higher", 100.0, 1),
     )
-    return [Test("quarantine", rows, quarantine, 1000, least=50, seconds=5.0)]
+    return [Test("quarantine", rows, quarantine, 1000, least=50)]

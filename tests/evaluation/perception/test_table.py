@@ -1,10 +1,11 @@
 """Tables of perception: medians, tails, shares, and rows of things that are there no more."""
 
 from gvla2.evaluation.perception.suite import object_key
-from gvla2.evaluation.perception.table import PERCEPTION, make_perception_tables, sheet_of_perception
+from gvla2.evaluation.perception.table import perception_sheets
+from gvla2.evaluation.reports import REPORTS
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.table_formats import sheet_of, to_latex, to_markdown
-from gvla2.evaluation.tables import LAYOUTS, tables_of
+from gvla2.evaluation.sheets import Sheet
+from gvla2.evaluation.table_formats import to_latex, to_markdown
 
 GROUP = {"robot": "r", "perceiver": "p", "depth_noise": "none", "scale": "1"}
 
@@ -21,8 +22,7 @@ def layout(seed: int, *things: dict, run: int = 1, task: str = "t", **scene) -> 
     return [Cell(key, {**factors, "object": "scene", "kind": "scene"}, scene, notes, run), *cells]
 
 
-def rows_of(table) -> dict[str, dict[str, tuple[str, ...]]]:
-    sheet = sheet_of_perception(table)
+def rows_of(sheet: Sheet) -> dict[str, dict[str, tuple[str, ...]]]:
     return {
         row.label: dict(zip(sheet.headings, (c.lines for c in row.cells), strict=True)) for row in sheet.rows
     }
@@ -41,7 +41,7 @@ def test_medians_tails_and_shares():
         }
         cells += layout(seed, thing, false=0.5, seconds=1.0, abstained=1.0 if seed % 2 else 0.0)
     cells += layout(0, {"name": "b", "kind": "cup", "found": 1.0, "iou": 0.8}, task="u", false=0.0)
-    by_task, by_kind = make_perception_tables(cells, PERCEPTION)
+    by_task, by_kind = perception_sheets(cells)
     rows = rows_of(by_task)
     assert list(rows) == ["t", "u", "all"]
     row = rows["t"]
@@ -61,7 +61,7 @@ def test_medians_tails_and_shares():
 def test_what_a_newer_run_saw_replaces_the_old():
     old = layout(0, {"name": "a", "found": 1.0}, {"name": "gone", "found": 0.0}, run=1)
     new = layout(0, {"name": "a", "found": 0.0}, run=2)
-    (table, _) = make_perception_tables([*new, *old], PERCEPTION)
+    (table, _) = perception_sheets([*new, *old])
     assert rows_of(table)["t"]["found ↑"] == ("0 %", "0 of 1")
     assert table.runs == (2,)
 
@@ -69,8 +69,10 @@ def test_what_a_newer_run_saw_replaces_the_old():
 def test_it_is_a_suite_like_the_others(tmp_path):
     failed = layout(1, notes={"status": "failed: no room"}, task="u")
     pictured = layout(0, {"name": "a", "found": 1.0}, notes={"picture": str(tmp_path / "a.png")})
-    tables = tables_of([*pictured, *failed], LAYOUTS["perception"])
-    assert [len(table.pictures()) for table in tables] == [1, 0]
+    tables = REPORTS["perception"].sheets([*pictured, *failed])
+    assert tables[0].gallery is not None
+    assert [one.caption for one in tables[0].gallery.exhibits] == ["t"]
+    assert tables[1].gallery is None
     assert "u (1 failed)" in to_markdown(tables)
     assert r"\toprule" in to_latex(tables)
-    assert "synonym" in sheet_of(tables[0]).explanation
+    assert "synonym" in tables[0].explanation

@@ -1,7 +1,7 @@
 """The planners' table from made-up cells."""
 
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.tables import ROBOT, make_robot_tables
+from gvla2.evaluation.robot.tables import robot_sheets
 from gvla2.evaluation.sheets import Sheet
 from gvla2.evaluation.table_formats import to_latex, to_markdown
 
@@ -24,7 +24,7 @@ def cell(planner: str, task: str, episode: int, done: bool | None, arm: str = "o
 
 
 def sheets(*cells: Cell) -> list[Sheet]:
-    return [table.sheet for table in make_robot_tables(cells, ROBOT)]
+    return robot_sheets(cells)
 
 
 def text(sheet: Sheet, row: str, column: str) -> tuple[str, ...]:
@@ -56,9 +56,8 @@ def test_tasks_stand_below_one_another_and_planners_side_by_side_with_what_they_
     assert "language model small" in eased.footnote
     assert "tokens" not in "".join(row.label for row in strict.rows), "costs are told once"
     assert text(failures, "abstained", "agent3d") == ("5",)
-    tables = make_robot_tables(BOTH, ROBOT)
-    assert "300 + 12 tokens" in to_markdown(tables)
-    assert "300 + 12 tokens" in to_latex(tables)
+    assert "300 + 12 tokens" in to_markdown(sheets(*BOTH))
+    assert "300 + 12 tokens" in to_latex(sheets(*BOTH))
 
 
 def test_what_was_not_measured_counts_nowhere_and_is_told():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gvla2.evaluation.report_page import render_report
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.tables import ROBOT, make_robot_tables
+from gvla2.evaluation.robot.tables import robot_sheets
 from gvla2.evaluation.table_formats import to_latex, to_markdown
 
 
@@ -44,7 +44,7 @@ def text_of(sheet, row: str, column: str) -> tuple[str, ...]:
 
 
 def test_success_is_shown_with_its_interval_beside_the_papers_row():
-    eased, strict, effects, failures = [table.sheet for table in make_robot_tables(cells(), ROBOT)]
+    eased, strict, effects, failures = robot_sheets(cells())
     assert "eased" in eased.title
     assert "strict" in strict.title
     assert text_of(eased, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
@@ -60,7 +60,7 @@ def test_success_is_shown_with_its_interval_beside_the_papers_row():
 
 
 def test_only_a_sure_difference_is_coloured():
-    (eased, *_) = [table.sheet for table in make_robot_tables(cells(), ROBOT)]
+    (eased, *_) = robot_sheets(cells())
     tones = {row.label: row.cells[eased.headings.index("memory on")].tone for row in eased.rows}
     assert tones["lamp_on"] == "better"
     assert tones["put_block"] == ""
@@ -70,10 +70,10 @@ def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_ru
     from dataclasses import replace
 
     again = [replace(c, run=2, measures={**c.measures, "success": True}) for c in cells()]
-    tables = make_robot_tables([*again, *cells()], ROBOT)
-    assert text_of(tables[0].sheet, "lamp_on", "memory off")[0] == "100.0"
+    tables = robot_sheets([*again, *cells()])
+    assert text_of(tables[0], "lamp_on", "memory off")[0] == "100.0"
     seen = [replace(c, key=c.key + "o", factors={**c.factors, "perceiver": "oracle"}) for c in cells()]
-    titles = [table.title for table in make_robot_tables([*cells(), *seen], ROBOT)]
+    titles = [table.title for table in robot_sheets([*cells(), *seen])]
     assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
 
 
@@ -84,9 +84,9 @@ def test_films_of_failures_are_linked_and_every_format_can_be_made(tmp_path: Pat
     (folder / "index.html").write_text("page")
     told = {"film": str(folder), "layout": 10004, "instruction": "press <it>", "message": "slipped"}
     made = [*cells(), cell("lamp_on", "off", 4, False, **told)]
-    tables = make_robot_tables(made, ROBOT)
-    assert len(tables[-1].films) == 1
-    page = render_report(tables, made, [], "gvla2: Robot")
+    tables = robot_sheets(made)
+    assert len(tables[-1].gallery.exhibits) == 1
+    page = render_report(tables, [], "gvla2: Robot")
     assert (folder / "index.html").as_uri() in page
     assert "press &lt;it&gt;" in page
     assert "| lamp_on |" in to_markdown(tables)

@@ -1,4 +1,4 @@
-"""Tables of results: means, deviations over seeds, paired changes with their intervals, and the runs behind them."""
+"""Tables that compare the rows of a suite: means, deviations over seeds, paired changes with their intervals."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gvla2.evaluation.figures import MEMORY, TRAJECTORIES, FigureLayout, FigureTable, make_figure_table
-from gvla2.evaluation.perception.table import (
-    PERCEPTION,
-    PerceptionLayout,
-    PerceptionTable,
-    make_perception_tables,
-)
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.tables import ROBOT, RobotLayout, RobotTable, make_robot_tables
-from gvla2.evaluation.runs import RUNS, RunLayout, RunTable, make_run_tables
+from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.sheets import NONE, Exhibit, Gallery, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
+
+FEWEST = 5
+"""Least objects for an interval: a bootstrap of fewer has hardly more values than objects."""
+MOST_PICTURES = 60
+"""Objects shown below one table: the page stays small enough for e-mail."""
+EXPLANATION = (
+    "Mean over objects ± standard deviation over seeds, if there are several; change of the mean against the first "
+    "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
+    "that fared worst."
+)
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,6 @@ class TableLayout:
     ``explanation`` explains this suite's rows and measures.
     """
 
-    suite: str
     title: str
     row: str
     labels: Mapping[str, str]
@@ -87,12 +88,12 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Table:
-    """A finished table; ``group`` names what its cells have in common, ``runs`` the runs that they come from."""
+    """A finished table; ``group`` names what its ``cells`` have in common."""
 
     layout: TableLayout
     group: Mapping[str, str]
     rows: tuple[TableRow, ...]
-    runs: tuple[int, ...]
+    cells: tuple[Cell, ...]
 
     @property
     def title(self) -> str:
@@ -103,117 +104,96 @@ class Table:
 NOTABLE = 2.0
 """Per cent of loss above which an object is named as made worse."""
 
-RECONSTRUCTION = TableLayout(
-    suite="reconstruction",
-    title="Reconstruction",
-    row="variant",
-    labels={
-        "baseline": "G0 (baseline, no prior)",
-        "carving": "carving with the same prior",
-        "aligned_tsdf": "aligned TSDF with the same prior",
-        "a_prior_appearance": "A: prior + appearance",
-        "a_soft_hull": "A: + soft hull",
-        "b_axis": "B: axis only (no prior)",
-        "ab_fusion": "A + B fusion",
-    },
-    reference="baseline",
-    measures=(
-        Measure("cd_surface", "CD surface ×10³", "lower"),
-        Measure("cd_official", "CD official ×10³", "lower"),
-        Measure("psnr", "PSNR dB", "higher"),
-        Measure("ssim", "SSIM", "higher", 4),
-        Measure("lpips", "LPIPS", "lower", 4),
-        Measure("seconds", "seconds", "lower", 2, compared=False),
-    ),
-    groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
-    explanation=(
-        "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the true "
-        "mesh itself, the best that a prior can be. Seeds draw the drift, the prior's noise and the "
-        "order of splat's views: ± 0.00 if none of them applies. CD surface is the mean distance of surface "
-        "samples, both ways, with position and scale; CD official that of all vertices, each shape scaled to its own "
-        "box, which a speck beside the object stretches. Seconds are wall time: the first row's for the reconstruction "
-        "of G0, any other row's only for what follows."
-    ),
-)
-AGENTS = TableLayout(
-    suite="agents",
-    title="Software agents",
-    row="memory",
-    labels={
-        "off": "no memory",
-        "semantic": "semantic",
-        "awm": "AWM",
-        "reasoning_bank": "ReasoningBank",
-        "synapse": "Synapse",
-        "governed": "KnowledgeBank",
-        "on": "KnowledgeBank",
-    },
-    reference="off",
-    measures=(
-        Measure("solved", "SR %", "higher", 1),
-        Measure("steps", "AS", "lower", 1),
-        Measure("agent_tokens", "agent tokens", "lower", 0),
-        Measure("extra_tokens", "extra tokens", "lower", 0, compared=False),
-        Measure("tokens", "tokens", "lower", 0),
-        Measure("seconds", "seconds", "lower", 1),
-        Measure("overhead", "memory s", "lower", 2, compared=False),
-        Measure("storage_kb", "storage kB", "lower", 0, compared=False),
-    ),
-    groups=("agent", "model", "verifier", "tasks", "options"),
-    pair="task",
-)
-AnyLayout = TableLayout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
-LAYOUTS: Mapping[str, AnyLayout] = {
-    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES, RUNS)
-}
-"""The suites that can be reported."""
-
-
-def tables_of(
-    cells: Iterable[Cell], layout: AnyLayout
-) -> (
-    Sequence[Table]
-    | Sequence[FigureTable]
-    | Sequence[RobotTable]
-    | Sequence[PerceptionTable]
-    | Sequence[RunTable]
-):
-    """The tables of these cells, as their suite has them."""
-    if isinstance(layout, RunLayout):
-        return make_run_tables(cells, layout)
-    if isinstance(layout, RobotLayout):
-        return make_robot_tables(cells, layout)
-    if isinstance(layout, PerceptionLayout):
-        return make_perception_tables(cells, layout)
-    if isinstance(layout, FigureLayout):
-        return make_figure_table(cells, layout)
-    return make_tables(cells, layout)
-
 
 def make_tables(cells: Iterable[Cell], layout: TableLayout) -> list[Table]:
     """One table per group, in order of first appearance; if equal cells were measured twice, the later counts."""
-    groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
-    for cell in sorted(cells, key=lambda cell: cell.run):
-        group = tuple(str(cell.factors.get(name, "")) for name in layout.groups)
-        place = tuple(str(cell.factors.get(name)) for name in (layout.row, layout.pair, layout.repeat))
-        groups.setdefault(group, {})[place] = cell
+    place = (*layout.groups, layout.row, layout.pair, layout.repeat)
+    once = latest(cells, lambda cell: cell.told(*place))
     tables = []
-    for group, placed in groups.items():
-        kept = list(placed.values())
-        present = {str(cell.factors.get(layout.row)) for cell in kept}
-        names = [*(n for n in layout.labels if n in present), *sorted(present - set(layout.labels))]
-        by_row = {n: [c for c in kept if str(c.factors.get(layout.row)) == n] for n in names}
+    for group, kept in grouped(once, *layout.groups).items():
+        by_row = {name: some for (name,), some in grouped(kept, layout.row).items()}
+        names = [*(n for n in layout.labels if n in by_row), *sorted(by_row.keys() - layout.labels.keys())]
         reference = by_row.get(layout.reference, [])
         rows = tuple(_row(name, by_row[name], reference, layout) for name in names)
-        tables.append(
-            Table(
-                layout,
-                dict(zip(layout.groups, group, strict=True)),
-                rows,
-                tuple(sorted({c.run for c in kept})),
-            )
-        )
+        tables.append(Table(layout, dict(zip(layout.groups, group, strict=True)), rows, tuple(kept)))
     return tables
+
+
+def comparison_sheets(cells: Iterable[Cell], layout: TableLayout) -> list[Sheet]:
+    """The tables of these cells as text, with the pictures of each object."""
+    return [_sheet(table) for table in make_tables(cells, layout)]
+
+
+def _sheet(table: Table) -> Sheet:
+    measures = table.layout.measures
+    seeds = max((row.seeds for row in table.rows), default=0)
+    objects = max((row.objects for row in table.rows), default=0)
+    return Sheet(
+        table.title,
+        tuple(f"{measure.title} {'↓' if measure.better == 'lower' else '↑'}" for measure in measures),
+        tuple(
+            SheetRow(_label(row), tuple(_cell(*pair) for pair in zip(row.entries, measures, strict=True)))
+            for row in table.rows
+        ),
+        f"{objects} objects, {seeds} {'seed' if seeds == 1 else 'seeds'}",
+        runs_of(table.cells),
+        f"{EXPLANATION} {table.layout.explanation}".strip(),
+        _remarks(table),
+        _gallery(table),
+    )
+
+
+def _label(row: TableRow) -> str:
+    return f"{row.label} ({row.failed} failed)" if row.failed else row.label
+
+
+def _cell(entry: Entry, measure: Measure) -> SheetCell:
+    """Up to three lines: the number, its change, the worst object."""
+    if entry.mean is None:
+        return NONE
+    spread = "" if entry.deviation is None else f" ± {entry.deviation:.{measure.digits}f}"
+    lines = [f"{entry.mean:.{measure.digits}f}{spread}"]
+    tone: Tone = ""
+    if entry.change is not None:
+        change, sure = entry.change, entry.change.count >= FEWEST
+        lines.append(
+            f"{change.percent:+.2f} %" + (f" [{change.low:+.2f}, {change.high:+.2f}]" if sure else "")
+        )
+        # Only a change whose interval leaves out zero has a colour.
+        if sure and change.low * change.high > 0:
+            tone = "better" if (change.percent < 0) == (measure.better == "lower") else "worse"
+    if entry.worst is not None:
+        lines.append(f"worst {entry.worst + 0.0:+.2f} % ({entry.worst_object})")
+    return SheetCell(tuple(lines), tone=tone)
+
+
+def _remarks(table: Table) -> str:
+    """The objects that a row made worse, and the stages that the views refuted."""
+    told = [
+        f"Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {', '.join(entry.worse)}."
+        for row in table.rows
+        for entry, measure in zip(row.entries, table.layout.measures, strict=True)
+        if entry.worse
+    ]
+    undone = [
+        f"{row.label}: {', '.join(f'{stage} {count}' for stage, count in row.rejected.items())}"
+        for row in table.rows
+        if row.rejected
+    ]
+    told += [f"Cells in which the views refuted a stage: {'; '.join(undone)}."] if undone else []
+    return " ".join(told)
+
+
+def _gallery(table: Table) -> Gallery | None:
+    """One exhibit per object: the first picture of each row, in the order of the rows."""
+    layout, found = table.layout, []
+    order = [row.name for row in table.rows]
+    pictured = [cell for cell in table.cells if cell.notes.get("picture")]
+    for (name,), cells in sorted(grouped(pictured, layout.pair).items())[:MOST_PICTURES]:
+        first = {row: str(some[0].notes["picture"]) for (row,), some in grouped(cells, layout.row).items()}
+        found.append(Exhibit(name, tuple(first[row] for row in sorted(first, key=order.index))))
+    heading = "Pictures: a held-out view, the baseline, the branch's output"
+    return Gallery(heading, "pictures", tuple(found)) if found else None
 
 
 def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> TableRow:
