@@ -208,7 +208,7 @@ class _Run:
             gripper=self._fraction(state.gripper_width),
             attached=self.world.attached,
             allowed_contacts=waypoint.allowed_contacts,
-            then=self._straight_after(step.index),
+            then=self.trajectory.straight_after(step.index, self.poses),
             seed=options.seed + step.index,
         )
         step.planning_seconds = path.seconds
@@ -243,17 +243,6 @@ class _Run:
         if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
             self.holds = False
             raise _Abort("slipped", "The fingers closed on nothing.")
-
-    def _straight_after(self, index: int) -> list[FloatArray]:
-        """Poses of the straight moves right after the waypoint."""
-        poses = []
-        for waypoint, pose in zip(
-            self.trajectory.waypoints[index + 1 :], self.poses[index + 1 :], strict=True
-        ):
-            if waypoint.motion != "linear":
-                break
-            poses.append(pose)
-        return poses
 
     def _fraction(self, width: float) -> float:
         return float(np.clip(width / self.arm.hand.max_width, 0.0, 1.0))
