@@ -70,8 +70,7 @@ class Gantry:
             turn += np.pi * round((float(near[3]) - turn) / np.pi)
         joints = np.array([*position, turn])
         inside = min((position - self._workspace.low).min(), (self._workspace.high - position).min())
-        error = float(np.arccos(np.clip(approach @ DOWN, -1.0, 1.0)))
-        return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0, 0.0, error)
+        return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0)
 
     def clearance(
         self,

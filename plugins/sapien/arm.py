@@ -17,7 +17,6 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
-from gvla2.robot.ik import InverseKinematics
 from gvla2.robot.kinematics import Kinematics, import_pinocchio
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.cameras import Mounts
@@ -182,8 +181,7 @@ def _at_home(
     high = np.array(config.workspace_high or (x + far, y + far, config.table_height + 1.0))
 
     def at(home: FloatArray) -> ArmModel:
-        ik = InverseKinematics(kinematics, home)
-        return ArmModel(kinematics, ik, collisions, hand=hand, home=home, workspace=Box(low, high))
+        return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=Box(low, high))
 
     names, rest = kinematics.joint_names, np.array(config.home, dtype=np.float64)
     if not len(rest):

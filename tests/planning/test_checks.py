@@ -163,7 +163,7 @@ class Stiff(Gantry):
         solution = super().inverse(world_from_tcp, near)
         if solution is None:
             return None
-        return IKSolution(solution.joints, self.margin, self.manipulability, 0.0, 0.0)
+        return IKSolution(solution.joints, self.margin, self.manipulability)
 
     def line(self, start, world_from_tcp, step=0.01):
         path = super().line(start, world_from_tcp, step)
