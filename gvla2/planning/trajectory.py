@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from itertools import takewhile
 from typing import Any, Literal
 
@@ -192,48 +193,9 @@ class Trajectory:
 
     def to_json(self) -> list[dict[str, Any]]:
         """Waypoints as JSON objects, every field, sets sorted."""
-        return [
-            {
-                "xyz": [float(v) for v in w.xyz],
-                "gripper": w.gripper,
-                "stage": w.stage,
-                "orientation": {
-                    "policy": w.orientation.policy,
-                    "vector": [float(v) for v in w.orientation.vector],
-                    "closing": [float(v) for v in w.orientation.closing],
-                    "angle": w.orientation.angle,
-                },
-                "motion": w.motion,
-                "speed": w.speed,
-                "allowed_contacts": sorted(w.allowed_contacts),
-                "carries": w.carries,
-                "tolerance": w.tolerance,
-                "frame": w.frame,
-                "guard": {"force": w.guard.force, "stall": w.guard.stall} if w.guard else None,
-                "dwell": w.dwell,
-            }
-            for w in self.waypoints
-        ]
-
-    @classmethod
-    def from_json(cls, waypoints: Sequence[Mapping[str, Any]]) -> Trajectory:
-        """The inverse of :meth:`to_json`. Fields with a default may be absent.
-
-        Raises :class:`ValueError` naming the first invalid waypoint; the checks judge its numbers.
-        """
-        return cls(tuple(_waypoint(i, data) for i, data in enumerate(waypoints)))
+        return [json.loads(json.dumps(asdict(w), default=_plain)) for w in self.waypoints]
 
 
-def _waypoint(index: int, data: Mapping[str, Any]) -> Waypoint:
-    try:
-        fields = dict(data)
-        x, y, z = (float(v) for v in fields.pop("xyz"))
-        if turned := fields.pop("orientation", None):
-            vectors = {k: tuple(float(v) for v in turned[k]) for k in ("vector", "closing") if k in turned}
-            fields["orientation"] = Orientation(**{**turned, **vectors})
-        if guard := fields.pop("guard", None):
-            fields["guard"] = Guard(**guard)
-        allowed = frozenset(fields.pop("allowed_contacts", ()))
-        return Waypoint((x, y, z), allowed_contacts=allowed, **fields)
-    except (TypeError, ValueError, KeyError) as error:
-        raise ValueError(f"Waypoint {index} is not a waypoint: {data!r} ({error}).") from error
+def _plain(value: Any) -> Any:
+    """JSON for what has none: sets, and numpy's numbers."""
+    return sorted(value) if isinstance(value, frozenset) else float(value)

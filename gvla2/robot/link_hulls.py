@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import RobotError
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.robot.kinematics import Kinematics
 
 
@@ -50,8 +50,7 @@ def _corners(shape: Any, coal: Any) -> FloatArray | None:
     if isinstance(shape, coal.BVHModelBase):
         return np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
     if isinstance(shape, coal.Box):
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
-        return np.asarray(signs * shape.halfSide)
+        return box_corners(2.0 * shape.halfSide)
     return None
 
 
