@@ -95,11 +95,8 @@ def lowest(solid: Solid, world_from_body: FloatArray) -> float:
 
 def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner (3,) of solids together, in their body's frame, metres."""
-    corners = []
-    for solid in solids:
-        half = np.abs(solid.body_from_shape[:3, :3]) @ (0.5 * np.asarray(solid.size))
-        corners += [solid.body_from_shape[:3, 3] - half, solid.body_from_shape[:3, 3] + half]
-    return np.min(corners, axis=0), np.max(corners, axis=0)
+    corners = np.concatenate([transform_points(s.body_from_shape, box_corners(s.size)) for s in solids])
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
