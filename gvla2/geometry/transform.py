@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
 
 FloatArray = NDArray[np.float64]
+
+_UNIT_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
 def rigid(rotation: ArrayLike | None = None, translation: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
@@ -28,6 +32,11 @@ def invert_rigid(matrix: FloatArray) -> FloatArray:
 def transform_points(matrix: FloatArray, points: ArrayLike) -> FloatArray:
     """Apply an affine (4, 4) matrix to points (..., 3)."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def box_corners(size: ArrayLike) -> FloatArray:
+    """(8, 3) corners of a box of full side lengths ``size`` (3,) about the origin."""
+    return np.asarray(_UNIT_CORNERS * np.asarray(size))
 
 
 def check_rigid(matrix: ArrayLike, what: str = "pose", tolerance: float = 1e-4) -> FloatArray:

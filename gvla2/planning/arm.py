@@ -34,15 +34,12 @@ class IKSolution:
     """Joints (dof,) in radians for a pose, with measures of their quality.
 
     ``limit_margin`` is the smallest distance to a joint limit, radians; ``manipulability`` is sqrt(det(J J^T)) as a
-    share of the arm's best (0 at a singularity), so that small and large arms are comparable; ``position_error``
-    metres; ``rotation_error`` radians.
+    share of the arm's best (0 at a singularity), so that small and large arms are comparable.
     """
 
     joints: FloatArray
     limit_margin: float
     manipulability: float
-    position_error: float
-    rotation_error: float
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from types import NoneType
+from typing import Any
 
 from gvla2.errors import PlannerTimeoutError, PlanningError
 from gvla2.planning.calls import SkillCall, SkillOptions
@@ -15,9 +17,6 @@ from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Traject
 
 ABSURD = 10 * MAX_WAYPOINTS
 """Longer trajectories are not checked waypoint by waypoint; up to here the checks say what is too many."""
-
-_TEXTS = ("stage", "motion", "carries", "frame")
-_NUMBERS = ("gripper", "speed", "tolerance", "dwell")
 
 
 def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0) -> Plan:
@@ -41,86 +40,43 @@ def _problem(plan: object) -> str:
     """What is wrong with an answer, worded to follow "returned"; "" if nothing."""
     if not isinstance(plan, Plan):
         return f"{type(plan).__name__}, not a Plan"
-    if not isinstance(plan.skill, str) or not _texts(plan.notes) or not isinstance(plan.fallback, str):
-        return "a plan whose skill, notes or fallback are not text"
-    if not isinstance(plan.roles, Mapping) or not _texts([*plan.roles, *plan.roles.values()]):
-        return f"roles that do not map text to text: {plan.roles!r:.80}"
-    if not isinstance(plan.parameters, Mapping) or not all(_finite(v) for v in plan.parameters.values()):
-        return f"parameters that do not map names to finite numbers: {plan.parameters!r:.200}"
-    if not isinstance(plan.scales, Mapping) or not all(_side(v) for v in plan.scales.values()):
-        return f"scales that do not map names to a side and its length: {plan.scales!r:.200}"
-    if not all(isinstance(c, Candidate) for c in plan.candidates):
-        return "candidates that are not of type Candidate"
-    if problem := _program_problem(plan):
-        return problem
-    refusal: object = plan.abstention
-    if refusal is not None:
-        return "" if isinstance(refusal, Abstention) else f"an abstention of type {type(refusal).__name__}"
-    if not isinstance(plan.trajectory, Trajectory):
+    if problem := _misfit(plan, _PLAN):
+        return f"a plan with {problem}"
+    trajectory: object = plan.trajectory
+    if plan.abstention is not None:
+        return ""
+    if not isinstance(trajectory, Trajectory):
         return "neither a trajectory nor an abstention with its reason"
-    return _trajectory_problem(plan.trajectory)
-
-
-def _program_problem(plan: Plan) -> str:
-    """What is wrong with the plan's program and transcript."""
-    if not _all_of(SkillCall, plan.calls) or not _all_of(SkillCall, plan.remaining):
-        return "calls or remaining that are not a tuple of SkillCall"
-    options: object = plan.options
-    program: object = plan.program
-    if not isinstance(options, SkillOptions):
-        return f"options of type {type(options).__name__}, not SkillOptions"
-    if program is not None and not isinstance(program, Program):
-        return f"a program of type {type(program).__name__}, not Program"
-    if not _all_of(Mapping, plan.transcript):
-        return "a transcript that is not a tuple of mappings"
-    return ""
-
-
-def _all_of(kind: type, values: object) -> bool:
-    return isinstance(values, tuple) and all(isinstance(value, kind) for value in values)
-
-
-def _side(value: object) -> bool:
-    """Whether it is a :data:`~gvla2.planning.effects.Scale`."""
-    if not isinstance(value, tuple) or len(value) != 2 or value[0] not in SIDES:
-        return False
-    return _finite(value[1]) and value[1] > 0.0
-
-
-def _trajectory_problem(trajectory: Trajectory) -> str:
-    waypoints = trajectory.waypoints
-    if not isinstance(waypoints, tuple) or not all(isinstance(w, Waypoint) for w in waypoints):
+    if not _tuple_of(Waypoint)(trajectory.waypoints):
         return "a trajectory that is not a tuple of waypoints"
-    if not waypoints:
+    if not trajectory.waypoints:
         return "a trajectory without waypoints; give the reason in an abstention"
-    if len(waypoints) > ABSURD:
-        return f"a trajectory of {len(waypoints)} waypoints; at most {MAX_WAYPOINTS} can be carried out"
-    for index, waypoint in enumerate(waypoints):
-        if problem := _waypoint_problem(waypoint):
+    if len(trajectory) > ABSURD:
+        return f"a trajectory of {len(trajectory)} waypoints; at most {MAX_WAYPOINTS} can be carried out"
+    for index, waypoint in enumerate(trajectory):
+        if problem := _misfit(waypoint, _WAYPOINT):
             return f"waypoint {index} ('{waypoint.stage!s:.40}') with {problem}"
     return ""
 
 
-def _waypoint_problem(w: Waypoint) -> str:
-    odd = [name for name in _TEXTS if not isinstance(getattr(w, name), str)]
-    if odd:
-        return f"a {odd[0]} that is not text: {getattr(w, odd[0])!r:.60}"
-    odd = [name for name in _NUMBERS if not _finite(getattr(w, name))]
-    if odd:
-        return f"a {odd[0]} that is not a finite number: {getattr(w, odd[0])!r:.60}"
-    if not _three(w.xyz):
-        return f"an xyz that is not a tuple of three finite numbers: {w.xyz!r:.80}"
-    if not isinstance(w.allowed_contacts, frozenset) or not _texts(w.allowed_contacts):
-        return f"allowed_contacts that are not a frozenset of ids: {w.allowed_contacts!r:.80}"
-    turned: object = w.orientation
-    if not isinstance(turned, Orientation) or not isinstance(turned.policy, str):
-        return f"an invalid orientation: {turned!r:.80}"
-    if not _three(turned.vector) or not _three(turned.closing) or not _finite(turned.angle):
-        return f"an orientation without finite numbers: {turned!r:.160}"
-    guard: object = w.guard
-    if guard is not None and not (isinstance(guard, Guard) and _finite(guard.force) and _finite(guard.stall)):
-        return f"an invalid guard: {guard!r:.80}"
+def _misfit(answer: object, table: Mapping[str, tuple[Callable[[Any], bool], str]]) -> str:
+    """The first field that its test refuses, and what it should be; "" if there is none."""
+    for name, (fits, wanted) in table.items():
+        value = getattr(answer, name)
+        if not fits(value):
+            return f"{name} {value!r:.100}, which is not {wanted}"
     return ""
+
+
+def _is(*kinds: type) -> Callable[[object], bool]:
+    return lambda value: isinstance(value, kinds)
+
+
+_text = _is(str)
+
+
+def _texts(values: object) -> bool:
+    return isinstance(values, tuple | list | frozenset) and all(isinstance(v, str) for v in values)
 
 
 def _finite(value: object) -> bool:
@@ -135,5 +91,55 @@ def _three(value: object) -> bool:
     return isinstance(value, tuple | list) and len(value) == 3 and all(_finite(v) for v in value)
 
 
-def _texts(values: object) -> bool:
-    return isinstance(values, tuple | list | frozenset) and all(isinstance(v, str) for v in values)
+def _mapping(values: Callable[[Any], bool]) -> Callable[[object], bool]:
+    return lambda given: (
+        isinstance(given, Mapping) and all(_text(k) for k in given) and all(values(v) for v in given.values())
+    )
+
+
+def _tuple_of(kind: type) -> Callable[[object], bool]:
+    return lambda values: isinstance(values, tuple) and all(isinstance(value, kind) for value in values)
+
+
+def _scale(value: object) -> bool:
+    """Whether it is a :data:`~gvla2.planning.effects.Scale`."""
+    if not isinstance(value, tuple) or len(value) != 2 or value[0] not in SIDES:
+        return False
+    return _finite(value[1]) and value[1] > 0.0
+
+
+def _turned(value: object) -> bool:
+    if not isinstance(value, Orientation) or not _text(value.policy) or not _finite(value.angle):
+        return False
+    return _three(value.vector) and _three(value.closing)
+
+
+def _guard(value: object) -> bool:
+    return value is None or (isinstance(value, Guard) and _finite(value.force) and _finite(value.stall))
+
+
+_PLAN: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "skill": (_text, "text"),
+    "fallback": (_text, "text"),
+    "notes": (_texts, "a tuple of texts"),
+    "roles": (_mapping(_text), "a mapping from text to text"),
+    "parameters": (_mapping(_finite), "a mapping from names to finite numbers"),
+    "scales": (_mapping(_scale), "a mapping from names to a side and its length"),
+    "candidates": (_tuple_of(Candidate), "a tuple of Candidate"),
+    "calls": (_tuple_of(SkillCall), "a tuple of SkillCall"),
+    "remaining": (_tuple_of(SkillCall), "a tuple of SkillCall"),
+    "options": (_is(SkillOptions), "SkillOptions"),
+    "program": (_is(Program, NoneType), "a Program or None"),
+    "transcript": (_tuple_of(Mapping), "a tuple of mappings"),
+    "abstention": (_is(Abstention, NoneType), "an Abstention or None"),
+}
+"""What the fields of a plan must be, and how to say it; the trajectory comes after."""
+
+_WAYPOINT: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    **dict.fromkeys(("stage", "motion", "carries", "frame"), (_text, "text")),
+    **dict.fromkeys(("gripper", "speed", "tolerance", "dwell"), (_finite, "a finite number")),
+    "xyz": (_three, "a tuple of three finite numbers"),
+    "allowed_contacts": (lambda ids: isinstance(ids, frozenset) and _texts(ids), "a frozenset of ids"),
+    "orientation": (_turned, "an Orientation of finite numbers"),
+    "guard": (_guard, "a Guard of finite numbers or None"),
+}

@@ -10,20 +10,16 @@ from collections.abc import Iterable, Mapping
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
-from gvla2.planning.check_limits import DEFAULT_LIMITS, CheckLimits
 from gvla2.planning.checks_gripper import check_gripper
 from gvla2.planning.checks_motion import check_clearance, check_kinematics, resolve_motion
-from gvla2.planning.checks_words import check_memory, check_schema, check_workspace
+from gvla2.planning.checks_waypoints import check_memory, check_schema, check_workspace
 from gvla2.planning.effects import Effect
-from gvla2.planning.findings import CheckName, CheckReport, Finding
+from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 
-__all__ = ["CheckLimits", "check_trajectory"]
-
-UNCHECKED = (
-    "{check} could not be checked: the waypoints are malformed; mend what the schema check names first."
-)
+UNRESOLVED = ("not_finite", "bad_orientation", "wrong_frame", "bad_motion")
+"""Faults of waypoints that the arm cannot be asked about."""
 
 
 def check_trajectory(
@@ -34,7 +30,6 @@ def check_trajectory(
     start_joints: FloatArray,
     effects: Iterable[Effect] = (),
     parameters: Mapping[str, float] | None = None,
-    limits: CheckLimits = DEFAULT_LIMITS,
     skill: str = "",
     lengths: Mapping[str, float] | None = None,
 ) -> CheckReport:
@@ -46,19 +41,15 @@ def check_trajectory(
     ``kinematics`` and ``clearance`` as ``unchecked``.
     """
     schema = check_schema(trajectory, scene)
-    findings = [*schema, *check_workspace(trajectory, scene, arm, start_pose, limits)]
+    findings = [*schema, *check_workspace(trajectory, scene, arm, start_pose)]
     findings += check_gripper(trajectory, scene, arm.hand, start_pose)
-    if any(f.kind in ("not_finite", "bad_orientation", "wrong_frame", "bad_motion") for f in schema):
-        for check in ("kinematics", "clearance"):
-            findings.append(_unchecked(check))
+    if any(f.kind in UNRESOLVED for f in schema):
+        reason = "could not be checked: the waypoints are malformed; mend what the schema check names first."
+        findings.append(Finding("kinematics", False, -1, "unchecked", f"Kinematics {reason}"))
+        findings.append(Finding("clearance", False, -1, "unchecked", f"Clearance {reason}"))
     else:
         legs = resolve_motion(trajectory, scene, arm, start_pose, start_joints)
-        findings += check_kinematics(legs, limits)
-        findings += check_clearance(legs, scene, arm, limits)
-    stages = [w.stage for w in trajectory]
-    findings += check_memory(effects, parameters or {}, skill, lengths=lengths, stages=stages)
+        findings += check_kinematics(trajectory, legs)
+        findings += check_clearance(trajectory, legs, scene, arm)
+    findings += check_memory(trajectory, effects, parameters or {}, skill, lengths or {})
     return CheckReport(tuple(findings))
-
-
-def _unchecked(check: CheckName) -> Finding:
-    return Finding(check, False, -1, "unchecked", UNCHECKED.format(check=check.capitalize()))

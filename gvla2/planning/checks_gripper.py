@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Hand
-from gvla2.planning.checks_words import EPS, passed, tool_poses, where
-from gvla2.planning.findings import Finding
+from gvla2.planning.check_limits import EPS
+from gvla2.planning.checks_waypoints import tool_poses
+from gvla2.planning.findings import Finding, Findings
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
@@ -26,30 +27,6 @@ STEP = 0.01
 """Spacing of samples along a move of a closed hand, metres."""
 
 
-@dataclass
-class _Hand:
-    """The hand while the trajectory is read: ``closed`` is where it last closed, ``before`` its opening until then.
-
-    ``things`` are the objects at their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried
-    one's pose in the hand.
-    """
-
-    things: dict[str, SceneObject]
-    opening: float = 1.0
-    carried: str = ""
-    closed: int | None = None
-    before: float = 1.0
-    grasped: bool = False
-    grip: FloatArray | None = None
-    shoved: set[str] = field(default_factory=set)
-    found: list[Finding] = field(default_factory=list)
-
-    def fail(
-        self, index: int, kind: str, message: str, value: float | None = None, limit: float | None = None
-    ) -> None:
-        self.found.append(Finding("gripper", False, index, kind, message, value, limit))
-
-
 def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: FloatArray) -> list[Finding]:
     """Open, close on an object, carry it closed, release it, stop carrying; no hand closes on nothing and leaves.
 
@@ -57,122 +34,139 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
     a release. A closed hand may be a tool: it presses, pushes or hooks what it is allowed to touch. If a waypoint is
     malformed (see the schema check), the space between the fingers is not checked.
     """
-    state = _Hand({o.id: o for o in scene.objects})
     finite = all(np.isfinite(w.xyz).all() for w in trajectory)
     poses = tool_poses(trajectory, start_pose) if finite else None
-    for i, w in enumerate(trajectory):
-        _carrying(state, i, w, hand, poses)
-        if i and poses is not None:
-            state.shoved |= _shoved(trajectory.waypoints[i - 1], w, state.things)
-        if w.gripper < state.opening - EPS:
-            state.before = state.opening
-            state.closed, state.grasped = i, False
-        elif w.gripper > state.opening + EPS:
-            following = trajectory.waypoints[i + 1 : i + 2]
-            if state.carried and following and following[0].carries == state.carried:
-                state.fail(
-                    i,
-                    "opens_while_carrying",
-                    f"{where(i, w)} opens the hand to {w.gripper:g} while it still carries '{state.carried}'; "
-                    "keep closed.",
-                    w.gripper,
-                    state.opening,
+    reading = _Reading(trajectory, scene.objects, hand, poses)
+    for index in range(len(trajectory)):
+        reading.arrive(index)
+    reading.emptied(len(trajectory) - 1)
+    return reading.found.or_passed("Closes, carries and releases in order.")
+
+
+class _Reading:
+    """The hand while the trajectory is read.
+
+    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``things`` are the objects at
+    their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried one's pose in the hand.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        things: Iterable[SceneObject],
+        hand: Hand,
+        poses: Sequence[FloatArray] | None,
+    ) -> None:
+        self.waypoints, self.hand, self.poses = trajectory.waypoints, hand, poses
+        self.things = {thing.id: thing for thing in things}
+        self.found = Findings("gripper", trajectory)
+        self.opening, self.before = 1.0, 1.0
+        self.carried = ""
+        self.closed: int | None = None
+        self.grasped = False
+        self.grip: FloatArray | None = None
+        self.shoved: set[str] = set()
+
+    def arrive(self, i: int) -> None:
+        """The move to waypoint ``i``, and its opening or closing."""
+        w = self.waypoints[i]
+        if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
+            self.found.fail(i, "opening_range", f"opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
+        self._carry(i, w)
+        if i and self.poses is not None:
+            self.shoved |= _shoved(self.waypoints[i - 1], w, self.things)
+        if w.gripper < self.opening - EPS:
+            self.before = self.opening
+            self.closed, self.grasped = i, False
+        elif w.gripper > self.opening + EPS:
+            following = self.waypoints[i + 1 : i + 2]
+            if self.carried and following and following[0].carries == self.carried:
+                message = f"the hand opens to {w.gripper:g} while it still carries '{self.carried}'; keep it closed."
+                self.found.fail(i, "opens_while_carrying", message, w.gripper, self.opening)
+            self.emptied(i)
+        self.opening = w.gripper
+
+    def _carry(self, i: int, w: Waypoint) -> None:
+        """The held object according to the move to a waypoint."""
+        if w.carries and w.carries != self.carried:
+            if self.carried:
+                message = f"it carries '{w.carries}' while '{self.carried}' was not released; open first."
+                self.found.fail(i, "not_released", message)
+            elif self.closed is None:
+                message = (
+                    f"it carries '{w.carries}', on which the hand has not closed; close at the object first."
                 )
-            _emptied(state, i, trajectory.waypoints, hand, poses)
-        state.opening = w.gripper
-    _emptied(state, len(trajectory) - 1, trajectory.waypoints, hand, poses)
-    return state.found or [passed("gripper", "Closes, carries and releases in order.")]
-
-
-def _carrying(state: _Hand, i: int, w: Waypoint, hand: Hand, poses: Sequence[FloatArray] | None) -> None:
-    """The held object according to the move to a waypoint."""
-    name = where(i, w)
-    if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
-        state.fail(i, "opening_range", f"{name}: opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
-    if w.carries and w.carries != state.carried:
-        if state.carried:
-            message = f"{name} carries '{w.carries}' while '{state.carried}' was not released; open first."
-            state.fail(i, "not_released", message)
-        elif state.closed is None:
+                self.found.fail(i, "carries_without_grasp", message, self.opening, 1.0)
+            elif w.carries in self.things and self.poses is not None:
+                thing, pose = self.things[w.carries], self.poses[self.closed]
+                gap = _gap(thing, pose, self.before, self.hand)
+                what = f"the gap between the closing hand and '{w.carries}' (m)"
+                self.found.most(self.closed, "grasp_misses", what, gap, GRASP_REACH, "close on the object")
+                self.grip = invert_rigid(pose) @ thing.world_from_object
+            self.grasped = True
+        elif self.carried and not w.carries and self.closed is not None:
             message = (
-                f"{name} carries '{w.carries}', but the hand has not closed on it; close at the object first."
+                f"it no longer carries '{self.carried}', but the hand did not open; open it or carry on."
             )
-            state.fail(i, "carries_without_grasp", message, state.opening, 1.0)
-        elif w.carries in state.things and poses is not None:
-            thing, pose = state.things[w.carries], poses[state.closed]
-            gap = _gap(thing, pose, state.before, hand)
-            if gap > GRASP_REACH:
-                state.fail(
-                    state.closed,
-                    "grasp_misses",
-                    f"The hand closes {gap * 1000:.0f} mm beside '{w.carries}'; close within "
-                    f"{GRASP_REACH * 1000:.0f} mm of it.",
-                    gap,
-                    GRASP_REACH,
-                )
-            state.grip = invert_rigid(pose) @ thing.world_from_object
-        state.grasped = True
-    elif state.carried and not w.carries and state.closed is not None:
-        message = (
-            f"{name} no longer carries '{state.carried}', but the hand did not open; open it or carry on."
-        )
-        state.fail(i, "dropped_silently", message)
-    state.carried = w.carries
+            self.found.fail(i, "dropped_silently", message)
+        self.carried = w.carries
 
+    def emptied(self, i: int) -> None:
+        """The hand opens at waypoint ``i``, or the trajectory ends there: did it hold anything since it closed?"""
+        if self.poses is not None and self.carried in self.things and self.grip is not None:
+            held = self.things[self.carried]
+            self.things[held.id] = replace(held, world_from_object=self.poses[i] @ self.grip)
+        elif self.poses is not None and self.closed is not None and not self.grasped:
+            self._closed_on(self.closed, self.poses[self.closed], self.waypoints[self.closed + 1 : i + 1])
+        self.carried, self.closed, self.grip, self.grasped = "", None, None, False
 
-def _emptied(
-    state: _Hand, i: int, waypoints: Sequence[Waypoint], hand: Hand, poses: Sequence[FloatArray] | None
-) -> None:
-    """The hand opens at waypoint ``i``, or the trajectory ends there: did it hold anything since it closed?"""
-    closed = state.closed
-    if poses is not None and state.carried in state.things and state.grip is not None:
-        held = state.things[state.carried]
-        state.things[held.id] = replace(held, world_from_object=poses[i] @ state.grip)
-    elif closed is not None and poses is not None and not state.grasped and waypoints[closed].gripper < SHUT:
-        solid = [o for o in state.things.values() if o.shape != "region"]
-        gaps = [_gap(o, poses[closed], state.before, hand) for o in solid]
-        after = waypoints[closed + 1 : i + 1]
-        away = any(np.linalg.norm(np.subtract(w.xyz, waypoints[closed].xyz)) > STEP for w in after)
-        if away and min(gaps, default=np.inf) > GRASP_REACH and not _is_tool(waypoints[closed], after, state):
-            nearest = solid[int(np.argmin(gaps))].id if solid else ""
-            near = f" (the nearest, '{nearest}', is {1000 * min(gaps):.0f} mm off)" if nearest else ""
-            state.fail(
-                closed,
-                "closes_on_nothing",
-                f"{where(closed, waypoints[closed])}: the hand closes where nothing is between its fingers{near}, and "
-                "leaves; close on an object, or say by allowed_contacts what the closed hand is to touch.",
-                min(gaps, default=None),
-                GRASP_REACH,
+    def _closed_on(self, index: int, pose: FloatArray, after: Sequence[Waypoint]) -> None:
+        """A hand that closed at waypoint ``index`` and leaves needs something between its fingers, or is a tool."""
+        closed = self.waypoints[index]
+        away = any(np.linalg.norm(np.subtract(w.xyz, closed.xyz)) > STEP for w in after)
+        if closed.gripper >= SHUT or not away:
+            return
+        solid = [o for o in self.things.values() if o.shape != "region"]
+        gaps = {o.id: _gap(o, pose, self.before, self.hand) for o in solid}
+        nearest = min(gaps, key=lambda name: gaps[name], default="")
+        gap = gaps.get(nearest)
+        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.things, self.shoved):
+            near = "" if gap is None else f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)"
+            message = (
+                f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or say "
+                "by allowed_contacts what the closed hand is to touch."
             )
-    state.carried, state.closed, state.grip, state.grasped = "", None, None, False
+            self.found.fail(index, "closes_on_nothing", message, gap, GRASP_REACH)
 
 
-def _is_tool(closed: Waypoint, after: Sequence[Waypoint], state: _Hand) -> bool:
+def _is_tool(
+    closed: Waypoint, after: Sequence[Waypoint], things: Mapping[str, SceneObject], shoved: Set[str]
+) -> bool:
     """Whether the closed hand moves to touch something: a guard waits for it, or it approaches an allowed contact.
 
     An allowed contact that it shoved before may be anywhere.
     """
     before = closed
     for w in after:
-        if w.guard is not None or w.allowed_contacts & state.shoved:
+        if w.guard is not None or w.allowed_contacts & shoved:
             return True
-        for thing in (state.things[name] for name in w.allowed_contacts if name in state.things):
-            nearest = float(_outside(thing, _way(before, w)).min())
-            at_first = float(_outside(thing, np.atleast_2d(closed.xyz)).min())
+        for thing in (things[name] for name in w.allowed_contacts if name in things):
+            nearest = float(thing.distances(_way(before, w)).min())
+            at_first = float(thing.distances(closed.xyz))
             if nearest < TOOL_REACH and nearest < at_first - NEARER:
                 return True
         before = w
     return False
 
 
-def _shoved(before: Waypoint, w: Waypoint, things: dict[str, SceneObject]) -> set[str]:
+def _shoved(before: Waypoint, w: Waypoint, things: Mapping[str, SceneObject]) -> set[str]:
     """The objects that a straight move with an empty hand drags along."""
     if w.motion != "linear" or w.carries:
         return set()
     way = _way(before, w)
     sideways = float(np.linalg.norm(way[-1, :2] - way[0, :2]))
     touched = (things[name] for name in w.allowed_contacts if name in things)
-    return {o.id for o in touched if sideways * float((_outside(o, way) < STEP).mean()) > SHOVED}
+    return {o.id for o in touched if sideways * float((o.distances(way) < STEP).mean()) > SHOVED}
 
 
 def _way(before: Waypoint, w: Waypoint) -> FloatArray:
@@ -189,10 +183,4 @@ def _gap(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: H
     y = np.linspace(-half, half, 9)
     z = np.linspace(tip - hand.finger_length, tip, 5)
     between = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-    return float(_outside(thing, transform_points(world_from_tcp, between)).min())
-
-
-def _outside(thing: SceneObject, points: FloatArray) -> FloatArray:
-    """(N,) how far points (N, 3) lie outside a thing's box, metres; 0 inside."""
-    local = np.abs(transform_points(invert_rigid(thing.world_from_object), points)) - 0.5 * thing.extents
-    return np.asarray(np.linalg.norm(np.maximum(local, 0.0), axis=1))
+    return float(thing.distances(transform_points(world_from_tcp, between)).min())

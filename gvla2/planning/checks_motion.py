@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.arm import Arm, Attachment, Clearance, Hand, IKSolution
-from gvla2.planning.check_limits import CheckLimits
-from gvla2.planning.checks_words import passed, where
-from gvla2.planning.findings import CheckName, Finding
+from gvla2.planning.arm import Arm, Attachment, Hand, IKSolution
+from gvla2.planning.check_limits import (
+    EPS,
+    FREE_CLEARANCE,
+    JOINT_JUMP,
+    LIMIT_MARGIN,
+    LINEAR_CLEARANCE,
+    MIN_MANIPULABILITY,
+    SWEEP_STEP,
+)
+from gvla2.planning.findings import Finding, Findings
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
@@ -65,8 +73,7 @@ def resolve_motion(
         elif w.motion == "linear":
             samples = list(arm.line(joints, target, LINE_STEP) or ())
         else:
-            after = _straight_after(trajectory, poses, i)
-            end = _planned_end(arm, target, joints, after)
+            end = _planned_end(arm, target, joints, trajectory.straight_after(i, poses))
             samples = [] if end is None else [end]
         solution = arm.inverse(target, near=samples[-1] if samples else joints)
         if samples:
@@ -74,17 +81,6 @@ def resolve_motion(
         legs.append(Leg(i, w, target, start, solution, samples, opening, attached))
         pose, opening = target, float(np.clip(w.gripper, 0.0, 1.0))
     return legs
-
-
-def _straight_after(trajectory: Trajectory, poses: Sequence[FloatArray], index: int) -> list[FloatArray]:
-    """Poses of the straight moves right after a waypoint."""
-    after: list[FloatArray] = []
-    for waypoint, pose in zip(trajectory.waypoints[index + 1 :], poses[index + 1 :], strict=True):
-        if waypoint.motion != "linear":
-            break
-        if not _still(after[-1] if after else poses[index], pose):
-            after.append(pose)
-    return after
 
 
 def _planned_end(
@@ -97,13 +93,17 @@ def _planned_end(
         if solution is None:
             continue
         first = solution.joints if first is None else first
-        if _can_follow(arm, solution.joints, after):
+        if _can_follow(arm, solution.joints, target, after):
             return solution.joints
     return first
 
 
-def _can_follow(arm: Arm, joints: FloatArray, poses: Sequence[FloatArray]) -> bool:
+def _can_follow(arm: Arm, joints: FloatArray, at: FloatArray, poses: Sequence[FloatArray]) -> bool:
+    """Whether straight moves through tool poses (4, 4) work from the joints (dof,) and their pose ``at`` (4, 4)."""
     for pose in poses:
+        if _still(at, pose):
+            continue
+        at = pose
         line = arm.line(joints, pose, 2 * LINE_STEP)
         if not line:
             return False
@@ -116,121 +116,84 @@ def _still(a: FloatArray, b: FloatArray) -> bool:
     return bool(np.linalg.norm(a[:3, 3] - b[:3, 3]) < STILL and turn < STILL)
 
 
-def check_kinematics(legs: Sequence[Leg], limits: CheckLimits) -> list[Finding]:
+def check_kinematics(trajectory: Trajectory, legs: Sequence[Leg]) -> list[Finding]:
     """Every pose is solvable, straight moves are possible, away from joint limits, flips and singularities."""
-    found: list[Finding] = []
-
-    def fail(
-        leg: Leg, kind: str, message: str, value: float | None = None, limit: float | None = None
-    ) -> None:
-        text = f"{where(leg.index, leg.waypoint)}: {message}"
-        found.append(Finding("kinematics", False, leg.index, kind, text, value, limit))
-
+    found = Findings("kinematics", trajectory)
     for leg in legs:
         if leg.solution is None:
             xyz = ", ".join(f"{v:.3f}" for v in leg.waypoint.xyz)
-            fail(
-                leg,
-                "unreachable",
-                f"no joints reach ({xyz}) with this orientation; move it nearer or turn the hand.",
-            )
+            message = f"no joints reach ({xyz}) with this orientation; move it nearer or turn the hand."
+            found.fail(leg.index, "unreachable", message)
             continue
         if not leg.samples:
-            fail(
-                leg,
-                "no_straight_line",
-                "the arm cannot go there in a straight line; move 'free' or via a point.",
-            )
+            message = "the arm cannot go there in a straight line; move 'free' or via a point."
+            found.fail(leg.index, "no_straight_line", message)
             continue
-        if leg.solution.limit_margin < limits.limit_margin:
-            fail(leg, "joint_limit", f"a joint is {leg.solution.limit_margin:.3f} rad from its limit, at least "
-                 f"{limits.limit_margin:.3f} rad are needed; turn the hand.",
-                 leg.solution.limit_margin, limits.limit_margin)  # fmt: skip
-        if leg.solution.manipulability < limits.min_manipulability:
-            fail(leg, "singular", f"manipulability {leg.solution.manipulability:.4f} is near a singularity, at least "
-                 f"{limits.min_manipulability:.4f} is needed; turn the hand or come nearer.",
-                 leg.solution.manipulability, limits.min_manipulability)  # fmt: skip
+        margin, ease = leg.solution.limit_margin, leg.solution.manipulability
+        what = "a joint's distance to its limit (rad)"
+        found.least(leg.index, "joint_limit", what, margin, LIMIT_MARGIN, "turn the hand")
+        advice = "the pose is nearly singular; turn the hand or come nearer"
+        found.least(leg.index, "singular", "the manipulability", ease, MIN_MANIPULABILITY, advice)
         if leg.waypoint.motion == "linear":
-            path = np.vstack([leg.start, *leg.samples])
-            jump = float(np.abs(np.diff(path, axis=0)).max())
-            if jump > limits.joint_jump:
-                fail(leg, "joint_jump", f"a joint jumps {jump:.2f} rad within one step of the straight move, at most "
-                     f"{limits.joint_jump:.2f} rad; move 'free'.", jump, limits.joint_jump)  # fmt: skip
-    return found or [passed("kinematics", "Every waypoint is reachable, away from limits and singularities.")]
+            jump = float(np.abs(np.diff(np.vstack([leg.start, *leg.samples]), axis=0)).max())
+            what = "a joint's jump within one step of the straight move (rad)"
+            found.most(leg.index, "joint_jump", what, jump, JOINT_JUMP, "move 'free'")
+    return found.or_passed("Every waypoint is reachable, away from limits and singularities.")
 
 
-def check_clearance(legs: Sequence[Leg], scene: Scene, arm: Arm, limits: CheckLimits) -> list[Finding]:
+def check_clearance(trajectory: Trajectory, legs: Sequence[Leg], scene: Scene, arm: Arm) -> list[Finding]:
     """Hand and held object clear of everything but ``allowed_contacts``; no grasp wider than the opening.
 
     Straight moves are checked along the way, planned ones at their start and end: in between, the motion planner keeps
     clear.
     """
-    found: list[Finding] = []
-    for leg in legs:
+    found = Findings("clearance", trajectory)
+    for leg, following in zip_longest(legs, legs[1:]):
         if leg.samples:
-            found += _leg_clearance(leg, scene, arm, limits)
-        if (grasp := _grasp_width(leg, legs, scene, arm)) is not None:
-            found.append(grasp)
-    return found or [passed("clearance", "Only allowed contacts are touched, and the grasp fits the hand.")]
+            _check_leg(leg, scene, arm, found)
+        if following is not None:
+            _check_grasp(leg, following.waypoint.carries, scene, arm, found)
+    return found.or_passed("Only allowed contacts are touched, and the grasp fits the hand.")
 
 
-def _leg_clearance(leg: Leg, scene: Scene, arm: Arm, limits: CheckLimits) -> list[Finding]:
-    def measure(joints: FloatArray, opening: float) -> Clearance:
-        return arm.clearance(joints, opening, scene, leg.waypoint.allowed_contacts, leg.attached)
+def _check_leg(leg: Leg, scene: Scene, arm: Arm, found: Findings) -> None:
+    def gap(kind: str, all_joints: Sequence[FloatArray], opening: float, needed: float, advice: str) -> bool:
+        """Whether the arm keeps its distance at all of the joints."""
+        allowed = leg.waypoint.allowed_contacts
+        gaps = (arm.clearance(q, opening, scene, allowed, leg.attached) for q in all_joints)
+        least = min(gaps, key=lambda clear: clear.distance)
+        between = f"{least.robot_part or 'the arm'} and {least.other or 'the scene'}"
+        return found.least(leg.index, kind, f"the gap between {between} (m)", least.distance, needed, advice)
 
-    name, found = where(leg.index, leg.waypoint), []
     end = np.asarray(leg.samples[-1])
     if leg.waypoint.motion == "linear":
-        stride = max(1, round(limits.sweep_step / LINE_STEP))
-        swept = [*leg.samples[:-1:stride], end]
-        worst = min((measure(np.asarray(q), leg.opening) for q in swept), key=lambda c: c.distance)
-        needed, kind, advice = (
-            limits.linear_clearance,
-            "collision",
-            "go around by a via-point, or allow the contact.",
-        )
+        stride = max(1, round(SWEEP_STEP / LINE_STEP))
+        swept = [*map(np.asarray, leg.samples[:-1:stride]), end]
+        advice = "go around by a via-point, or allow the contact"
+        clear = gap("collision", swept, leg.opening, LINEAR_CLEARANCE, advice)
     else:
-        starting = measure(leg.start, leg.opening)
-        if leg.index > 0 and starting.distance < limits.free_clearance:
-            found.append(_too_close(leg.index, "blocked_start", name, starting, limits.free_clearance,
-                                    "where this planned move starts; back off in a straight line first."))  # fmt: skip
-        worst = measure(end, leg.opening)
-        needed, kind, advice = (
-            limits.free_clearance,
-            "collision",
-            "at the end of this planned move; keep away more.",
-        )
-    if worst.distance < needed:
-        found.append(_too_close(leg.index, kind, name, worst, needed, advice))
-    elif abs(leg.waypoint.gripper - leg.opening) > 1e-6:
-        after = measure(end, float(np.clip(leg.waypoint.gripper, 0.0, 1.0)))
-        if after.distance < limits.linear_clearance:
-            found.append(_too_close(leg.index, "hand_blocked", name, after, limits.linear_clearance,
-                                    "after the hand opened or closed; choose another opening."))  # fmt: skip
-    return found
+        if leg.index > 0:
+            advice = "this planned move starts there: first back off in a straight line"
+            gap("blocked_start", [leg.start], leg.opening, FREE_CLEARANCE, advice)
+        advice = "this planned move ends there: keep farther away"
+        clear = gap("collision", [end], leg.opening, FREE_CLEARANCE, advice)
+    if clear and abs(leg.waypoint.gripper - leg.opening) > EPS:
+        opening = float(np.clip(leg.waypoint.gripper, 0.0, 1.0))
+        advice = "the hand opens or closes there: choose another opening"
+        gap("hand_blocked", [end], opening, LINEAR_CLEARANCE, advice)
 
 
-def _too_close(index: int, kind: str, name: str, clear: Clearance, needed: float, advice: str) -> Finding:
-    check: CheckName = "clearance"
-    between = f"{clear.robot_part or 'the arm'} and {clear.other or 'the scene'}"
-    message = f"{name}: {clear.distance * 1000:.1f} mm between {between}, {needed * 1000:.1f} mm are needed {advice}"
-    return Finding(check, False, index, kind, message, clear.distance, needed)
-
-
-def _grasp_width(leg: Leg, legs: Sequence[Leg], scene: Scene, arm: Arm) -> Finding | None:
-    """A finding when the hand closes here on an object wider than its opening."""
-    following = legs[leg.index + 1].waypoint.carries if leg.index + 1 < len(legs) else ""
-    if not following or following == leg.waypoint.carries or leg.waypoint.gripper >= leg.opening:
-        return None
-    held = next((o for o in scene.objects if o.id == following), None)
+def _check_grasp(leg: Leg, next_carried: str, scene: Scene, arm: Arm, found: Findings) -> None:
+    """The hand must not close on an object wider than its opening."""
+    if next_carried in ("", leg.waypoint.carries) or leg.waypoint.gripper >= leg.opening:
+        return
+    held = next((o for o in scene.objects if o.id == next_carried), None)
     if held is None:
-        return None
+        return
     width, opening = width_along(held, leg.pose[:3, 1]), leg.opening * arm.hand.max_width
-    if width <= opening or part_fits(held, leg.pose, opening, arm.hand):
-        return None
-    return Finding("clearance", False, leg.index, "too_wide",
-        f"{where(leg.index, leg.waypoint)}: '{held.label}' is {width * 1000:.0f} mm wide where the hand is open "
-        f"{opening * 1000:.0f} mm; open it more or grasp another side.", width, opening)  # fmt: skip
+    if width > opening and not part_fits(held, leg.pose, opening, arm.hand):
+        what = f"the width of '{held.label}' between the fingers (m)"
+        found.most(leg.index, "too_wide", what, width, opening, "open the hand more or grasp another side")
 
 
 def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> bool:

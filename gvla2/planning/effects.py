@@ -80,23 +80,26 @@ class Effect:
             effect = cls(**{**data, "source": source or data.get("source", "")})
         except TypeError as error:
             raise PlanningError(f"Not a parameter effect: {dict(data)!r} ({error}).") from error
-        if effect.kind not in REQUIRED or effect.op not in (">=", "<="):
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r}.")
-        absent = [name for name in REQUIRED[effect.kind] if name not in data]
-        if absent:
-            raise PlanningError(
-                f"Not a parameter effect: {dict(data)!r} lacks {' and '.join(absent)}, which a {effect.kind} needs."
-            )
-        numbers = (effect.value, effect.sd, effect.count)
-        if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r} has a value that is not a number.")
-        if effect.scale not in ("", *SIDES):
-            raise PlanningError(
-                f"Not a parameter effect: {dict(data)!r} has the scale {effect.scale!r}; there are {', '.join(SIDES)}."
-            )
-        if effect.kind == "order" and not all(effect.stages):
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r} does not say 'A{BEFORE}B'.")
+        if fault := effect._fault(data):
+            raise PlanningError(f"Not a parameter effect: {dict(data)!r} {fault}.")
         return effect
+
+    def _fault(self, data: Mapping[str, Any]) -> str:
+        """What is wrong with the effect of a JSON object, worded to follow it; "" if nothing."""
+        if self.kind not in REQUIRED or self.op not in (">=", "<="):
+            return (
+                f"has kind '{self.kind}' and op '{self.op}'; kinds are {', '.join(REQUIRED)}, op is >= or <="
+            )
+        if absent := [name for name in REQUIRED[self.kind] if name not in data]:
+            return f"lacks {' and '.join(absent)}, which a {self.kind} needs"
+        numbers = (self.value, self.sd, self.count)
+        if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+            return "has a value that is not a number"
+        if self.scale not in ("", *SIDES):
+            return f"has the scale {self.scale!r}; there are {', '.join(SIDES)}"
+        if self.kind == "order" and not all(self.stages):
+            return f"does not say 'A{BEFORE}B'"
+        return ""
 
     @property
     def stages(self) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
-from gvla2.planning.check_limits import DEFAULT_LIMITS, CheckLimits
+from gvla2.planning.check_limits import MAX_SPEED
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
@@ -20,11 +20,7 @@ TUBE = 0.08
 
 
 def repair(
-    trajectory: Trajectory,
-    report: CheckReport,
-    scene: Scene,
-    arm: Arm,
-    limits: CheckLimits = DEFAULT_LIMITS,
+    trajectory: Trajectory, report: CheckReport, scene: Scene, arm: Arm
 ) -> tuple[Trajectory, tuple[str, ...]]:
     """The trajectory after all possible repairs, and one sentence per change; unchanged and () if there are none.
 
@@ -36,7 +32,7 @@ def repair(
     failed = [f for f in report.findings if not f.passed and 0 <= f.index < len(points)]
     for finding in failed:
         before = points[finding.index]
-        points[finding.index] = _adjusted(before, finding, scene, arm, limits)
+        points[finding.index] = _adjusted(before, finding, scene, arm)
         if points[finding.index] != before:
             said.append(_difference(finding.index, before, points[finding.index]))
     # From last to first, so that insertions do not shift the indices of pending repairs.
@@ -51,7 +47,7 @@ def repair(
     return (Trajectory(tuple(points)), tuple(said)) if said else (trajectory, ())
 
 
-def _adjusted(w: Waypoint, finding: Finding, scene: Scene, arm: Arm, limits: CheckLimits) -> Waypoint:
+def _adjusted(w: Waypoint, finding: Finding, scene: Scene, arm: Arm) -> Waypoint:
     match finding.kind:
         case "outside_workspace":
             low = np.maximum(arm.workspace.low, scene.workspace.low)
@@ -61,7 +57,7 @@ def _adjusted(w: Waypoint, finding: Finding, scene: Scene, arm: Arm, limits: Che
             x, y, z = w.xyz
             return replace(w, xyz=(x, y, z + finding.limit - finding.value + 1e-4))
         case "too_fast":
-            return replace(w, speed=limits.max_speed)
+            return replace(w, speed=MAX_SPEED)
         case "opening_range":
             return replace(w, gripper=float(np.clip(w.gripper, 0.0, 1.0)))
     return w

@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, transform_points
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
 """Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box,
@@ -99,8 +99,12 @@ class SceneObject:
 
     def corners(self) -> FloatArray:
         """(8, 3) corners of the oriented box in the world, metres."""
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
-        return transform_points(self.world_from_object, 0.5 * signs * self.extents)
+        return transform_points(self.world_from_object, box_corners(self.extents))
+
+    def distances(self, points: ArrayLike) -> FloatArray:
+        """(...,) how far world points (..., 3) lie outside the oriented box, metres; 0 inside."""
+        local = np.abs(transform_points(invert_rigid(self.world_from_object), points))
+        return np.asarray(np.linalg.norm(np.maximum(local - 0.5 * self.extents, 0.0), axis=-1))
 
     def keypoints(self) -> dict[str, FloatArray]:
         """Named 3D points (3,) that give a planner extent and pose: the P_i of the paper."""

@@ -45,13 +45,10 @@ class SceneBrief:
         """
         told = {o.id: self.names[o.id] for o in scene.objects}
         told |= {o.label: self.names[o.id] for o in scene.objects if o.label}
-        longest = sorted(map(re.escape, told), key=len, reverse=True)
-        named = (
-            re.sub(rf"(?<!\w)(?:{'|'.join(longest)})(?!\w)", lambda m: told[m.group()], words)
-            if told
-            else words
-        )
-        return " ".join(named.split())
+        longest = "|".join(sorted(map(re.escape, told), key=len, reverse=True))
+        if told:
+            words = re.sub(rf"(?<!\w)(?:{longest})(?!\w)", lambda m: told[m.group()], words)
+        return " ".join(words.split())
 
 
 def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, points: int = 0) -> SceneBrief:

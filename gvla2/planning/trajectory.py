@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import takewhile
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +31,27 @@ class Orientation:
     vector: tuple[float, float, float] = (0.0, 0.0, -1.0)
     closing: tuple[float, float, float] = (0.0, 1.0, 0.0)
     angle: float = 0.0
+
+    @property
+    def fault(self) -> str:
+        """Why it is not a rotation, a sentence; "" if it is."""
+        if self.policy not in ("hold", "grasp", "axis", "twist", "slerp"):
+            return f"orientation policy '{self.policy}' is unknown; use hold, grasp, axis, twist or slerp."
+        if self.policy == "hold":
+            return ""
+        vector, closing = np.asarray(self.vector, np.float64), np.asarray(self.closing, np.float64)
+        if vector.shape != (3,) or not np.isfinite([*vector, self.angle]).all():
+            return "the orientation's vector and angle must be finite."
+        length = float(np.linalg.norm(vector))
+        if length < 1e-6:
+            return "the orientation's vector has no length."
+        if self.policy in ("axis", "twist"):
+            return ""
+        if closing.shape != (3,) or not np.isfinite(closing).all():
+            return "the orientation's closing direction must be finite."
+        if np.linalg.norm(np.cross(vector, closing)) < 1e-3 * length:
+            return "the orientation's closing direction must not be parallel to its approach."
+        return ""
 
     def resolve(self, before: FloatArray) -> FloatArray:
         """World rotation (3, 3) of the tool frame, given the rotation (3, 3) before."""
@@ -110,6 +133,30 @@ class Waypoint:
     guard: Guard | None = None
     dwell: float = 0.0
 
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """What is malformed, whatever the scene and the arm: a stable word and a sentence each."""
+        if self.frame != "world":
+            yield "wrong_frame", f"frame '{self.frame}' is unknown; give positions in 'world'."
+        if self.motion not in ("free", "linear"):
+            yield "bad_motion", f"motion '{self.motion}' is unknown; use 'free' or 'linear'."
+        numbers = [*self.xyz, self.gripper, self.speed, self.tolerance, self.dwell]
+        if len(self.xyz) != 3 or not np.isfinite(numbers).all():
+            yield (
+                "not_finite",
+                "xyz, gripper, speed, tolerance or dwell is not finite, or xyz are not three numbers.",
+            )
+        elif self.speed <= 0 or self.tolerance <= 0:
+            yield "not_positive", f"speed {self.speed:g} and tolerance {self.tolerance:g} must be above 0."
+        elif self.dwell < 0:
+            yield "negative", f"a dwell of {self.dwell:g} s; give 0 s or more."
+        if self.guard is not None and not self.guard.sound:
+            yield (
+                "bad_guard",
+                f"the guard is {self.guard}: finite numbers, none below and one above zero, are needed.",
+            )
+        if fault := self.orientation.fault:
+            yield "bad_orientation", fault
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -134,54 +181,21 @@ class Trajectory:
             rotation = waypoint.orientation.resolve(rotation)
             yield rigid(rotation, waypoint.xyz)
 
+    def straight_after(self, index: int, poses: Sequence[FloatArray]) -> Sequence[FloatArray]:
+        """Those of all waypoints' ``poses`` (4, 4) that belong to the straight moves right after waypoint ``index``."""
+        following = self.waypoints[index + 1 :]
+        straight = takewhile(lambda waypoint: waypoint.motion == "linear", following)
+        return poses[index + 1 : index + 1 + len(list(straight))]
+
     def xyzg(self) -> FloatArray:
         """(N, 4) the paper's view: x, y, z in metres and the gripper state."""
         return np.array([[*w.xyz, w.gripper] for w in self.waypoints], dtype=np.float64)
 
     def to_json(self) -> list[dict[str, Any]]:
         """Waypoints as JSON objects, every field, sets sorted."""
-        return [
-            {
-                "xyz": [float(v) for v in w.xyz],
-                "gripper": w.gripper,
-                "stage": w.stage,
-                "orientation": {
-                    "policy": w.orientation.policy,
-                    "vector": [float(v) for v in w.orientation.vector],
-                    "closing": [float(v) for v in w.orientation.closing],
-                    "angle": w.orientation.angle,
-                },
-                "motion": w.motion,
-                "speed": w.speed,
-                "allowed_contacts": sorted(w.allowed_contacts),
-                "carries": w.carries,
-                "tolerance": w.tolerance,
-                "frame": w.frame,
-                "guard": {"force": w.guard.force, "stall": w.guard.stall} if w.guard else None,
-                "dwell": w.dwell,
-            }
-            for w in self.waypoints
-        ]
-
-    @classmethod
-    def from_json(cls, waypoints: Sequence[Mapping[str, Any]]) -> Trajectory:
-        """The inverse of :meth:`to_json`. Fields with a default may be absent.
-
-        Raises :class:`ValueError` naming the first invalid waypoint; the checks judge its numbers.
-        """
-        return cls(tuple(_waypoint(i, data) for i, data in enumerate(waypoints)))
+        return [json.loads(json.dumps(asdict(w), default=_plain)) for w in self.waypoints]
 
 
-def _waypoint(index: int, data: Mapping[str, Any]) -> Waypoint:
-    try:
-        fields = dict(data)
-        x, y, z = (float(v) for v in fields.pop("xyz"))
-        if turned := fields.pop("orientation", None):
-            vectors = {k: tuple(float(v) for v in turned[k]) for k in ("vector", "closing") if k in turned}
-            fields["orientation"] = Orientation(**{**turned, **vectors})
-        if guard := fields.pop("guard", None):
-            fields["guard"] = Guard(**guard)
-        allowed = frozenset(fields.pop("allowed_contacts", ()))
-        return Waypoint((x, y, z), allowed_contacts=allowed, **fields)
-    except (TypeError, ValueError, KeyError) as error:
-        raise ValueError(f"Waypoint {index} is not a waypoint: {data!r} ({error}).") from error
+def _plain(value: Any) -> Any:
+    """JSON for what has none: sets, and numpy's numbers."""
+    return sorted(value) if isinstance(value, frozenset) else float(value)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
@@ -13,84 +13,38 @@ from gvla2.planning.arm import Attachment, Clearance, Hand, IKSolution
 from gvla2.planning.scene import Box, Scene
 from gvla2.robot.collision import CollisionChecker, CollisionModel
 from gvla2.robot.ik import InverseKinematics
-from gvla2.robot.kinematics import Finger, Kinematics
+from gvla2.robot.kinematics import Kinematics
 from gvla2.robot.tool_line import trace_line
 
 
 class ArmModel:
-    """Implements :class:`gvla2.planning.arm.Arm`, plus what motion planning needs.
+    """Implements :class:`gvla2.planning.arm.Arm`, plus what motion planning needs. Not safe to share between threads.
 
-    Make one with :meth:`from_urdf`. Not safe to share between threads.
+    ``home`` (dof,) radians. Raises :class:`RobotError` when it does not fit the joints' limits.
     """
 
     def __init__(
         self,
         kinematics: Kinematics,
-        ik: InverseKinematics,
         collisions: CollisionModel,
         *,
         hand: Hand,
-        home: FloatArray,
+        home: ArrayLike,
         workspace: Box,
     ) -> None:
-        self.kinematics, self.ik, self.collisions = kinematics, ik, collisions
-        self._hand, self._home, self._workspace = hand, home, workspace
-
-    @classmethod
-    def from_urdf(
-        cls,
-        urdf: Path,
-        package_dirs: Sequence[Path],
-        *,
-        world_from_base: FloatArray,
-        tcp_frame: str,
-        hand: Hand,
-        home: Sequence[float],
-        workspace: Box,
-        hand_links: Sequence[str],
-        fingers: Sequence[Finger] = (),
-        frame_from_tcp: FloatArray | None = None,
-        srdf: Path | None = None,
-        limit_margin: float = 0.01,
-    ) -> ArmModel:
-        """The arm of a URDF whose meshes are found under ``package_dirs``.
-
-        ``world_from_base`` (4, 4); ``tcp_frame`` and ``frame_from_tcp`` (4, 4) give the tool centre point (z out
-        of the hand, y along the fingers' motion); ``home`` (dof,) radians; ``hand_links`` are the links that may
-        touch what a waypoint allows; ``limit_margin`` radians. Raises :class:`RobotError` when they don't fit the
-        URDF, :class:`MissingDependencyError` without pinocchio or coal.
-        """
-        kinematics = Kinematics(
-            urdf,
-            world_from_base=world_from_base,
-            tcp_frame=tcp_frame,
-            frame_from_tcp=np.eye(4) if frame_from_tcp is None else frame_from_tcp,
-            fingers=fingers,
-            limit_margin=limit_margin,
-        )
-        rest = np.asarray(home, dtype=np.float64)
-        if rest.shape != (kinematics.dof,) or kinematics.limit_distance(rest) < 0:
+        self._home = np.array(home, dtype=np.float64)
+        if self._home.shape != (kinematics.dof,) or kinematics.limit_distance(self._home) < 0:
             raise RobotError(
-                f"The home joints {rest.tolist()} don't fit the {kinematics.dof} joints' limits."
+                f"The home joints {self._home.tolist()} don't fit the {kinematics.dof} joints' limits."
             )
-        collisions = CollisionModel(kinematics, urdf, package_dirs, hand_links=hand_links, srdf=srdf)
-        ik = InverseKinematics(kinematics, rest)
-        return cls(kinematics, ik, collisions, hand=hand, home=rest, workspace=workspace)
-
-    @property
-    def hand(self) -> Hand:
-        """The gripper's geometry."""
-        return self._hand
+        self.kinematics, self.collisions = kinematics, collisions
+        self.ik = InverseKinematics(kinematics, self._home)
+        self.hand, self.workspace = hand, workspace
 
     @property
     def home(self) -> FloatArray:
         """(dof,) resting joints, radians."""
         return self._home.copy()
-
-    @property
-    def workspace(self) -> Box:
-        """Where the tool centre point may go, world frame."""
-        return self._workspace
 
     @property
     def dof(self) -> int:

@@ -71,18 +71,18 @@ class Cluttered:
         """
         own = rng.spawn(1)[0]  # before the task draws: its number of draws may depend on the sentence
         instance = self._task.sample(rng, site, instruction)
-        taken = [*_rounds(instance.layout), *instance.keep_clear]
+        taken = [*_circles(instance.layout), *instance.keep_clear]
         added: list[Body] = []
         for size, arrangement in self._groups(own):
             group = self._group(own, size, arrangement, instance, site, len(added))
-            middle, radius = _round_of(group)
+            x, y, radius = _circle(np.concatenate([body_points(b, b.world_from_body) for b in group]))
             root = _free_place(own, site, radius, taken)
             if root is None:
                 raise ConfigurationError(
                     f"There is no room for {self._config.distractors} distractors: after {len(added)} of them nothing "
                     f"of {200 * radius:.0f} cm fits beside the task's own things. Ask for fewer (task.distractors)."
                 )
-            move = root @ rigid(translation=(-middle[0], -middle[1], 0.0))
+            move = root @ rigid(translation=(-x, -y, 0.0))
             added += [replace(body, world_from_body=move @ body.world_from_body) for body in group]
             taken.append((float(root[0, 3]), float(root[1, 3]), radius))
         layout: Layout = replace(instance.layout, bodies=(*instance.layout.bodies, *added))
@@ -219,41 +219,37 @@ def _on_table(body: Body, site: TaskSite) -> Body:
     )
 
 
-def _round_of(bodies: Sequence[Body]) -> tuple[FloatArray, float]:
-    """Middle (2,) and radius of a round on the table that holds the bodies, metres."""
-    points = np.concatenate([body_points(body, body.world_from_body)[:, :2] for body in bodies])
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    return middle, float(np.linalg.norm(points - middle, axis=1).max())
+def _circle(points: FloatArray) -> tuple[float, float, float]:
+    """(x, y, radius) of a circle on the table that holds world points (N, 3), metres."""
+    flat = points[:, :2]
+    middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    return float(middle[0]), float(middle[1]), float(np.linalg.norm(flat - middle, axis=1).max())
 
 
-def _rounds(layout: Layout) -> list[tuple[float, float, float]]:
+def _circles(layout: Layout) -> list[tuple[float, float, float]]:
     """Circles (x, y, radius) on the table that the task's bodies occupy, including their joints' travel."""
-    rounds = []
-    for body in layout.bodies:
-        middle, radius = _round_of([body])
-        rounds.append((float(middle[0]), float(middle[1]), radius))
+    circles = [_circle(body_points(body, body.world_from_body)) for body in layout.bodies]
     for joint in layout.joints:
         points = body_points(layout[joint.child], layout[joint.child].world_from_body)
         if joint.kind == "prismatic":
-            ends = np.concatenate([points + travel * np.asarray(joint.axis) for travel in joint.limits])
-            middle = 0.5 * (ends.min(axis=0) + ends.max(axis=0))[:2]
-            radius = float(np.linalg.norm(ends[:, :2] - middle, axis=1).max())
+            ends = [points + travel * np.asarray(joint.axis) for travel in joint.limits]
+            circles.append(_circle(np.concatenate(ends)))
         else:
-            middle = np.asarray(joint.origin)[:2]
+            x, y, _ = joint.origin
             radius = float(np.linalg.norm(points - np.asarray(joint.origin), axis=1).max())
-        rounds.append((float(middle[0]), float(middle[1]), radius))
-    return rounds
+            circles.append((float(x), float(y), radius))
+    return circles
 
 
 def _free_place(
     rng: np.random.Generator, site: TaskSite, radius: float, taken: Sequence[tuple[float, float, float]]
 ) -> FloatArray | None:
     """A place (4, 4) on the table, turned at random, clear of the circles ``taken``; None when there is none."""
-    rounds = np.array(taken).reshape(-1, 3)
+    circles = np.array(taken).reshape(-1, 3)
     for _ in range(TRIES):
         root = sample_root(rng, site)
         root[2, 3] = 0.0
-        off = np.linalg.norm(rounds[:, :2] - root[:2, 3], axis=1) - rounds[:, 2] - radius
+        off = np.linalg.norm(circles[:, :2] - root[:2, 3], axis=1) - circles[:, 2] - radius
         if (off > GAP).all():
             return root
     return None

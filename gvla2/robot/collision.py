@@ -12,25 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import MissingDependencyError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.robot.kinematics import Kinematics, import_pinocchio
+from gvla2.robot.kinematics import Kinematics
+from gvla2.robot.libraries import library
 from gvla2.robot.link_hulls import link_geometry
 from gvla2.robot.self_collision import disabled, usually_close
 
 TABLE = "table"
 """The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
-
-
-def import_coal() -> Any:
-    """The module ``coal``; raises :class:`MissingDependencyError` when it is not installed."""
-    try:
-        import coal
-    except ImportError as error:
-        raise MissingDependencyError("coal", "Collision checking", 'pip install "gvla2[sim]"') from error
-    return coal
 
 
 class CollisionChecker:
@@ -42,13 +33,12 @@ class CollisionChecker:
     def __init__(
         self, kinematics: Kinematics, data: Any, geometry: Any, gripper: float, n_world: int
     ) -> None:
-        self._pin = import_pinocchio()
+        self._pin = library("pinocchio")
         self._kinematics, self._geometry = kinematics, geometry
         self._q = kinematics.full(np.zeros(kinematics.dof), gripper)
         self._index = kinematics.arm_index
         self._data, self._geometry_data = data, geometry.createData()
         self.n_world = n_world
-        self.checked = 0
         self._margins = np.zeros(n_world)
 
     @cached_property
@@ -71,7 +61,6 @@ class CollisionChecker:
 
     def free(self, joints: FloatArray) -> bool:
         """Whether joints (dof,) keep all margins."""
-        self.checked += 1
         self._q[self._index] = joints
         return not self._pin.computeCollisions(
             self._kinematics.model, self._data, self._geometry, self._geometry_data, self._q, True
@@ -121,12 +110,11 @@ class CollisionModel:
         srdf: Path | None = None,
         kept: int = 12,
     ) -> None:
-        self._pin, self._coal = import_pinocchio(), import_coal()
         self._kinematics = kinematics
-        self._robot = link_geometry(kinematics, urdf, [str(d) for d in package_dirs], self._pin, self._coal)
+        self._robot = link_geometry(kinematics, urdf, package_dirs)
         self._hand = frozenset(hand_links)
         solids = [(_part(o), o.parentJoint) for o in self._robot.geometryObjects]
-        close = usually_close(self._pin, kinematics, self._robot, self._hand)
+        close = usually_close(kinematics, self._robot, self._hand)
         told = set() if srdf is None else disabled(srdf)
         named = {link for pair in told for link in pair}
         harmless = told | {pair for pair in close if not pair <= named}
@@ -165,7 +153,7 @@ class CollisionModel:
     def _build(
         self, scene: Scene, gripper: float, allowed: frozenset[str], attached: Attachment | None
     ) -> CollisionChecker:
-        pin, coal = self._pin, self._coal
+        pin = library("pinocchio")
         geometry = self._robot.copy()
         links = [(i, _part(o)) for i, o in enumerate(geometry.geometryObjects)]
         still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
@@ -175,9 +163,7 @@ class CollisionModel:
             held = attached.object
             joint = self._kinematics.tcp_joint
             placement = pin.SE3(self._kinematics.joint_from_tcp @ attached.tcp_from_object)
-            index = geometry.addGeometryObject(
-                pin.GeometryObject(held.id, joint, 0, placement, _solid(coal, held))
-            )
+            index = geometry.addGeometryObject(pin.GeometryObject(held.id, joint, 0, placement, _solid(held)))
             self_pairs += [
                 (i, index)
                 for i, name in links
@@ -185,9 +171,9 @@ class CollisionModel:
             ]
             links.append((index, held.id))
             hand = hand | {held.id}
-        world = [(TABLE, coal.Halfspace(np.array([0.0, 0.0, 1.0]), scene.table_height), np.eye(4))]
+        world = [(TABLE, library("coal").Halfspace(np.array([0.0, 0.0, 1.0]), scene.table_height), np.eye(4))]
         ignored = frozenset() if attached is None else frozenset({attached.object.id})
-        world += [(o.id, _solid(coal, o), o.world_from_object) for o in scene.obstacles(ignored)]
+        world += [(o.id, _solid(o), o.world_from_object) for o in scene.obstacles(ignored)]
         n_world = 0
         for name, solid, placement in world:
             index = geometry.addGeometryObject(pin.GeometryObject(name, 0, 0, pin.SE3(placement), solid))
@@ -205,8 +191,9 @@ def _part(solid: Any) -> str:
     return str(solid.name)
 
 
-def _solid(coal: Any, thing: SceneObject) -> Any:
+def _solid(thing: SceneObject) -> Any:
     """A coal shape in the object's frame: a cylinder or sphere around its box if it is one, else the box."""
+    coal = library("coal")
     x, y, z = np.maximum(thing.extents, 1e-4)
     if thing.shape in ("cylinder", "disc"):
         return coal.Cylinder(0.5 * max(x, y), z)

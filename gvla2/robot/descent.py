@@ -329,15 +329,13 @@ def descend(
 
 
 @compiled
-def settle(
-    chain: Chain, start: FloatArray, target: FloatArray
-) -> tuple[bool, FloatArray, float, float, float, float]:
+def settle(chain: Chain, start: FloatArray, target: FloatArray) -> tuple[bool, FloatArray, float, float]:
     """:func:`descend` with more steps; then, with spare joints, the same tool pose farther from the limits.
 
-    Returns whether it was reached, and joints (dof,) with their distance to the nearest limit, Yoshikawa's
-    manipulability sqrt(det(J J^T)), and their pose error, metres and radians.
+    Returns whether it was reached, and joints (dof,) with their distance to the nearest limit and Yoshikawa's
+    manipulability sqrt(det(J J^T)).
     """
-    pose, jacobian, error = np.empty((4, 4)), np.empty((6, len(start))), np.empty(6)
+    pose, jacobian = np.empty((4, 4)), np.empty((6, len(start)))
     reached, best, margin = False, start, -np.inf
     for k in range(11):
         settled, joints = descend(chain, start, target, 6 if k else 40, 0.0)
@@ -353,10 +351,9 @@ def settle(
         start = best.copy()
         _go_away(chain, best, jacobian, 0.5, start)
     _tool(chain, best, pose, jacobian)
-    _error(pose, target, error)
     gram, volume = _gram(jacobian), 1.0
     if _solve(gram, np.zeros(6)) == 0.0:
         volume = 0.0
     for i in range(6):
         volume *= gram[i, i]  # the factor's diagonal
-    return reached, best, margin, volume, _length(error, 0, 3), _length(error, 3, 6)
+    return reached, best, margin, volume

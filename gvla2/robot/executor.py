@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +15,6 @@ from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.driver import Driver, DriverState, GuardedDriver, MoveResult
 from gvla2.robot.guarding import GuardWatch
@@ -21,12 +23,6 @@ from gvla2.robot.motion import MotionFailure, MotionPlanner
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
 from gvla2.robot.safety import check_samples, check_trajectory
 from gvla2.robot.timing import MotionLimits, time_path
-
-_FAILURES: dict[str, AbortCode] = {
-    "unreachable": "unreachable",
-    "no_path": "no_path",
-    "in_collision": "collision",
-}
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,6 @@ class ExecutorOptions:
 def execute(
     trajectory: Trajectory,
     scene: Scene,
-    arm: ArmModel,
     planner: MotionPlanner,
     driver: Driver,
     listener: ExecutionListener | None = None,
@@ -67,27 +62,13 @@ def execute(
     A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the present
     waypoint is reported as ``interrupted`` and the exception passed on.
     """
-    return _Run(trajectory, scene, arm, planner, driver, listener or ExecutionListener(), options).through()
-
-
-@dataclass
-class _Step:
-    """What is known about the present waypoint."""
-
-    index: int
-    waypoint: Waypoint
-    status: str = ""
-    contacts: tuple[str, ...] = ()
-    planning_seconds: float = 0.0
-    motion_seconds: float = 0.0
-    force: float | None = None
-    note: str = ""
+    return _Run(trajectory, scene, planner, driver, listener or ExecutionListener(), options).through()
 
 
 class _Abort(Exception):  # noqa: N818 - it ends a loop, it is no error
     def __init__(self, code: AbortCode, message: str) -> None:
         super().__init__(message)
-        self.code, self.message = code, message
+        self.code = code
 
 
 class _Run:
@@ -97,39 +78,37 @@ class _Run:
         self,
         trajectory: Trajectory,
         scene: Scene,
-        arm: ArmModel,
         planner: MotionPlanner,
         driver: Driver,
         listener: ExecutionListener,
         options: ExecutorOptions,
     ) -> None:
         self.trajectory, self.given, self.world = trajectory, scene, CarriedScene(scene)
-        self.arm, self.planner, self.driver = arm, planner, driver
+        self.arm, self.planner, self.driver = planner.arm, planner, driver
         self.listener, self.options = listener, options
         self.reports: list[WaypointReport] = []
         self.joint_path: list[tuple[float, ...]] = []
         self.poses: list[FloatArray] = []
-        self.last = DriverState(arm.home, 0.0)  # the last plausible measurement
+        self.last = DriverState(self.arm.home, 0.0)  # the last plausible measurement
         self.holds: bool | None = False
         self.opening = 1.0  # commanded, in [0, 1]
         self.closed_at = np.eye(4)  # tool pose at which the fingers last closed
+        self.now = _begun(0, next(iter(trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, "")))
 
     def through(self) -> ExecutionReport:
         """All waypoints, to the end or the first abort."""
-        first = next(iter(self.trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, ""))
-        step = _Step(0, first)
         try:
             self._start()
             for index, waypoint in enumerate(self.trajectory):
-                step = _Step(index, waypoint)
-                self._carry_out(step)
-                self._report(step, message=step.note)
+                self.now = _begun(index, waypoint)
+                self._carry_out(waypoint)
+                self._report()
         except _Abort as abort:
             if abort.code != "not_started":
                 self.driver.hold()
-            self._report(step, abort.code, abort.message)
+            self._report(abort.code, str(abort))
         except BaseException as error:
-            self._interrupted(step, error)
+            self._interrupted(error)
             raise
         spent = sum(r.planning_seconds + r.motion_seconds for r in self.reports)
         return ExecutionReport(tuple(self.reports), spent, tuple(self.joint_path))
@@ -143,24 +122,22 @@ class _Run:
         except RobotError as error:
             raise _Abort("not_started", str(error)) from error
 
-    def _carry_out(self, step: _Step) -> None:
-        waypoint, options, pose = step.waypoint, self.options, self.poses[step.index]
+    def _carry_out(self, waypoint: Waypoint) -> None:
+        options, pose = self.options, self.poses[self.now.index]
         state = self._measure()
         if waypoint.carries:
             self.world.carry(waypoint.carries, self.closed_at)
         else:
             self.world.release(self.arm.forward(state.joints))
 
-        samples = self._plan(step, state, pose)
+        samples = self._plan(waypoint, state, pose)
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
-        step.motion_seconds = (len(samples) - 1) * options.dt
-        moved = self._follow(step, samples)
-        step.contacts = moved.contacts
-        if moved.diverged:
-            raise _Abort("diverged", "The driver measured something impossible and aborted the motion.")
+        self._know(motion_seconds=(len(samples) - 1) * options.dt)
+        moved = self._follow(waypoint, samples)
+        self._moved(moved)
         state = self._measure()
         if waypoint.dwell > 0.0:
-            state = self._stay(step, state.joints if moved.stopped else samples[-1])
+            state = self._stay(waypoint, state.joints if moved.stopped else samples[-1])
         if waypoint.carries and state.gripper_width < options.empty_width:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
@@ -168,38 +145,41 @@ class _Run:
         if not moved.stopped and error > options.tracking_factor * waypoint.tolerance:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
-            self._grip(step)
+            self._grip(waypoint)
 
-    def _stay(self, step: _Step, joints: FloatArray) -> DriverState:
-        """Keep commanding the joints (dof,) for the waypoint's dwell; returns the measurement after it."""
-        dt = self.options.dt
-        count = math.ceil(step.waypoint.dwell / dt)
-        step.motion_seconds += count * dt
-        moved = self.driver.follow(np.tile(joints, (count + 1, 1)), dt, self.opening)
-        step.contacts = tuple(dict.fromkeys(step.contacts + moved.contacts))
-        if moved.diverged:
-            raise _Abort("diverged", "The driver measured something impossible while the arm stayed.")
-        return self._measure()
-
-    def _follow(self, step: _Step, samples: FloatArray) -> MoveResult:
+    def _follow(self, waypoint: Waypoint, samples: FloatArray) -> MoveResult:
         """Move, and hold where the waypoint's guard ends the motion."""
-        guard, dt = step.waypoint.guard, self.options.dt
-        if guard is None:
-            return self.driver.follow(samples, dt, self.opening)
-        if not isinstance(self.driver, GuardedDriver):
-            step.note = "This robot does not feel guards: the motion went on to its end."
-            return self.driver.follow(samples, dt, self.opening)
-        watch = GuardWatch(guard, self.arm)
-        moved = self.driver.follow_guarded(samples, dt, self.opening, watch)
-        step.force = watch.force
-        if moved.stopped:
-            self.driver.hold()
-            step.status, step.note = "guarded", watch.reason
+        guard, driver, dt = waypoint.guard, self.driver, self.options.dt
+        if guard is not None and isinstance(driver, GuardedDriver):
+            watch = GuardWatch(guard, self.arm)
+            moved = driver.follow_guarded(samples, dt, self.opening, watch)
+            self._know(force=watch.force)
+            if moved.stopped:
+                driver.hold()
+                self._know(status="guarded", message=watch.reason)
+        else:
+            moved = driver.follow(samples, dt, self.opening)
+            if guard is not None:
+                self._know(message="This robot does not feel guards: the motion went on to its end.")
         return moved
 
-    def _plan(self, step: _Step, state: DriverState, pose: FloatArray) -> FloatArray:
+    def _stay(self, waypoint: Waypoint, joints: FloatArray) -> DriverState:
+        """Keep commanding the joints (dof,) for the waypoint's dwell; returns the measurement after it."""
+        count = math.ceil(waypoint.dwell / self.options.dt)
+        self._know(motion_seconds=self.now.motion_seconds + count * self.options.dt)
+        still = np.tile(joints, (count + 1, 1))
+        self._moved(self.driver.follow(still, self.options.dt, self.opening))
+        return self._measure()
+
+    def _moved(self, moved: MoveResult) -> None:
+        self._touched(moved.contacts)
+        if moved.diverged:
+            raise _Abort("diverged", "The driver measured something impossible and aborted the motion.")
+
+    def _plan(self, waypoint: Waypoint, state: DriverState, pose: FloatArray) -> FloatArray:
         """Joint samples (T, dof) to the waypoint, checked."""
-        waypoint, options = step.waypoint, self.options
+        options, index = self.options, self.now.index
+        began = time.perf_counter()
         path = self.planner.plan(
             state.joints,
             pose,
@@ -208,14 +188,14 @@ class _Run:
             gripper=self._fraction(state.gripper_width),
             attached=self.world.attached,
             allowed_contacts=waypoint.allowed_contacts,
-            then=self._straight_after(step.index),
-            seed=options.seed + step.index,
+            then=self.trajectory.straight_after(index, self.poses),
+            seed=options.seed + index,
         )
-        step.planning_seconds = path.seconds
+        self._know(planning_seconds=time.perf_counter() - began)
         if isinstance(path, MotionFailure):
-            step.status = "failed"
-            raise _Abort(_FAILURES[path.code], path.message)
-        step.status = path.status
+            self._know(status="failed")
+            raise _Abort(path.code, path.message)
+        self._know(status=path.status)
         velocity = options.velocity_scale * self.arm.velocity_limits
         limits = MotionLimits(velocity, np.full(self.arm.dof, options.acceleration), waypoint.speed)
         try:
@@ -227,33 +207,21 @@ class _Run:
             raise _Abort("timeout", f"The motion would take over {options.max_motion_seconds:.0f} s.")
         return samples
 
-    def _grip(self, step: _Step) -> None:
+    def _grip(self, waypoint: Waypoint) -> None:
         """Open or close as the waypoint says; closing on nothing before carrying something is a slip."""
-        wanted = step.waypoint.gripper
-        closing = wanted < self.opening
-        result = self.driver.grip(wanted)
-        self.opening = wanted
-        step.contacts = tuple(dict.fromkeys(step.contacts + result.contacts))
+        closing = waypoint.gripper < self.opening
+        result = self.driver.grip(waypoint.gripper)
+        self.opening = waypoint.gripper
+        self._touched(result.contacts)
         self.holds = result.held if closing else False
         state = self._measure()
         if not closing:
             return
         self.closed_at = self.arm.forward(state.joints)
-        following = self.trajectory.waypoints[step.index + 1 : step.index + 2]
+        following = self.trajectory.waypoints[self.now.index + 1 : self.now.index + 2]
         if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
             self.holds = False
             raise _Abort("slipped", "The fingers closed on nothing.")
-
-    def _straight_after(self, index: int) -> list[FloatArray]:
-        """Poses of the straight moves right after the waypoint."""
-        poses = []
-        for waypoint, pose in zip(
-            self.trajectory.waypoints[index + 1 :], self.poses[index + 1 :], strict=True
-        ):
-            if waypoint.motion != "linear":
-                break
-            poses.append(pose)
-        return poses
 
     def _fraction(self, width: float) -> float:
         return float(np.clip(width / self.arm.hand.max_width, 0.0, 1.0))
@@ -265,33 +233,37 @@ class _Run:
         self.last = state
         return state
 
-    def _report(self, step: _Step, abort: AbortCode = "", message: str = "") -> None:
-        reached = self.arm.forward(self.last.joints)[:3, 3]
-        target = np.asarray(step.waypoint.xyz)
-        report = WaypointReport(
-            index=step.index,
-            stage=step.waypoint.stage,
-            target=(float(target[0]), float(target[1]), float(target[2])),
-            reached=(float(reached[0]), float(reached[1]), float(reached[2])),
-            error=float(np.linalg.norm(reached - target)),
+    def _know(self, **facts: Any) -> None:
+        """Fields of the present waypoint's report."""
+        self.now = replace(self.now, **facts)
+
+    def _touched(self, links: Iterable[str]) -> None:
+        self._know(contacts=tuple(dict.fromkeys((*self.now.contacts, *links))))
+
+    def _report(self, abort: AbortCode = "", message: str = "") -> None:
+        x, y, z = self.arm.forward(self.last.joints)[:3, 3].tolist()
+        self._know(
+            reached=(x, y, z),
+            error=math.dist((x, y, z), self.now.target),
             gripper_width=self.last.gripper_width,
             held=self.holds,
-            contacts=step.contacts,
-            status=step.status,
             abort=abort,
-            message=message,
-            planning_seconds=step.planning_seconds,
-            motion_seconds=step.motion_seconds,
-            force=step.force,
+            message=message or self.now.message,
         )
-        self.reports.append(report)
-        self.listener.waypoint(report)
+        self.reports.append(self.now)
+        self.listener.waypoint(self.now)
 
-    def _interrupted(self, step: _Step, error: BaseException) -> None:
+    def _interrupted(self, error: BaseException) -> None:
         """First bring the arm to rest, then report how far it got."""
         self.driver.hold()
-        if any(report.index == step.index for report in self.reports):
+        if any(report.index == self.now.index for report in self.reports):
             return  # the listener raised at this waypoint: it already has the report
         with contextlib.suppress(_Abort):
             self._measure()
-        self._report(step, "interrupted", f"{type(error).__name__}: {error}".rstrip(": "))
+        self._report("interrupted", f"{type(error).__name__}: {error}".rstrip(": "))
+
+
+def _begun(index: int, waypoint: Waypoint) -> WaypointReport:
+    """The report of a waypoint before anything is known about its motion."""
+    x, y, z = map(float, waypoint.xyz)
+    return WaypointReport(index, waypoint.stage, (x, y, z), (x, y, z), 0.0, 0.0, None)

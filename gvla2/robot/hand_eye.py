@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -90,16 +91,10 @@ def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solut
 
 def _check_variety(rotations: Sequence[FloatArray], what: str) -> None:
     """Turns about one axis only leave the calibration open along that axis."""
-    turns = np.array(
-        [
-            Rotation.from_matrix(b @ a.T).as_rotvec()
-            for i, a in enumerate(rotations)
-            for b in rotations[i + 1 :]
-        ]
-    )
-    spread = np.linalg.svd(turns, compute_uv=False) / np.sqrt(
-        len(turns)
-    )  # radians along each axis of turning
+    between = np.array([b @ a.T for a, b in combinations(rotations, 2)])
+    turns = Rotation.from_matrix(between).as_rotvec()
+    # radians along each axis of turning
+    spread = np.linalg.svd(turns, compute_uv=False) / np.sqrt(len(turns))
     if spread[1] < SMALLEST_TURN / 2.0:
         raise RobotError(
             f"The {what} was turned by {np.degrees(spread[1]):.1f} degrees about its second axis; turn it by 15 "

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -38,33 +39,28 @@ def motions(
     hands: Sequence[FloatArray], targets: Sequence[FloatArray]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """A and B of AX = XB for every two moments."""
-    a, b = [], []
-    for i in range(len(hands)):
-        for j in range(i + 1, len(hands)):
-            a.append(invert_rigid(hands[j]) @ hands[i])
-            b.append(targets[j] @ invert_rigid(targets[i]))
-    return a, b
+    pairs = list(combinations(range(len(hands)), 2))
+    a = [invert_rigid(hands[j]) @ hands[i] for i, j in pairs]
+    return a, [targets[j] @ invert_rigid(targets[i]) for i, j in pairs]
 
 
 def park(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
     """Rotation vectors of B, turned by X, are those of A (Park and Martin 1994), then the shift by least squares."""
     a, b = motions(hands, targets)
-    correlation = _rotvecs(a).T @ _rotvecs(b)  # (3, 3)
-    return _with_shift(_orthonormal(correlation), a, b)
+    turn, _ = Rotation.align_vectors(_rotations(a).as_rotvec(), _rotations(b).as_rotvec())
+    return _with_shift(turn.as_matrix(), a, b)
 
 
 def tsai(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
     """Linear equations in a modified Rodrigues vector (Tsai and Lenz 1989)."""
     a, b = motions(hands, targets)
-    pa, pb = _half_sines(a), _half_sines(b)
-    rows = np.concatenate([_cross(u + v) for u, v in zip(pa, pb, strict=True)])
+    # The vector is the axis times 2 sin(angle / 2): twice the quaternion's imaginary part.
+    pa, pb = (2.0 * _rotations(poses).as_quat(canonical=True)[:, :3] for poses in (a, b))
+    rows = np.concatenate([np.cross(np.eye(3), u + v) for u, v in zip(pa, pb, strict=True)])
     scaled = np.linalg.lstsq(rows, (pb - pa).ravel(), rcond=None)[0]
     p = 2.0 * scaled / np.sqrt(1.0 + scaled @ scaled)
-    square = float(p @ p)
-    rotation = (1.0 - 0.5 * square) * np.eye(3) + 0.5 * (
-        np.outer(p, p) + np.sqrt(max(0.0, 4.0 - square)) * _cross(p)
-    )
-    return _with_shift(_orthonormal(rotation), a, b)
+    turn = Rotation.from_quat([*(0.5 * p), np.sqrt(max(0.0, 1.0 - 0.25 * p @ p))])
+    return _with_shift(turn.as_matrix(), a, b)
 
 
 def andreff(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
@@ -105,16 +101,5 @@ def _orthonormal(matrix: FloatArray) -> FloatArray:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
-def _rotvecs(poses: Sequence[FloatArray]) -> FloatArray:
-    return np.asarray(Rotation.from_matrix(np.array([p[:3, :3] for p in poses])).as_rotvec())
-
-
-def _half_sines(poses: Sequence[FloatArray]) -> FloatArray:
-    """(N, 3) axis times 2 sin(angle / 2)."""
-    vectors = _rotvecs(poses)
-    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors * 2.0 * np.sin(0.5 * angles) / np.maximum(angles, 1e-12))
-
-
-def _cross(v: FloatArray) -> FloatArray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+def _rotations(poses: Sequence[FloatArray]) -> Rotation:
+    return Rotation.from_matrix(np.array([p[:3, :3] for p in poses]))

@@ -86,8 +86,8 @@ class InverseKinematics:
         yield from self._library[np.argsort(distance, kind="stable")[: self._restarts]]
 
     def _from(self, start: FloatArray, target: FloatArray) -> IKSolution | None:
-        reached, joints, margin, volume, shift, turn = settle(self._kinematics.chain, start, target)
-        return IKSolution(joints, margin, min(1.0, volume / self._best), shift, turn) if reached else None
+        reached, joints, margin, volume = settle(self._kinematics.chain, start, target)
+        return IKSolution(joints, margin, min(1.0, volume / self._best)) if reached else None
 
 
 def _cost(solution: IKSolution, near: FloatArray) -> float:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import MissingDependencyError
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.libraries import library
 
 RESOLUTION = 0.001
 """Spacing of checked configurations as a share of the joint space's extent. 0.01 lets colliding paths through."""
@@ -40,7 +40,7 @@ def rrt_connect(
     Tree edges are at most ``reach`` radians long. The search is bounded by ``max_checks`` calls of ``free``, which
     keeps it reproducible; ``max_seconds`` is a safety net far above that.
     """
-    ob, og, ou = _import_ompl()
+    ob, og, ou = (library(f"ompl.{part}") for part in ("base", "geometric", "util"))
     dof = len(start)
     with _quiet(ou):
         # Samplers and planners draw their own seeds when created: they must all be created after this line.
@@ -145,11 +145,3 @@ def _quiet(ou: Any) -> Iterator[None]:
         yield
     finally:
         ou.restorePreviousOutputHandler()
-
-
-def _import_ompl() -> tuple[Any, Any, Any]:
-    try:
-        from ompl import base, geometric, util
-    except ImportError as error:
-        raise MissingDependencyError("ompl", "Motion planning", 'pip install "gvla2[sim]"') from error
-    return base, geometric, util

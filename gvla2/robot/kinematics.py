@@ -9,20 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import MissingDependencyError, RobotError
+from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.robot.descent import chain_of
-
-
-def import_pinocchio() -> Any:
-    """The module ``pinocchio``; raises :class:`MissingDependencyError` when it is not installed."""
-    try:
-        import pinocchio
-    except ImportError as error:
-        raise MissingDependencyError(
-            "pinocchio (the package 'pin')", "An arm's kinematics", 'pip install "gvla2[sim]"'
-        ) from error
-    return pinocchio
+from gvla2.robot.libraries import library
 
 
 @dataclass(frozen=True)
@@ -53,12 +43,12 @@ class Kinematics:
         fingers: Sequence[Finger] = (),
         limit_margin: float = 0.01,
     ) -> None:
-        self._pin = pin = import_pinocchio()
+        self._pin = pin = library("pinocchio")
         if not urdf.is_file():
             raise RobotError(f"No robot description at {urdf}.")
         self.model = pin.buildModelFromUrdf(str(urdf))
         self.world_from_base: FloatArray = check_rigid(world_from_base, "world_from_base")
-        _place_base(pin, self.model, self.world_from_base)
+        _place_base(self.model, pin.SE3(self.world_from_base))
         joints = list(self.model.names)[1:]
         missing = [f.joint for f in fingers if f.joint not in joints]
         if missing:
@@ -81,7 +71,6 @@ class Kinematics:
         self.joint_from_tcp: FloatArray = frame.placement.homogeneous @ check_rigid(frame_from_tcp, "tcp")
         locked = [self.model.getJointId(f.joint) for f in fingers]
         self._arm = pin.buildReducedModel(self.model, locked, pin.neutral(self.model))
-        self._data = self._arm.createData()
         tool_joint = self._arm.getJointId(self.model.names[self.tcp_joint])
         self._tcp = self._arm.addFrame(
             pin.Frame("gvla2_tcp", tool_joint, 0, pin.SE3(self.joint_from_tcp), pin.FrameType.OP_FRAME)
@@ -137,9 +126,8 @@ class Kinematics:
         return float(np.minimum(joints - self.low, self.high - joints).min())
 
 
-def _place_base(pin: Any, model: Any, world_from_base: FloatArray) -> None:
-    """Move everything attached to the model's root, so that all kinematics are in the world frame."""
-    base = pin.SE3(world_from_base)
+def _place_base(model: Any, base: Any) -> None:
+    """Move everything attached to the model's root by an SE3, so that all kinematics are in the world frame."""
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
             model.jointPlacements[joint] = base * model.jointPlacements[joint]

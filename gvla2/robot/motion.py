@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -13,30 +12,29 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Attachment
 from gvla2.planning.scene import Scene
 from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.collision import CollisionChecker
 from gvla2.robot.joint_search import interpolate, rrt_connect, shorten
 
 
 @dataclass(frozen=True)
 class MotionPath:
-    """Joints (N, dof) in radians, the start first; ``status`` says how it was found; planning time in seconds."""
+    """Joints (N, dof) in radians, the start first; ``status`` says how it was found."""
 
     joints: FloatArray = field(repr=False)
     status: Literal["linear", "direct", "rrt_connect"]
-    seconds: float
 
 
 @dataclass(frozen=True)
 class MotionFailure:
     """Why there is no path.
 
-    ``unreachable``: no joints for the pose, or the straight line leaves the arm's reach; ``in_collision``: the
+    ``unreachable``: no joints for the pose, or the straight line leaves the arm's reach; ``collision``: the
     start, the goal or the straight line touches (``pair``: part of the robot or held object, other part);
     ``no_path``: both ends are fine, the search found nothing between.
     """
 
-    code: Literal["unreachable", "no_path", "in_collision"]
+    code: Literal["unreachable", "no_path", "collision"]
     message: str
-    seconds: float
     pair: tuple[str, str] | None = None
 
 
@@ -87,12 +85,11 @@ class MotionPlanner:
         ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to reach by straight moves
         afterwards: goal joints from which these are possible are preferred. The same arguments give the same path.
         """
-        query = _Query(self, start, scene, gripper, attached, allowed_contacts, seed)
-        found = query.linear(goal) if motion == "linear" else query.free(goal, then)
-        seconds = time.perf_counter() - query.began
-        if isinstance(found, MotionFailure):
-            return MotionFailure(found.code, found.message, seconds, found.pair)
-        return MotionPath(found[0], found[1], seconds)
+        checker = self.arm.checker(scene, gripper, allowed_contacts, attached)
+        within = np.clip(np.asarray(start, dtype=np.float64), *self.arm.limits)
+        query = _Query(self.arm, self.options, checker, within, checker.distances(within), seed)
+        blocked = query.blocked(query.start_distances, self.options.start_overlap, "At the start")
+        return blocked or (query.linear(goal) if motion == "linear" else query.free(goal, then))
 
 
 @dataclass(frozen=True)
@@ -101,33 +98,18 @@ class _Goal:
     distances: FloatArray  # (pairs,)
 
 
-_Found = tuple[FloatArray, Literal["linear", "direct", "rrt_connect"]]
-
-
+@dataclass(frozen=True)
 class _Query:
-    """One call of the planner: the checker, the start, and its near pairs."""
+    """One call of the planner, with the distances (pairs,) at its start."""
 
-    def __init__(
-        self,
-        planner: MotionPlanner,
-        start: FloatArray,
-        scene: Scene,
-        gripper: float,
-        attached: Attachment | None,
-        allowed_contacts: frozenset[str],
-        seed: int,
-    ) -> None:
-        self.began = time.perf_counter()
-        self.arm, self.options, self.seed = planner.arm, planner.options, seed
-        low, high = self.arm.limits
-        self.start = np.clip(np.asarray(start, dtype=np.float64), low, high)
-        self.checker = self.arm.checker(scene, gripper, allowed_contacts, attached)
-        self.start_distances = self.checker.distances(self.start)
+    arm: ArmModel
+    options: MotionOptions
+    checker: CollisionChecker
+    start: FloatArray
+    start_distances: FloatArray
+    seed: int
 
-    def free(self, goal: FloatArray, then: Sequence[FloatArray]) -> _Found | MotionFailure:
-        blocked = self._start_blocked()
-        if blocked:
-            return blocked
+    def free(self, goal: FloatArray, then: Sequence[FloatArray]) -> MotionPath | MotionFailure:
         goals = self._goals(goal, then)
         if isinstance(goals, MotionFailure):
             return goals
@@ -138,35 +120,28 @@ class _Query:
             found = self._direct(choice) or self._search(choice)
             if found is not None:
                 return found
-        return MotionFailure("no_path", "The search found no way around the obstacles.", 0.0)
+        return MotionFailure("no_path", "The search found no way around the obstacles.")
 
-    def linear(self, goal: FloatArray) -> _Found | MotionFailure:
-        blocked = self._start_blocked()
-        if blocked:
-            return blocked
+    def linear(self, goal: FloatArray) -> MotionPath | MotionFailure:
         line = self.arm.line(self.start, goal)
         if line is None:
-            where = (
-                "the pose is out of reach"
-                if self.arm.inverse(goal, self.start) is None
-                else ("the straight line there leaves the joint limits")
-            )
-            return MotionFailure("unreachable", f"No straight move to {_place(goal)}: {where}.", 0.0)
+            lost = self.arm.inverse(goal, self.start) is None
+            where = "the pose is out of reach" if lost else "the straight line there leaves the joint limits"
+            return MotionFailure("unreachable", f"No straight move to {_place(goal)}: {where}.")
         path = np.stack(line)
         end = self.checker.distances(path[-1])
-        blocked = self._goal_blocked(end)
-        if blocked:
+        if blocked := self._goal_blocked(end):
             return blocked
         self._keep(self.options.linear_margin, end)
         fine = interpolate(path, self.options.fine_step)
         index = self.checker.first_blocked(fine)
         if index is not None:
-            pair, depth = self._worst(fine[index])
-            return MotionFailure(
-                "in_collision", f"The straight move to {_place(goal)} takes {pair[0]} into {pair[1]} ({depth}).",
-                0.0, pair,
-            )  # fmt: skip
-        return path, "linear"
+            worst = self.checker.clearance(fine[index])
+            into = f"takes {worst.robot_part} into {worst.other}"
+            depth = f"{-1e3 * worst.distance:.0f} mm" if worst.distance < 0 else "nearer than its margin"
+            message = f"The straight move to {_place(goal)} {into} ({depth})."
+            return MotionFailure("collision", message, (worst.robot_part, worst.other))
+        return MotionPath(path, "linear")
 
     def _goals(self, goal: FloatArray, then: Sequence[FloatArray]) -> list[_Goal] | MotionFailure:
         """Goal joints free of collisions, best first: with later moves, with the full margin, near the start."""
@@ -174,17 +149,16 @@ class _Query:
         if goal.ndim == 1:
             low, high = self.arm.limits
             if (goal < low - 1e-9).any() or (goal > high + 1e-9).any():
-                return MotionFailure("unreachable", "The goal joints are outside the joint limits.", 0.0)
+                return MotionFailure("unreachable", "The goal joints are outside the joint limits.")
             found = [goal]
         else:
             found = [s.joints for s in self.arm.ik.solutions(goal, self.start, self.options.goals)]
             if not found:
-                return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.", 0.0)
+                return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.")
         goals, reasons = [], []
         for joints in found:
             distances = self.checker.distances(joints)
-            blocked = self._goal_blocked(distances)
-            if blocked:
+            if blocked := self._goal_blocked(distances):
                 reasons.append(blocked)
             else:
                 goals.append(_Goal(joints, distances))
@@ -212,15 +186,15 @@ class _Query:
     def _away(self, goal: _Goal) -> float:
         return float(np.linalg.norm(goal.joints - self.start))
 
-    def _direct(self, goals: Sequence[_Goal]) -> _Found | None:
+    def _direct(self, goals: Sequence[_Goal]) -> MotionPath | None:
         for goal in goals:
             self._keep(self.options.margin, goal.distances)
             path = np.stack([self.start, goal.joints])
             if self._clear(path):
-                return path, "direct"
+                return MotionPath(path, "direct")
         return None
 
-    def _search(self, goals: Sequence[_Goal]) -> _Found | None:
+    def _search(self, goals: Sequence[_Goal]) -> MotionPath | None:
         options = self.options
         low, high = self.arm.limits
         self._keep(options.margin, np.min([g.distances for g in goals], axis=0))
@@ -240,7 +214,7 @@ class _Query:
                 continue
             path = shorten(path, lambda a, b: self._clear(np.stack([a, b])), seed)
             if self._clear(path):
-                return path, "rrt_connect"
+                return MotionPath(path, "rrt_connect")
         return None
 
     def _clear(self, path: FloatArray) -> bool:
@@ -252,13 +226,10 @@ class _Query:
         ends = np.minimum(self.start_distances, goal_distances)[:world]
         self.checker.set_margins(np.minimum(margin, ends - self.options.slack))
 
-    def _start_blocked(self) -> MotionFailure | None:
-        return self._blocked(self.start_distances, self.options.start_overlap, "At the start")
-
     def _goal_blocked(self, distances: FloatArray) -> MotionFailure | None:
-        return self._blocked(distances, self.options.goal_overlap, "At the goal")
+        return self.blocked(distances, self.options.goal_overlap, "At the goal")
 
-    def _blocked(self, distances: FloatArray, overlap: float, where: str) -> MotionFailure | None:
+    def blocked(self, distances: FloatArray, overlap: float, where: str) -> MotionFailure | None:
         """A failure when a world pair overlaps by more than ``overlap``, or the arm touches itself."""
         allowed = np.zeros(len(distances))
         allowed[: self.checker.n_world] = overlap
@@ -268,12 +239,7 @@ class _Query:
         worst = int(excess.argmin())
         pair = self.checker.pairs[worst]
         message = f"{where} {pair[0]} overlaps {pair[1]} by {-1e3 * distances[worst]:.0f} mm."
-        return MotionFailure("in_collision", message, 0.0, pair)
-
-    def _worst(self, joints: FloatArray) -> tuple[tuple[str, str], str]:
-        clearance = self.checker.clearance(joints)
-        depth = f"{-1e3 * clearance.distance:.0f} mm" if clearance.distance < 0 else "nearer than its margin"
-        return (clearance.robot_part, clearance.other), depth
+        return MotionFailure("collision", message, pair)
 
 
 def _place(pose: FloatArray) -> str:

@@ -65,24 +65,3 @@ def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
     """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
     top_first = sorted(heights, reverse=True)  # more often out of reach: a faster answer
     return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in top_first)
-
-
-def boxes_overlap(one: FloatArray, one_size: FloatArray, other: FloatArray, other_size: FloatArray) -> bool:
-    """Whether two oriented boxes overlap: poses (4, 4) of their centres and full side lengths (3,), metres.
-
-    The separating axis test over the 15 candidate axes.
-    """
-    a, b = one[:3, :3], other[:3, :3]
-    crosses = [np.cross(a[:, i], b[:, j]) for i in range(3) for j in range(3)]
-    between = other[:3, 3] - one[:3, 3]
-    for axis in (*a.T, *b.T, *(c for c in crosses if np.linalg.norm(c) > 1e-6)):
-        reach = np.abs(axis @ a) @ np.asarray(one_size) + np.abs(axis @ b) @ np.asarray(other_size)
-        if abs(axis @ between) > 0.5 * reach:
-            return False
-    return True
-
-
-def vertical_span(pose: FloatArray, size: FloatArray) -> tuple[float, float]:
-    """Lowest and highest world z of an oriented box: its centre's pose (4, 4), full side lengths (3,)."""
-    half = 0.5 * float(np.abs(pose[2, :3]) @ np.asarray(size))
-    return float(pose[2, 3]) - half, float(pose[2, 3]) + half

@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.planning.trajectory import Trajectory
 
 
 def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) -> list[FloatArray]:
@@ -19,50 +19,14 @@ def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) ->
         raise RobotError("The trajectory has no waypoints.")
     known = {thing.id for thing in scene.objects}
     for index, waypoint in enumerate(trajectory):
-        problem = _problem(waypoint, known)
-        if problem:
-            raise RobotError(f"Waypoint {index} ('{waypoint.stage}'): {problem}")
-    try:
-        poses = trajectory.poses(start)
-    except ValueError as error:
-        raise RobotError(f"A waypoint's orientation can't be resolved: {error}") from error
-    for index, pose in enumerate(poses):
-        if not np.isfinite(pose).all():
-            raise RobotError(
-                f"Waypoint {index} ('{trajectory.waypoints[index].stage}'): no orientation results."
-            )
-    return poses
-
-
-def _problem(waypoint: Waypoint, known: set[str]) -> str:
-    numbers = [
-        *waypoint.xyz,
-        waypoint.gripper,
-        waypoint.speed,
-        waypoint.tolerance,
-        waypoint.dwell,
-        waypoint.orientation.angle,
-    ]
-    numbers += [*waypoint.orientation.vector, *waypoint.orientation.closing]
-    if not np.isfinite(numbers).all():
-        return "it has numbers that are not finite."
-    if waypoint.orientation.policy in ("axis", "twist", "grasp", "slerp") and not any(
-        waypoint.orientation.vector
-    ):
-        return f"the orientation policy '{waypoint.orientation.policy}' needs a vector that is not zero."
-    if waypoint.frame != "world":
-        return f"its frame is '{waypoint.frame}'; only 'world' can be executed."
-    if not 0.0 <= waypoint.gripper <= 1.0:
-        return f"its gripper opening {waypoint.gripper} is outside [0, 1]."
-    if waypoint.speed <= 0 or waypoint.tolerance <= 0:
-        return "its speed and tolerance must be above zero."
-    if waypoint.dwell < 0:
-        return f"its dwell is {waypoint.dwell:g} s, below zero."
-    if waypoint.guard is not None and not waypoint.guard.sound:
-        return f"its guard {waypoint.guard} needs a force or a stall above zero, both finite."
-    if waypoint.carries and waypoint.carries not in known:
-        return f"it carries '{waypoint.carries}', which is not in the scene; there are {sorted(known)}."
-    return ""
+        faults = [message for _, message in waypoint.faults()]
+        if not 0.0 <= waypoint.gripper <= 1.0:
+            faults.append(f"its gripper opening {waypoint.gripper} is outside [0, 1].")
+        if waypoint.carries and waypoint.carries not in known:
+            faults.append(f"it carries '{waypoint.carries}', which is not in the scene.")
+        if faults:
+            raise RobotError(f"Waypoint {index} ('{waypoint.stage}'): {faults[0]}")
+    return trajectory.poses(start)
 
 
 def check_samples(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.robot.kinematics import Kinematics
+from gvla2.robot.libraries import library
 
 Pair = frozenset[str]
 """Two links by name."""
@@ -31,13 +32,13 @@ def disabled(srdf: Path, reason: str = "") -> set[Pair]:
     }
 
 
-def usually_close(pin: Any, kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:
+def usually_close(kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:
     """Pairs of links whose overlap is harmless: joined by a joint, both of the ``hand`` (its fingers may meet), or
     overlapping in more than ``USUAL`` of the postures drawn within the joints' limits, always the same ones.
 
     ``robot`` is the pinocchio ``GeometryModel`` of the links' solids.
     """
-    model, solids = kinematics.model, robot.geometryObjects
+    pin, model, solids = library("pinocchio"), kinematics.model, robot.geometryObjects
     robot = robot.copy()
     robot.removeAllCollisionPairs()
     found: set[Pair] = set()

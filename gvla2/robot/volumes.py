@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Solid
 
@@ -57,12 +57,11 @@ class _Solid:
 
 
 def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> _Solid:
-    half = 0.5 * np.asarray(size)
     axes = pose[:3, :3].T
     if kind in ("box", "mesh"):
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return _Solid(transform_points(pose, signs * half), axes, axes)
+        return _Solid(transform_points(pose, box_corners(size)), axes, axes)
     # A prism between the inscribed and the circumscribed one; spheres too, which here only need their extent.
+    half = 0.5 * np.asarray(size)
     turns = np.pi * (2 * np.arange(_ROUND_SIDES) + 1) / _ROUND_SIDES
     fit = 2.0 / (1.0 + np.cos(np.pi / _ROUND_SIDES))
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) * half[:2] * fit
@@ -71,10 +70,7 @@ def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> 
     flat = np.column_stack([np.cos(faces), np.sin(faces), np.zeros(len(faces))])
     sides = np.column_stack([-np.sin(faces), np.cos(faces), np.zeros(len(faces))])
     up = np.array([[0.0, 0.0, 1.0]])
-    turn = pose[:3, :3].T
-    return _Solid(
-        transform_points(pose, ends), np.concatenate([flat, up]) @ turn, np.concatenate([sides, up]) @ turn
-    )
+    return _Solid(transform_points(pose, ends), np.vstack([flat, up]) @ axes, np.vstack([sides, up]) @ axes)
 
 
 def _overlap(one: _Solid, other: _Solid) -> bool:
@@ -99,18 +95,14 @@ def lowest(solid: Solid, world_from_body: FloatArray) -> float:
 
 def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner (3,) of solids together, in their body's frame, metres."""
-    corners = []
-    for solid in solids:
-        half = np.abs(solid.body_from_shape[:3, :3]) @ (0.5 * np.asarray(solid.size))
-        corners += [solid.body_from_shape[:3, 3] - half, solid.body_from_shape[:3, 3] + half]
-    return np.min(corners, axis=0), np.max(corners, axis=0)
+    corners = np.concatenate([transform_points(s.body_from_shape, box_corners(s.size)) for s in solids])
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
     """(N, 3) world points whose convex hull holds the body at its pose (4, 4); round solids by their boxes."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     points = []
     for solid in body.solids:
-        local = solid.hull if isinstance(solid, Scan) else 0.5 * signs * np.asarray(solid.size)
+        local = solid.hull if isinstance(solid, Scan) else box_corners(solid.size)
         points.append(transform_points(world_from_body @ solid.body_from_shape, local))
     return np.concatenate(points)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Attachment, Clearance, Hand, IKSolution
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
@@ -70,8 +70,7 @@ class Gantry:
             turn += np.pi * round((float(near[3]) - turn) / np.pi)
         joints = np.array([*position, turn])
         inside = min((position - self._workspace.low).min(), (self._workspace.high - position).min())
-        error = float(np.arccos(np.clip(approach @ DOWN, -1.0, 1.0)))
-        return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0, 0.0, error)
+        return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0)
 
     def clearance(
         self,
@@ -86,8 +85,7 @@ class Gantry:
         points = transform_points(tcp, self._hand_points(gripper))
         carried = attached.object.id if attached else ""
         if attached is not None:
-            half = 0.5 * attached.object.extents
-            corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+            corners = box_corners(attached.object.extents)
             points = np.vstack([points, transform_points(tcp @ attached.tcp_from_object, corners)])
         found = [Clearance(float("inf"))]
         for thing in scene.obstacles(allowed_contacts | {carried}):

@@ -15,7 +15,8 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.kinematics import Finger
+from gvla2.robot.collision import CollisionModel
+from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.task import Primitive
 from gvla2_plugins.piper.dh import BASE_LINK, FINGERS, TCP_FRAME, DhArm
 
@@ -111,19 +112,16 @@ def make_arm(
         urdf, srdf = Path(folder) / "piper.urdf", Path(folder) / "piper.srdf"
         urdf.write_text(arm.urdf())
         srdf.write_text(arm.srdf())
-        return ArmModel.from_urdf(
+        kinematics = Kinematics(
             urdf,
-            (),
             world_from_base=world_from_base,
             tcp_frame=TCP_FRAME,
-            hand=HAND,
-            home=HOME,
-            workspace=workspace,
-            hand_links=(arm.last_link, *FINGERS),
+            frame_from_tcp=np.eye(4),
             fingers=finger_joints(),
-            srdf=srdf,
             limit_margin=limit_margin,
         )
+        collisions = CollisionModel(kinematics, urdf, (), hand_links=(arm.last_link, *FINGERS), srdf=srdf)
+    return ArmModel(kinematics, collisions, hand=HAND, home=HOME, workspace=workspace)
 
 
 def finger_joints() -> tuple[Finger, ...]:

@@ -134,7 +134,7 @@ class Piper:
                 listener.frame(preview.picture(state.joints, state.gripper_width))
 
         driver = PiperDriver(self.session.link, loop, self._guard, film)
-        return execute(slow, scene, self._arm, self.planner, driver, listener, self._options)
+        return execute(slow, scene, self.planner, driver, listener, self._options)
 
     def judge(self) -> SuccessCheck | None:
         """None: a real robot has no referee."""
@@ -188,9 +188,7 @@ class Piper:
         """The whole execution as a dry run: one report that nothing was started."""
         state = self._state()
         driver = DryDriver(state, self._guard, lambda q, width: listener.frame(preview.picture(q, width)))
-        planned = execute(
-            trajectory, scene, self._arm, self.planner, driver, ExecutionListener(), self._options
-        )
+        planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
         failed = planned.abort
         if failed is None:
             seconds = sum(w.motion_seconds for w in planned.waypoints)

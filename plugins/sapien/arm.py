@@ -17,8 +17,8 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
-from gvla2.robot.ik import InverseKinematics
-from gvla2.robot.kinematics import Kinematics, import_pinocchio
+from gvla2.robot.kinematics import Kinematics
+from gvla2.robot.libraries import library
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.cameras import Mounts
 from gvla2_plugins.sapien.cell import Workcell, table_of
@@ -73,7 +73,9 @@ def make_cell(config: SapienArmConfig) -> Workcell:
         kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
         srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
         collisions = CollisionModel(kinematics, path, (), hand_links=gripper.links, srdf=srdf)
-    frames = {str(f.name): f for f in kinematics.model.frames if f.type == import_pinocchio().FrameType.BODY}
+    frames = {
+        str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
+    }
     palm = frames[gripper.palm]
     if palm.parentJoint != kinematics.tcp_joint:
         raise RobotError(
@@ -182,8 +184,7 @@ def _at_home(
     high = np.array(config.workspace_high or (x + far, y + far, config.table_height + 1.0))
 
     def at(home: FloatArray) -> ArmModel:
-        ik = InverseKinematics(kinematics, home)
-        return ArmModel(kinematics, ik, collisions, hand=hand, home=home, workspace=Box(low, high))
+        return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=Box(low, high))
 
     names, rest = kinematics.joint_names, np.array(config.home, dtype=np.float64)
     if not len(rest):

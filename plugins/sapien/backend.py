@@ -134,7 +134,7 @@ class SapienArm:
             world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
         )
         with Filming(listener) as reel:
-            return execute(trajectory, scene, self._arm, self._planner, driver, listener)
+            return execute(trajectory, scene, self._planner, driver, listener)
 
     def judge(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""

@@ -11,7 +11,8 @@ import numpy as np
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
-from gvla2.robot.kinematics import Finger, Kinematics, import_pinocchio
+from gvla2.robot.kinematics import Finger, Kinematics
+from gvla2.robot.libraries import library
 from gvla2_plugins.sapien import SapienArmConfig
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
@@ -164,7 +165,7 @@ def _in_tool(
     kinematics: Kinematics, gripper: Gripper, vertices: Mapping[str, FloatArray], share: float
 ) -> dict[str, FloatArray]:
     """The hand's corners in the tool's frame, its joints at ``share`` of their way from lower to upper limit."""
-    pin, model, joints = import_pinocchio(), kinematics.model, 0.5 * (kinematics.low + kinematics.high)
+    pin, model, joints = library("pinocchio"), kinematics.model, 0.5 * (kinematics.low + kinematics.high)
     data = model.createData()
     pin.framesForwardKinematics(model, data, kinematics.full(joints, share))
     tool_from_world = invert_rigid(kinematics.forward(joints))

@@ -9,15 +9,9 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.placing import (
-    in_reach,
-    inside,
-    planar,
-    sample_root,
-    sample_until,
-    vertical_span,
-)
+from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.volumes import body_points
 from gvla2_plugins.tabletop import PickAndLiftConfig
 from gvla2_plugins.tabletop.demonstrations.placing import hold_up
 from gvla2_plugins.tabletop.painting import sample_colours
@@ -92,17 +86,17 @@ class PickAndLift:
 
         def eased(world: WorldState) -> bool:
             offset = transform_points(invert_rigid(start), world.pose(body)[:3, 3])
-            low, _ = vertical_span(world.pose(body), extents)
+            low = body_points(bodies[target], world.pose(body))[:, 2].min()
             within = np.abs(offset[:2]) <= 0.5 * np.asarray(START_VOLUME[:2])
             return not (within.all() and low <= site.table_height + START_VOLUME[2])
 
         def strict(world: WorldState) -> bool:
-            low, high = vertical_span(world.pose(body), extents)
+            heights = body_points(bodies[target], world.pose(body))[:, 2]
             sensor = site.table_height + SENSOR_HEIGHT
             return (
                 world.held(body)
-                and low <= sensor + SENSOR_THICKNESS / 2
-                and high >= sensor - SENSOR_THICKNESS / 2
+                and heights.min() <= sensor + SENSOR_THICKNESS / 2
+                and heights.max() >= sensor - SENSOR_THICKNESS / 2
             )
 
         return TaskInstance(

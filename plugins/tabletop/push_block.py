@@ -9,8 +9,9 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import PushBlockConfig
 from gvla2_plugins.tabletop.demonstrations.pressing import push_to
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours
@@ -64,7 +65,8 @@ class PushBlock:
             Body("block", (cube,), block, self._config.mass, label=f"{block_colour} cube"),
             Body("target", (paint,), target, fixed=True, label=f"{target_colour} square"),
         )
-        volume = rigid(target[:3, :3], (target[0, 3], target[1, 3], table + CENTRE_VOLUME / 2))
+        middle = rigid(target[:3, :3], (target[0, 3], target[1, 3], table + CENTRE_VOLUME / 2))
+        volume = Volume(middle, (CENTRE_VOLUME, CENTRE_VOLUME, CENTRE_VOLUME))
 
         def eased(world: WorldState) -> bool:
             now = world.pose("block")[:3, 3]
@@ -72,7 +74,7 @@ class PushBlock:
             return bool((np.abs(offset[:2]) <= side / 2).all() and now[2] < table + size)
 
         def strict(world: WorldState) -> bool:
-            return boxes_overlap(world.pose("block"), np.full(3, size), volume, np.full(3, CENTRE_VOLUME))
+            return volume.meets(bodies[0], world.pose("block"))
 
         return TaskInstance(
             Layout(bodies),

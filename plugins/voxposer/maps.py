@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.array_expressions import Interpreter, Value
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.asked_paths import check_lengths
+from gvla2_plugins.voxposer.array_expressions import Interpreter, Value
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
@@ -71,7 +71,7 @@ def check_units(program: MapProgram, wish: str) -> None:
 
 
 class MapVocabulary:
-    """The vocabulary of maps (:class:`gvla2.planning.array_expressions.Vocabulary`) at points (..., 3), metres."""
+    """The names and functions of maps at points (..., 3), metres: a :class:`.array_expressions.Vocabulary`."""
 
     words = "x, y, z, the things' names, at, above, beside, near, distance"
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import IKSolution
-from gvla2.planning.checks import CheckLimits, check_trajectory
+from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import width_along
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
@@ -163,7 +163,7 @@ class Stiff(Gantry):
         solution = super().inverse(world_from_tcp, near)
         if solution is None:
             return None
-        return IKSolution(solution.joints, self.margin, self.manipulability, 0.0, 0.0)
+        return IKSolution(solution.joints, self.margin, self.manipulability)
 
     def line(self, start, world_from_tcp, step=0.01):
         path = super().line(start, world_from_tcp, step)
@@ -206,10 +206,6 @@ def test_memory_bounds_hold_for_their_own_skill():
     assert check(*GOOD, effects=[bound], parameters={"lift_height": 0.25}, skill="pick").passed
     upper = Effect("bound", "lift_height", 0.05, "<=")
     assert not check(*GOOD, effects=[upper], parameters=parameters).passed
-
-
-def test_limits_can_be_set():
-    assert ("workspace", "too_fast") in kinds(check(*GOOD, limits=CheckLimits(max_speed=0.1)))
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere"])

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -59,30 +57,11 @@ def test_the_paper_view_and_json_keep_every_number():
     assert (written["xyz"], written["carries"], written["stage"]) == ([0.1, 0.2, 0.3], "a", "grasp")
 
 
-def test_a_trajectory_comes_back_from_json_as_it_was():
-    turned = Orientation("slerp", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), 0.25)
-    full = Waypoint(
-        (0.1, -0.2, 0.3), 0.5, "press", turned, "linear", 0.05, frozenset({"b", "a"}), "a", 0.004,
-        guard=Guard(12.0, 0.003), dwell=1.5,
-    )  # fmt: skip
-    trajectory = Trajectory((full, Waypoint((0.0, 0.0, 1.0), 1.0, "retreat")))
-    written = json.loads(json.dumps(trajectory.to_json()))
+def test_json_has_every_field_of_a_waypoint():
+    turned = Orientation("slerp", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), np.float32(0.25))
+    full = Waypoint((0.1, -0.2, 0.3), 0.5, "press", turned, guard=Guard(12.0, 0.003), dwell=1.5)
+    written = Trajectory((full, Waypoint((0.0, 0.0, 1.0), 1.0, "retreat"))).to_json()
     assert written[0]["guard"] == {"force": 12.0, "stall": 0.003}
+    assert written[0]["orientation"]["angle"] == 0.25
     assert written[1]["guard"] is None
     assert [w["dwell"] for w in written] == [1.5, 0.0]
-    assert Trajectory.from_json(written) == trajectory
-    assert Trajectory.from_json([{"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x"}]).waypoints[0].guard is None
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        {"xyz": [0, 0], "gripper": 1.0, "stage": "x"},
-        {"gripper": 1.0, "stage": "x"},
-        {"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x", "colour": "red"},
-        {"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x", "guard": {"torque": 1.0}},
-    ],
-)
-def test_what_is_no_waypoint_is_named(data):
-    with pytest.raises(ValueError, match="Waypoint 1 is not a waypoint"):
-        Trajectory.from_json([{"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x"}, data])

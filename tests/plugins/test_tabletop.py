@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import rigid, transform_points
+from gvla2.geometry.transform import transform_points
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
-from gvla2.robot.placing import boxes_overlap, vertical_span
 from gvla2.robot.task import TaskInstance, TaskSite
+from gvla2.robot.volumes import Volume, body_points
 from gvla2_plugins.tabletop import LampOnConfig, PickAndLiftConfig, PushBlockConfig, gvla2_tasks
 
 TABLE = 0.752
@@ -97,9 +96,7 @@ def test_layouts_are_on_the_table_inside_the_site_and_in_reach(name, seed):
         assert (off <= np.array([0.65, 0.91]) / 2 + 1e-9).all()
         if body.name != "lamp":  # its button must be in reach, its far end need not
             assert near_the_base(body.world_from_body[:3, 3])
-        low = min(
-            vertical_span(body.world_from_body @ s.body_from_shape, np.array(s.size))[0] for s in body.solids
-        )
+        low = body_points(body, body.world_from_body)[:, 2].min()
         assert low == pytest.approx(TABLE, abs=1e-9) or body.name == "button"
 
 
@@ -139,8 +136,7 @@ def test_the_push_is_within_its_distance_and_the_target_starts_free(seed):
     assert not target.solids[0].collides
     assert target.fixed
     # The paint is clear of the block.
-    flat = np.array([0.10, 0.10, 0.2])
-    assert not boxes_overlap(block.world_from_body, np.full(3, 0.0563), target.world_from_body, flat)
+    assert not Volume(target.world_from_body, (0.10, 0.10, 0.2)).meets(block, block.world_from_body)
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -269,49 +265,12 @@ def test_travel_that_switches_the_lamp_on(travel, eased, strict):
 @given(seed=seeds)
 def test_nothing_of_the_lamp_is_in_the_way_of_a_press(seed):
     lamp, button = sample("lamp_on", seed).layout.bodies
-    top = vertical_span(button.world_from_body, np.array(button.solids[0].size))[1]
+    top = body_points(button, button.world_from_body)[:, 2].max()
     assert top == pytest.approx(TABLE + 0.024)
-    highest = max(
-        vertical_span(lamp.world_from_body @ s.body_from_shape, np.array(s.size))[1] for s in lamp.solids
-    )
+    highest = body_points(lamp, lamp.world_from_body)[:, 2].max()
     assert highest < top + 0.10  # a palm is 11 cm above the fingertips
     clear = np.linalg.norm(footprint(lamp)[16:] - button.world_from_body[:2, 3], axis=1)
     assert clear.min() > 0.035  # fingers beside post and shade
-
-
-# Geometry of the referees
-
-
-def box(xyz, rotvec=(0, 0, 0)):
-    return rigid(Rotation.from_rotvec(rotvec).as_matrix(), xyz)
-
-
-@settings(max_examples=80, deadline=None)
-@given(
-    turns=st.tuples(*[st.floats(-3, 3)] * 6),
-    offset=st.tuples(*[st.floats(-0.2, 0.2)] * 3),
-)
-def test_boxes_that_share_a_point_overlap_and_boxes_apart_do_not(turns, offset):
-    one, other = box((0, 0, 0), turns[:3]), box(offset, turns[3:])
-    size, other_size = np.array([0.1, 0.2, 0.15]), np.array([0.05, 0.1, 0.3])
-    grid = np.linspace(-0.5, 0.5, 7)
-    points = np.array([[x, y, z] for x in grid for y in grid for z in grid])
-    inside_other = transform_points(np.linalg.inv(other), transform_points(one, points * size))
-    shared = (np.abs(inside_other) <= other_size / 2).all(axis=1).any()
-    overlap = boxes_overlap(one, size, other, other_size)
-    assert overlap or not shared
-    assert overlap == boxes_overlap(other, other_size, one, size)
-    if np.linalg.norm(offset) > 0.5 * (np.linalg.norm(size) + np.linalg.norm(other_size)):
-        assert not overlap
-
-
-def test_boxes_whose_edges_pass_each_other_do_not_overlap():
-    # Only an axis across two edges parts them.
-    size = np.array([1.0, 0.1, 0.1])
-    one = box((0, 0, 0), (np.pi / 4, 0, 0))
-    other = rigid(Rotation.from_euler("xz", [np.pi / 4, np.pi / 2]).as_matrix(), (0, 0, 0.145))
-    assert not boxes_overlap(one, size, other, size)
-    assert boxes_overlap(one, size, rigid(other[:3, :3], (0, 0, 0.13)), size)
 
 
 # Options

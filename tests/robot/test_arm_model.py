@@ -16,8 +16,9 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
 from gvla2.robot import descent
 from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.collision import CollisionModel
 from gvla2.robot.joint_search import rrt_connect
-from gvla2.robot.kinematics import Finger
+from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2_plugins.sapien import SapienPandaConfig, urdf
 
 
@@ -151,27 +152,26 @@ def six_axes(folder: Path) -> Path:
     return path
 
 
-def six_arm(folder: Path, **changes) -> ArmModel:
-    options = {
-        "world_from_base": rigid(Rotation.from_euler("z", 0.5).as_matrix(), (1.0, 2.0, 0.5)),
-        "tcp_frame": "hand",
-        "frame_from_tcp": rigid(None, (0, 0, 0.08)),
-        "hand": Hand(0.03, 0.04, 0.02, 0.02, 0.01, 0.1, 0.02),
-        "home": [0.0, 0.4, 0.8, 0.0, 0.6, 0.0],
-        "workspace": Box(np.zeros(3), np.full(3, 3.0)),
-        "hand_links": ("hand", "finger"),
-        "fingers": (Finger("slide", 0.0, 0.03),),
-    }
-    return ArmModel.from_urdf(six_axes(folder), [], **(options | changes))
+def six_arm(urdf: Path, tcp_frame="hand", thumb="slide", home=(0.0, 0.4, 0.8, 0.0, 0.6, 0.0)) -> ArmModel:
+    kinematics = Kinematics(
+        urdf,
+        world_from_base=rigid(Rotation.from_euler("z", 0.5).as_matrix(), (1.0, 2.0, 0.5)),
+        tcp_frame=tcp_frame,
+        frame_from_tcp=rigid(None, (0, 0, 0.08)),
+        fingers=(Finger(thumb, 0.0, 0.03),),
+    )
+    collisions = CollisionModel(kinematics, urdf, [], hand_links=("hand", "finger"))
+    hand, space = Hand(0.03, 0.04, 0.02, 0.02, 0.01, 0.1, 0.02), Box(np.zeros(3), np.full(3, 3.0))
+    return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=space)
 
 
 def test_a_six_axis_arm_of_primitives_without_srdf(tmp_path, scene_of, block):
-    six = six_arm(tmp_path)
+    six = six_arm(six_axes(tmp_path))
     assert six.dof == 6
     straight = six.forward(np.zeros(6))
     np.testing.assert_allclose(straight[:3, 3], [1.0, 2.0, 0.5 + sum(LENGTHS) + 0.08], atol=1e-9)
     target = six.forward(six.home + 0.2)
-    assert six.inverse(target).position_error < 5e-4
+    np.testing.assert_allclose(six.forward(six.inverse(target).joints), target, atol=5e-4)
     scene = scene_of(block(at=(1.0, 2.0, 1.3), size=(0.1, 0.1, 0.1)), table=0.45)
     assert six.clearance(np.zeros(6), 0.0, scene).distance < 0
     assert six.clearance(six.home, 0.0, scene).distance > 0
@@ -181,29 +181,26 @@ def test_a_six_axis_arm_of_primitives_without_srdf(tmp_path, scene_of, block):
     ("changes", "message"),
     [
         ({"tcp_frame": "nose"}, "no frame 'nose'"),
-        ({"fingers": (Finger("thumb", 0, 1),)}, "no joint"),
+        ({"thumb": "thumb"}, "no joint"),
         ({"home": [0.0] * 5}, "home joints"),
         ({"home": [9.0] * 6}, "home joints"),
     ],
 )
 def test_what_does_not_fit_the_urdf_is_refused(tmp_path, changes, message):
     with pytest.raises(RobotError, match=message):
-        six_arm(tmp_path, **changes)
+        six_arm(six_axes(tmp_path), **changes)
 
 
-def test_a_missing_urdf_is_named(tmp_path, arm):
+def test_a_missing_urdf_is_named(tmp_path):
     with pytest.raises(RobotError, match=r"nowhere\.urdf"):
-        ArmModel.from_urdf(
-            tmp_path / "nowhere.urdf", [], world_from_base=np.eye(4), tcp_frame="x", hand=arm.hand, home=[],
-            workspace=arm.workspace, hand_links=(),
-        )  # fmt: skip
+        six_arm(tmp_path / "nowhere.urdf")
 
 
 @pytest.mark.parametrize("module", ["pinocchio", "coal"])
 def test_what_is_not_installed_is_named(monkeypatch, tmp_path, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingDependencyError, match=rf"{module}.*gvla2\[sim\]"):
-        six_arm(tmp_path)
+        six_arm(six_axes(tmp_path))
 
 
 def test_planning_names_ompl_when_it_is_not_installed(monkeypatch):

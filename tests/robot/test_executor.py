@@ -29,7 +29,7 @@ def run(arm, scene_of, block, driver):
     def start(trajectory=PICK, *things, listener=None, **options):
         scene = scene_of(*(things or (block(),)))
         planner = MotionPlanner(arm)
-        return execute(trajectory, scene, arm, planner, driver, listener, ExecutorOptions(**options))
+        return execute(trajectory, scene, planner, driver, listener, ExecutorOptions(**options))
 
     return start
 

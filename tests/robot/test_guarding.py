@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2.robot.executor import ExecutorOptions, execute
+from gvla2.robot.executor import execute
 from gvla2.robot.guarding import GuardWatch
 from gvla2.robot.motion import MotionPlanner
 
@@ -66,7 +66,7 @@ def go(arm, scene_of):
                 Waypoint((0.3, 0.2, 0.95), 1.0, "retreat", motion="linear"),
             )
         )
-        return execute(press, scene_of(), arm, MotionPlanner(arm), driver, options=ExecutorOptions())
+        return execute(press, scene_of(), MotionPlanner(arm), driver)
 
     return start
 

@@ -118,7 +118,7 @@ def test_a_goal_inside_something_names_the_pair(arm, planner, scene_of, block, d
         arm.home, down((0.3, 0.0, 0.85)), scene_of(block("crate", (0.3, 0, 0.85), (0.2, 0.2, 0.2)))
     )
     assert isinstance(found, MotionFailure)
-    assert found.code == "in_collision"
+    assert found.code == "collision"
     assert found.pair is not None
     assert found.pair[1] == "crate"
 
@@ -127,7 +127,7 @@ def test_a_start_inside_something_names_the_pair(arm, planner, scene_of, block, 
     start = arm.inverse(down((0.3, 0.0, 0.85))).joints
     found = planner.plan(start, arm.home, scene_of(block("crate", (0.3, 0, 0.85), (0.2, 0.2, 0.2))))
     assert isinstance(found, MotionFailure)
-    assert found.code == "in_collision"
+    assert found.code == "collision"
     assert "start" in found.message
 
 
@@ -165,7 +165,7 @@ def test_linear_does_not_go_through_things_but_through_what_is_allowed(arm, plan
     scene = scene_of(block())
     found = planner.plan(start, goal, scene, motion="linear", gripper=0.0)
     assert isinstance(found, MotionFailure)
-    assert found.code == "in_collision"
+    assert found.code == "collision"
     assert found.pair[1] == "block"
     pushed = planner.plan(
         start, goal, scene, motion="linear", gripper=0.0, allowed_contacts=frozenset({"block"})

@@ -85,3 +85,13 @@ def test_trays_and_rings_have_walls_all_round():
             assert Volume(rigid(translation=spot), (0.001,) * 3).meets(thing, np.eye(4)), (x, y)
         middle = Volume(rigid(translation=(0, 0, 0.8 * height)), (0.02, 0.02, 0.001))
         assert not middle.meets(thing, np.eye(4))
+
+
+def test_boxes_whose_edges_pass_each_other_do_not_overlap():
+    # Only an axis across two edges parts them.
+    size = (1.0, 0.1, 0.1)
+    volume = Volume(rigid(Rotation.from_euler("x", np.pi / 4).as_matrix()), size)
+    other = Body("other", (Primitive("box", size, (1, 0, 0)),), np.eye(4))
+    turn = Rotation.from_euler("xz", [np.pi / 4, np.pi / 2]).as_matrix()
+    assert not volume.meets(other, rigid(turn, (0, 0, 0.145)))
+    assert volume.meets(other, rigid(turn, (0, 0, 0.13)))
