@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.errors import PlanningError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
 
@@ -120,7 +120,7 @@ def direction(camera: Camera, pixel: Pixel) -> FloatArray:
 
 def object_at(point: FloatArray, scene: Scene, within: float = TOUCHING) -> str:
     """The id of the object that a point (3,) is on or in, "" for none; of a whole and its part, the part."""
-    near = [o for o in scene.objects if _gap(point, o) <= within]
+    near = [o for o in scene.objects if o.distance(point) <= within]
     if not near:
         return ""
     # Boxes of hollow things and their contents overlap: take the one whose surface was seen nearest.
@@ -142,15 +142,9 @@ def object_near(pixel: Pixel, view: View, scene: Scene, within: float) -> str:
     return found
 
 
-def _gap(point: FloatArray, thing: SceneObject) -> float:
-    """Distance from a point (3,) to an object's oriented box, metres, 0 inside."""
-    local = np.abs(transform_points(invert_rigid(thing.world_from_object), point))
-    return float(np.linalg.norm(np.maximum(local - 0.5 * thing.extents, 0.0)))
-
-
 def _to_surface(point: FloatArray, thing: SceneObject) -> float:
     if not len(thing.points):
-        return _gap(point, thing)
+        return thing.distance(point)
     return float(np.sqrt(np.min(np.sum((thing.points - point) ** 2, axis=1))))
 
 

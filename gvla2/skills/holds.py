@@ -13,14 +13,15 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import horizontal
 
 GRASP_PLAY = 0.004
 """The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
 SNUG = 0.008
 """Room on each side of a hand that is not opened fully, metres."""
-ROUND = ("cylinder", "disc", "sphere")
+EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 SLIMMER = 0.012
 """The top of a thing counts as a part of its own where it is slimmer than the whole by this much, metres."""
@@ -73,18 +74,17 @@ def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
         width = float(theme.extents[i])
         beside = np.array([-flat[1], flat[0], 0.0])
         slide = max(0.0, float(np.abs(beside @ axes) @ theme.extents) - hand.finger_breadth)
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+        for sign, flip in EITHER_WAY:
             yield Hold(sign * flat, width, f"across its {width * 1000:.0f} mm{flip}", xy, slide=slide)
 
 
 def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
     """Around the upper end, where that is slimmer than the whole; as deep as it stays slim enough for the hand."""
-    reach = hand.finger_length - hand.tip_beyond_tcp - 0.005
     if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
         return []
     top = float(np.quantile(theme.points[:, 2], 0.995))
     broad = float(theme.extents[:2].max())
-    for depth in np.arange(min(reach, 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
+    for depth in np.arange(min(deepest(hand), 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
         band = theme.points[theme.points[:, 2] > top - depth - hand.tip_beyond_tcp]
         if len(band) < FEWEST:
             return []
@@ -133,7 +133,7 @@ def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
         angle = 2 * np.pi * k / RIM_YAWS
         out = horizontal(angle)
         xy = theme.centre[:2] + radius * out[:2]
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+        for sign, flip in EITHER_WAY:
             name = f"by its wall at {np.degrees(angle):.0f}°{flip}"
             found.append(Hold(sign * out, thickness, name, xy, opening=opening, cost=0.1, part="rim"))
     return found

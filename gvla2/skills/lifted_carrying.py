@@ -10,10 +10,10 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Waypoint
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.proposals import Job, Path, Proposal
 from gvla2.skills.schemas.insert import aligning_turns, lower_over
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
-from gvla2.skills.schemas.place import TURNS, over_spot, put_down
+from gvla2.skills.schemas.place import TURNS, carry, over_spot, put_down
 
 if TYPE_CHECKING:
     from gvla2.skills.lifting import PathPoint
@@ -110,13 +110,12 @@ def _let_go(
     if job.goal is not None and job.goal.shape != "region":
         support = job.goal.top
     spot = np.array([*spot[:2], support])
-    xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
-    if here[2] < xyz[2] - 1e-3:
-        path.line("lift", np.array([*here[:2], xyz[2]]), allowed=touching)
-    path.orientation = pointing(closing, approach)
-    path.go("transit", xyz)
+    over = over_spot(job, grasp, spot, turn)
+    if here[2] < over.centre[2] - 1e-3:
+        path.line("lift", np.array([*here[:2], over.centre[2]]), allowed=touching)
+    carry(path, over)
     if job.skill == "insert":
-        lower_over(job, path, grasp, np.asarray(xyz))
+        lower_over(job, path, grasp, over.centre)
     else:
         put_down(job, path, grasp, over, spot)
 

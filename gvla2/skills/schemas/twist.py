@@ -11,9 +11,9 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.holds import span
-from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.proposals import Job, Proposal, horizontal, pointing
 from gvla2.skills.schemas.pick import Grasp, grasps, take
-from gvla2.skills.schemas.place import goal_spots, over_spot, put_down
+from gvla2.skills.schemas.place import carry, goal_spots, over_spot, put_down
 
 STEP = np.deg2rad(45.0)
 """The wrist turns in steps of this much at most, so that each way round is told."""
@@ -52,14 +52,8 @@ def _yaws(job: Job, found: list[Grasp]) -> list[Grasp]:
         for angle, width in zip(angles, widths, strict=True):
             worse = ASKEW * float(width - min(widths))
             name = f"grasp from above, yaw {np.degrees(angle) % 360:.0f}°"
-            grasps.append(
-                replace(
-                    grip,
-                    description=name,
-                    closing=horizontal(float(angle)),
-                    preference=grip.preference - worse,
-                )
-            )
+            closing, preference = horizontal(float(angle)), grip.preference - worse
+            grasps.append(replace(grip, description=name, closing=closing, preference=preference))
     return grasps
 
 
@@ -85,15 +79,9 @@ def _twist(
         if spot is not None:
             turned = replace(grasp, closing=closing)
             over = over_spot(job, turned, spot, turn)
-            _carry(path, over)
+            carry(path, over)
             put_down(job, path, turned, over, spot)
         return path.trajectory()
 
     how = f"{grasp.description}, turned by {np.degrees(rest):.0f}°" + (f"; put down {where}" if where else "")
     return Proposal(how, grasp.approaches, grasp.preference - 0.02 * (turn != 0.0), way)
-
-
-def _carry(path: Path, over: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    xyz, closing, approach = over
-    path.orientation = pointing(closing, approach)
-    path.go("transit", xyz)
