@@ -24,7 +24,7 @@ from gvla2.skills.several import all_in_one
 from gvla2.skills.skill import Skill
 from gvla2.skills.soundness import nonsense, unaimed, unknown
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wholes import assembled, clear_height
+from gvla2.skills.wholes import CLEAR, assembled, rise
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
@@ -166,7 +166,7 @@ def _theta(
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     if "lift_height" in theta:
-        theta["lift_height"] = max(theta["lift_height"], clear_height(theme, request.scene))
+        theta["lift_height"] = max(theta["lift_height"], rise(theme, request.scene) + CLEAR)
     own = {k: float(v) for k, v in call.theta.items() if k in theta}
     if skill.amount and call.amount is not None:
         own[skill.amount] = call.amount

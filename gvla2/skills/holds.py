@@ -99,10 +99,10 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
-    yaw = float(turns[np.ptp(_spans(band, turns), axis=0).argmin()])
+    yaw = float(turns[np.ptp(spans(band, turns), axis=0).argmin()])
     found = []
     yaws = yaw + np.pi * np.arange(2 * YAWS) / YAWS
-    ends, sides = _spans(band, yaws).T, _spans(band, yaws + 0.5 * np.pi).T
+    ends, sides = spans(band, yaws).T, spans(band, yaws + 0.5 * np.pi).T
     for k, ((low, high), (left, right)) in enumerate(zip(ends, sides, strict=True)):
         closing = horizontal(yaw + np.pi * k / YAWS)
         beside = np.array([-closing[1], closing[0], 0.0])
@@ -139,13 +139,7 @@ def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
     return found
 
 
-def _spans(points: FloatArray, angles: FloatArray) -> FloatArray:
+def spans(points: FloatArray, angles: FloatArray) -> FloatArray:
     """(2, A) lowest and highest value but for strays of points (N, 2) along each of the level ways (A,), radians."""
     ways = np.stack([np.cos(angles), np.sin(angles)])
     return np.asarray(np.quantile(ways.T @ points.T, STRAYS, axis=1))
-
-
-def span(values: FloatArray) -> tuple[float, float]:
-    """Lowest and highest value but for strays."""
-    low, high = np.quantile(values, STRAYS)
-    return float(low), float(high)

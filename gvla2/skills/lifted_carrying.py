@@ -9,7 +9,6 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.trajectory import Waypoint
 from gvla2.skills.proposals import Job, Path, Proposal
 from gvla2.skills.schemas.insert import aligning_turns, lower_over
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
@@ -63,9 +62,11 @@ def _along(
     preference: float,
 ) -> Proposal:
     path = take(job, grasp)
-    before = [p for p in points[:at] if float(np.linalg.norm((p.array - grasp.centre)[:2])) > APPROACH]
-    on_the_way = [_on_the_way(path, p) for p in before]
-    path.waypoints[:0] = [w for each in on_the_way for w in each]
+    before = Path(path.speed, path.contact_speed, path.orientation)
+    for point in points[:at]:
+        if float(np.linalg.norm((point.array - grasp.centre)[:2])) > APPROACH:
+            before.go("move", point.array)
+    path.waypoints[:0] = before.waypoints
     touching = job.own() | job.resting()
     here = draw_out(job, path, grasp)
     clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
@@ -118,10 +119,3 @@ def _let_go(
         lower_over(job, path, grasp, over.centre)
     else:
         put_down(job, path, grasp, over, spot)
-
-
-def _on_the_way(path: Path, point: PathPoint) -> list[Waypoint]:
-    """A point on the way to the approach, as the hand is turned there."""
-    way = Path(path.speed, path.contact_speed, path.orientation)
-    way.go("move", point.array, gripper=1.0)
-    return way.waypoints

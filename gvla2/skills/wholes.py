@@ -97,11 +97,6 @@ def rise(thing: SceneObject, scene: Scene) -> float:
     return max((h.top - min(h.bottom, thing.bottom) for h in about), default=0.0)
 
 
-def clear_height(thing: SceneObject, scene: Scene) -> float:
-    """How far a thing is lifted at least: clear of what it stands in, and a little more."""
-    return rise(thing, scene) + CLEAR
-
-
 def _over(thing: SceneObject, other: SceneObject) -> bool:
     foot = thing.centre
     lean = thing.world_from_object[:3, :3]
