@@ -15,6 +15,8 @@ from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, tran
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
 """Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box,
 a ``ring`` a flat thing with a hole through it, a ``bar`` something long and thin."""
+ROUND: tuple[Shape, ...] = ("cylinder", "disc", "sphere")
+"""Shapes that look the same from all sides when they stand upright."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,22 @@ class SceneObject:
         local = np.abs(transform_points(invert_rigid(self.world_from_object), points))
         return np.asarray(np.linalg.norm(np.maximum(local - 0.5 * self.extents, 0.0), axis=-1))
 
+    def half_along(self, way: FloatArray) -> float:
+        """Distance that the oriented box reaches from its centre along a unit vector (3,), metres."""
+        return float(np.abs(way @ self.world_from_object[:3, :3]) @ (0.5 * self.extents))
+
+    def covers(self, point: FloatArray) -> bool:
+        """Whether a point, of which x and y count, is within the oriented box's footprint."""
+        level = np.array([*point[:2], self.centre[2]])
+        local = transform_points(invert_rigid(self.world_from_object), level)
+        return bool((np.abs(local[:2]) <= 0.5 * self.extents[:2]).all())
+
+    def upright_faces(self) -> list[FloatArray]:
+        """Level unit normals (3,) of the oriented box's upright faces."""
+        axes = self.world_from_object[:3, :3]
+        flat = [axes[:, i] * [1.0, 1.0, 0.0] for i in range(3) if abs(axes[2, i]) < 0.5]
+        return [sign * a / np.linalg.norm(a) for a in flat for sign in (1.0, -1.0)]
+
     def keypoints(self) -> dict[str, FloatArray]:
         """Named 3D points (3,) that give a planner extent and pose: the P_i of the paper."""
         centre, axes, half = self.centre, self.world_from_object[:3, :3], 0.5 * self.extents
@@ -153,6 +171,14 @@ class Scene:
                 break
             within = grown
         return tuple(o for o in self.objects if o.id in within and o.id != object_id)
+
+    def family(self, object_id: str) -> frozenset[str]:
+        """The ids of an object and of its parts."""
+        return frozenset({object_id, *(part.id for part in self.parts_of(object_id))})
+
+    def whole_of(self, part: SceneObject) -> SceneObject | None:
+        """The object that ``part`` is a part of; None for a whole, and if the scene lacks it."""
+        return next((o for o in self.objects if o.id == part.parent), None)
 
     def obstacles(self, ignore: frozenset[str] = frozenset()) -> tuple[SceneObject, ...]:
         """Objects to avoid: all but painted regions, the ids in ``ignore`` and the parts of those."""

@@ -1,19 +1,17 @@
-"""Affordances: what each skill can be done to in a scene, told from geometry before anything is planned.
+"""Affordances: the objects of a scene to which each skill applies, from geometry, before anything is planned.
 
-A language model that may name only what a skill fits is wrong far less often. The rules are generous: what a skill
-turns out not to do, :func:`gvla2.skills.carry_out.carry_out` refuses with its reason.
+A language model that may name only these is wrong far less often. The rules are generous: a call that turns out to be
+impossible is refused with its reason by :func:`gvla2.skills.carry_out.carry_out`. ``fits_NAME`` is the rule of the
+standard skill of that name; see :attr:`gvla2.skills.skill.Skill.fits`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.caps import cap_of, closed_by
 from gvla2.skills.holds import holds
 from gvla2.skills.mechanisms import hinge_for, slide_for
-from gvla2.skills.parts import button_of, called, is_button, root_of
+from gvla2.skills.parts import button_of, called, cap_of, closed_by, is_button, root_of
 from gvla2.skills.schemas.insert import fits_over
 from gvla2.skills.skill import Skill
 from gvla2.skills.stuck import stuck
@@ -24,13 +22,11 @@ RESTING = 0.02
 BUTTON = 0.06
 """A button is no wider than this, metres."""
 
-Fits = Callable[[SceneObject, Scene, Hand], bool]
-
 
 def themes(skill: Skill, scene: Scene, hand: Hand) -> tuple[SceneObject, ...]:
     """What the skill can be done to, in the scene's order; painted patches never."""
-    fits = skill.fits or FITS.get(skill.name, lambda thing, scene, hand: True)
-    return tuple(o for o in scene.objects if o.shape != "region" and fits(o, scene, hand))
+    solid = (o for o in scene.objects if o.shape != "region")
+    return tuple(o for o in solid if skill.fits is None or skill.fits(o, scene, hand))
 
 
 def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
@@ -40,29 +36,32 @@ def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, 
     """
     if skill.role("goal") is None:
         return ()
-    kin = {theme.id, root_of(theme, scene).id, *(p.id for p in scene.parts_of(root_of(theme, scene).id))}
+    kin = scene.family(root_of(theme, scene).id)
     if skill.name == "insert":
         return tuple(o for o in scene.objects if o.id not in kin and fits_over(theme, o))
     about = {h.id for h in holders(theme, scene) if inside(theme, h)}
     return tuple(o for o in scene.objects if o.id not in kin | about)
 
 
-def _movable(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_pick(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
     """By itself, and between the fingers: a whole thing, or a cap that comes off."""
     if thing.parent and closed_by(thing, scene) is None:
         return False
-    if any(m is not None for m in (hinge_for(thing, scene), slide_for(thing, scene))):
-        return False
-    if is_button(thing, scene) and thing.parent:
+    if fits_close(thing, scene, hand) or (is_button(thing, scene) and thing.parent):
         return False
     return stuck(thing, scene) is not None or bool(holds(assembled(thing, scene), hand))
 
 
-def _pushed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+fits_place = fits_pick
+
+
+def fits_push(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A whole thing on the table."""
     return not thing.parent and thing.bottom - scene.table_height < RESTING
 
 
-def _pressed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_press(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """It, or one part of it, is a button; but no other part where one is called a button."""
     kin = scene.parts_of(root_of(thing, scene).id)
     if is_button(thing, scene) and not called(thing, "button") and any(called(p, "button") for p in kin):
         return False
@@ -71,41 +70,31 @@ def _pressed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
     )
 
 
-def _twisted(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_twist(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A cap, or something closed by one."""
     return cap_of(thing, scene) is not None
 
 
-def _opened(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
-    worked = hinge_for(thing, scene) is not None or slide_for(thing, scene) is not None
-    return worked or cap_of(thing, scene) is not None
+def fits_open(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge, a slide or a cap."""
+    return fits_close(thing, scene, hand) or fits_twist(thing, scene, hand)
 
 
-def _closed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_close(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge or a slide."""
     return hinge_for(thing, scene) is not None or slide_for(thing, scene) is not None
 
 
-def _pulled(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_pull(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a slide."""
     return slide_for(thing, scene) is not None
 
 
-def _drawn(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_draw(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A thing held between others."""
     return stuck(thing, scene) is not None
 
 
-def _inserted(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+def fits_insert(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A thing with a hole that fits over some other thing."""
     return any(fits_over(thing, post) for post in scene.objects if post.id != thing.id)
-
-
-FITS: Mapping[str, Fits] = {
-    "pick": _movable,
-    "place": _movable,
-    "push": _pushed,
-    "press": _pressed,
-    "twist": _twisted,
-    "open": _opened,
-    "close": _closed,
-    "pull": _pulled,
-    "draw": _drawn,
-    "insert": _inserted,
-}
-"""The standard skills' rules; a skill of one's own brings its own as ``fits``, or fits everything."""

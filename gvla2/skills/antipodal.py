@@ -22,6 +22,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.skills.parameters import PALM_GAP, TABLE_GAP
+from gvla2.skills.proposals import horizontal
 
 FEWEST, MOST = 60, 4000
 """Surface points of which a shape is believed, and that are looked at."""
@@ -192,25 +193,21 @@ def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
     """Families and rotations (3, 3) of the hand, square to the thing's own axes at ``yaw`` among others."""
     down = np.array([0.0, 0.0, -1.0])
     for k in range(12):
-        yield "top", grasp_rotation(down, _level(yaw + np.pi * k / 12))
+        yield "top", grasp_rotation(down, horizontal(yaw + np.pi * k / 12))
     away = float(np.arctan2(outward[1], outward[0]))
     for k in range(6):
-        closing = _level(yaw + np.pi * k / 6)
+        closing = horizontal(yaw + np.pi * k / 6)
         beside = np.array([-closing[1], closing[0], 0.0])
         beside = beside if beside @ outward >= 0 else -beside
         yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
     for k in range(12):  # over, along the closing direction: for rims that slope
-        over = _level(yaw + np.pi * k / 6)
+        over = horizontal(yaw + np.pi * k / 6)
         yield "leaning", grasp_rotation(np.cos(OVER) * down + np.sin(OVER) * over, over)
     for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
         for tilt in (0.9, 1.3):
-            ahead = _level(away + turn)
+            ahead = horizontal(away + turn)
             approach = np.cos(tilt) * down + np.sin(tilt) * ahead
-            yield "side", grasp_rotation(approach, _level(away + turn + 0.5 * np.pi))
-
-
-def _level(angle: float) -> FloatArray:
-    return np.array([np.cos(angle), np.sin(angle), 0.0])
+            yield "side", grasp_rotation(approach, horizontal(away + turn + 0.5 * np.pi))
 
 
 def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: float) -> Iterator[Antipodal]:

@@ -13,9 +13,9 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, sides_of
 from gvla2.planning.findings import CheckReport
-from gvla2.skills.proposals import Proposal
+from gvla2.skills.proposals import Job, Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability (share of the best) and clearance (metres) that are enough."""
@@ -37,15 +37,8 @@ class Ranking:
         return "; ".join(list(seen)[:3]) or "there was no candidate"
 
 
-def choose(
-    proposals: Sequence[Proposal],
-    request: PlanRequest,
-    skill: str,
-    parameters: Mapping[str, float],
-    tries: int,
-    lengths: Mapping[str, float],
-) -> Ranking:
-    """Rank proposals by their geometry and the arm's ease, and check the best ones in full until one passes.
+def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries: int) -> Ranking:
+    """Rank proposals for a job by their geometry and the arm's ease, and check the best ones in full until one passes.
 
     Score = preference + 0.2 margin to joint limits + 0.1 manipulability + 0.2 clearance, each at its worst
     waypoint, relative to what is comfortable and capped there.
@@ -56,7 +49,7 @@ def choose(
     score that it would have at most; but one that works by another approach is looked for among the next ``tries``:
     memory forbids an approach only where another will do.
     """
-    forbidden = _forbidden(request.advice.effects, skill)
+    forbidden = _forbidden(request.advice.effects, job.skill)
     reach = _Reach(request)
     candidates: list[Candidate] = []
     chosen: Proposal | None = None
@@ -72,7 +65,7 @@ def choose(
             if not rejected:
                 if tried < tries:
                     tried += 1
-                    report = _check(walk.proposal, request, skill, parameters, lengths)
+                    report = _check(walk.proposal, request, job)
                     rejected = " ".join(report.reasons)
                     failed = {f.check for f in report.findings if not f.passed}
                     if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
@@ -220,14 +213,7 @@ def _ranked(walks: Iterable[_Walk]) -> Iterator[_Walk]:
             yield walk
 
 
-def _check(
-    proposal: Proposal,
-    request: PlanRequest,
-    skill: str,
-    parameters: Mapping[str, float],
-    lengths: Mapping[str, float],
-) -> CheckReport:
-    """What the checks say."""
+def _check(proposal: Proposal, request: PlanRequest, job: Job) -> CheckReport:
     return check_trajectory(
         proposal.trajectory,
         request.scene,
@@ -235,7 +221,7 @@ def _check(
         request.start,
         request.joints,
         effects=request.advice.effects,
-        parameters=parameters,
-        skill=skill,
-        lengths=lengths,
+        parameters=job.theta,
+        skill=job.skill,
+        lengths=sides_of(job.theme),
     )

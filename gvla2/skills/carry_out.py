@@ -24,7 +24,7 @@ from gvla2.skills.several import all_in_one
 from gvla2.skills.skill import Skill
 from gvla2.skills.soundness import nonsense, unaimed, unknown
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wholes import assembled, clear_height
+from gvla2.skills.wholes import CLEAR, assembled, rise
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
@@ -74,10 +74,11 @@ def _one(
         return Plan(None, abstention=Abstention("unknown_skill", message))
     skill = skills[what.skill]
     call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
-    plan = Plan(None, skill.name, {"theme": what.theme.id}, calls=(call,))
-    if (refusal := unaimed(call, skill, request.scene) or _no_amount(call, skill)) is not None:
-        return replace(plan, abstention=refusal)
-    return _propose(call, what, skill, request, options, share, plan)
+    refusal = unaimed(call, skill, request.scene) or _no_amount(call, skill)
+    plan = refusal or _planned(call, what, skill, request, options, share)
+    if isinstance(plan, Abstention):
+        plan = Plan(None, skill.name, {"theme": what.theme.id}, abstention=plan)
+    return replace(plan, calls=(call,))
 
 
 def _no_amount(call: SkillCall, skill: Skill) -> Abstention | None:
@@ -89,25 +90,22 @@ def _no_amount(call: SkillCall, skill: Skill) -> Abstention | None:
     )  # fmt: skip
 
 
-def _propose(
+def _planned(
     call: SkillCall,
     what: Meant,
     skill: Skill,
     request: PlanRequest,
     options: SkillOptions,
     share: tuple[int, int],
-    plan: Plan,
-) -> Plan:
+) -> Plan | Abstention:
     theme, scene, goal = what.theme, request.scene, what.goal
     perceived = scene
     if skill.whole:
         theme, scene = joined(whole_meant(theme, scene), scene)
         if goal is not None and (goal.id == theme.id or goal in scene.parts_of(theme.id)):
             message = f"The {goal.label} belongs to the {theme.label}, which would be moved with it."
-            return replace(plan, abstention=Abstention("other", message))
+            return Abstention("other", message)
         request, theme = replace(request, scene=scene), assembled(theme, scene)
-    roles = {"theme": theme.id} | ({"goal": goal.id} if goal is not None else {})
-    roles |= {"part": theme.id} if skill.role("part") is not None else {}
     seen = next((o for o in perceived.objects if o.id == theme.id), None)
     told = own_first(request.advice.effects, look_of(seen, perceived))
     request = replace(request, advice=replace(request.advice, effects=told))
@@ -124,19 +122,34 @@ def _propose(
         skill.name, scene, request.arm.hand, request.arm.workspace, theta, theme, goal, relation,
         _target(call, theme, options), share, done,
     )  # fmt: skip
-    lengths = sides_of(theme)
-    given = scales(skill.scaled, theta, lengths)
-    plan = replace(plan, roles=roles, parameters=theta, notes=tuple(notes), scales=given)
-    found = skill.propose(job)
+    refusal = f"No way to {skill.name} the {theme.label}"
+    return answer(job, skill, skill.propose(job), request, options, refusal, notes)
+
+
+def answer(
+    job: Job,
+    skill: Skill,
+    found: Sequence[Proposal] | Abstention,
+    request: PlanRequest,
+    options: SkillOptions,
+    refusal: str,
+    notes: Sequence[str] = (),
+) -> Plan:
+    """The plan for a job by the best of its proposals, or an abstention; ``refusal`` begins its message if none of
+    them passes the checks.
+    """
+    roles = {"theme": job.theme.id} | ({"goal": job.goal.id} if job.goal is not None else {})
+    roles |= {"part": job.theme.id} if skill.role("part") is not None else {}
+    given = scales(skill.scaled, job.theta, sides_of(job.theme))
+    plan = Plan(None, skill.name, roles, job.theta, notes=tuple(notes), scales=given, options=options)
     if isinstance(found, Abstention):
         return replace(plan, abstention=found)
-    ranking = choose(found, request, skill.name, theta, options.tries, lengths)
+    ranking = choose(found, request, job, options.tries)
     plan = replace(plan, candidates=ranking.candidates)
     if ranking.chosen is None:
         reasons = ranking.reasons()
         kind = "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
-        message = f"No way to {skill.name} the {theme.label}: {reasons}."
-        return replace(plan, abstention=Abstention(kind, message))
+        return replace(plan, abstention=Abstention(kind, f"{refusal}: {reasons}."))
     return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
 
 
@@ -153,7 +166,7 @@ def _theta(
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     if "lift_height" in theta:
-        theta["lift_height"] = max(theta["lift_height"], clear_height(theme, request.scene))
+        theta["lift_height"] = max(theta["lift_height"], rise(theme, request.scene) + CLEAR)
     own = {k: float(v) for k, v in call.theta.items() if k in theta}
     if skill.amount and call.amount is not None:
         own[skill.amount] = call.amount

@@ -13,14 +13,15 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import horizontal
 
 GRASP_PLAY = 0.004
 """The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
 SNUG = 0.008
 """Room on each side of a hand that is not opened fully, metres."""
-ROUND = ("cylinder", "disc", "sphere")
+EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 SLIMMER = 0.012
 """The top of a thing counts as a part of its own where it is slimmer than the whole by this much, metres."""
@@ -73,18 +74,17 @@ def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
         width = float(theme.extents[i])
         beside = np.array([-flat[1], flat[0], 0.0])
         slide = max(0.0, float(np.abs(beside @ axes) @ theme.extents) - hand.finger_breadth)
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+        for sign, flip in EITHER_WAY:
             yield Hold(sign * flat, width, f"across its {width * 1000:.0f} mm{flip}", xy, slide=slide)
 
 
 def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
     """Around the upper end, where that is slimmer than the whole; as deep as it stays slim enough for the hand."""
-    reach = hand.finger_length - hand.tip_beyond_tcp - 0.005
     if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
         return []
     top = float(np.quantile(theme.points[:, 2], 0.995))
     broad = float(theme.extents[:2].max())
-    for depth in np.arange(min(reach, 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
+    for depth in np.arange(min(deepest(hand), 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
         band = theme.points[theme.points[:, 2] > top - depth - hand.tip_beyond_tcp]
         if len(band) < FEWEST:
             return []
@@ -99,10 +99,10 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
-    yaw = float(turns[np.ptp(_spans(band, turns), axis=0).argmin()])
+    yaw = float(turns[np.ptp(spans(band, turns), axis=0).argmin()])
     found = []
     yaws = yaw + np.pi * np.arange(2 * YAWS) / YAWS
-    ends, sides = _spans(band, yaws).T, _spans(band, yaws + 0.5 * np.pi).T
+    ends, sides = spans(band, yaws).T, spans(band, yaws + 0.5 * np.pi).T
     for k, ((low, high), (left, right)) in enumerate(zip(ends, sides, strict=True)):
         closing = horizontal(yaw + np.pi * k / YAWS)
         beside = np.array([-closing[1], closing[0], 0.0])
@@ -133,19 +133,13 @@ def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
         angle = 2 * np.pi * k / RIM_YAWS
         out = horizontal(angle)
         xy = theme.centre[:2] + radius * out[:2]
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+        for sign, flip in EITHER_WAY:
             name = f"by its wall at {np.degrees(angle):.0f}°{flip}"
             found.append(Hold(sign * out, thickness, name, xy, opening=opening, cost=0.1, part="rim"))
     return found
 
 
-def _spans(points: FloatArray, angles: FloatArray) -> FloatArray:
+def spans(points: FloatArray, angles: FloatArray) -> FloatArray:
     """(2, A) lowest and highest value but for strays of points (N, 2) along each of the level ways (A,), radians."""
     ways = np.stack([np.cos(angles), np.sin(angles)])
     return np.asarray(np.quantile(ways.T @ points.T, STRAYS, axis=1))
-
-
-def span(values: FloatArray) -> tuple[float, float]:
-    """Lowest and highest value but for strays."""
-    low, high = np.quantile(values, STRAYS)
-    return float(low), float(high)

@@ -9,11 +9,10 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.trajectory import Waypoint
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.proposals import Job, Path, Proposal
 from gvla2.skills.schemas.insert import aligning_turns, lower_over
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
-from gvla2.skills.schemas.place import TURNS, over_spot, put_down
+from gvla2.skills.schemas.place import TURNS, carry, over_spot, put_down
 
 if TYPE_CHECKING:
     from gvla2.skills.lifting import PathPoint
@@ -63,9 +62,11 @@ def _along(
     preference: float,
 ) -> Proposal:
     path = take(job, grasp)
-    before = [p for p in points[:at] if float(np.linalg.norm((p.array - grasp.centre)[:2])) > APPROACH]
-    on_the_way = [_on_the_way(path, p) for p in before]
-    path.waypoints[:0] = [w for each in on_the_way for w in each]
+    before = Path(path.speed, path.contact_speed, path.orientation)
+    for point in points[:at]:
+        if float(np.linalg.norm((point.array - grasp.centre)[:2])) > APPROACH:
+            before.go("move", point.array)
+    path.waypoints[:0] = before.waypoints
     touching = job.own() | job.resting()
     here = draw_out(job, path, grasp)
     clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
@@ -110,19 +111,11 @@ def _let_go(
     if job.goal is not None and job.goal.shape != "region":
         support = job.goal.top
     spot = np.array([*spot[:2], support])
-    xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
-    if here[2] < xyz[2] - 1e-3:
-        path.line("lift", np.array([*here[:2], xyz[2]]), allowed=touching)
-    path.orientation = pointing(closing, approach)
-    path.go("transit", xyz)
+    over = over_spot(job, grasp, spot, turn)
+    if here[2] < over.centre[2] - 1e-3:
+        path.line("lift", np.array([*here[:2], over.centre[2]]), allowed=touching)
+    carry(path, over)
     if job.skill == "insert":
-        lower_over(job, path, grasp, np.asarray(xyz))
+        lower_over(job, path, grasp, over.centre)
     else:
         put_down(job, path, grasp, over, spot)
-
-
-def _on_the_way(path: Path, point: PathPoint) -> list[Waypoint]:
-    """A point on the way to the approach, as the hand is turned there."""
-    way = Path(path.speed, path.contact_speed, path.orientation)
-    way.go("move", point.array, gripper=1.0)
-    return way.waypoints

@@ -17,21 +17,21 @@ from itertools import pairwise
 import numpy as np
 
 from gvla2.errors import PlanningError
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.effects import apply_effects, sides_of
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.candidates import choose
+from gvla2.skills.carry_out import answer
 from gvla2.skills.joined import joined
 from gvla2.skills.lifted_carrying import carried
-from gvla2.skills.lifted_touching import pushed
 from gvla2.skills.meaning import whole_meant
-from gvla2.skills.parameters import limited, scales
+from gvla2.skills.parameters import limited
 from gvla2.skills.parts import button_of
 from gvla2.skills.proposals import Job, Proposal
 from gvla2.skills.schemas.insert import fits_over
 from gvla2.skills.schemas.press import propose_press
+from gvla2.skills.schemas.push import PushStroke, push
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2.skills.wholes import assembled
@@ -43,6 +43,9 @@ NEAR = 0.04
 """A point so near to a thing's box is at that thing, metres."""
 LEVEL = 0.05
 """The closed hand pushes where it goes sideways by more than this, and down by less, metres."""
+
+SPREAD = 0.6
+"""The fingers push by this share of the face that they meet: two contacts carry a thing without turning it."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
     opened = next((k for k in range(take + 1, len(points)) if not points[k].closed), None)
     goal = None
     if opened is not None:
-        own = frozenset({theme.id, *(p.id for p in scene.parts_of(theme.id))})
+        own = scene.family(theme.id)
         goal = _goal_at(points[opened], scene, own)
         done = own if goal is None else own | {goal.id}
         for point in points[opened + 1 :]:
@@ -105,11 +108,9 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
                     f"The hand closes again, at {told(point, scene)}: a path handles one thing only."
                 )
     name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
-    skill = _skill(name, request)
     depth = theme.top - points[take].xyz[2]
-    job, plan = _job(skill, theme, goal, {"grasp_depth": depth}, request, options)
-    found = carried(job, points, take, opened)
-    return _chosen(found, plan, job, request, options)
+    job, notes = _job(name, theme, goal, {"grasp_depth": depth}, request, options)
+    return _answer(job, carried(job, points, take, opened), notes, request, options)
 
 
 def told(point: PathPoint, scene: Scene) -> str:
@@ -128,15 +129,34 @@ def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOpti
     struck = _struck(points[k], points[k + 1], scene) if length > LEVEL else None
     if struck is not None:
         goal = _goal_at(points[k + 1], scene, frozenset({struck.id}))
-        job, plan = _job(_skill("push", request), struck, goal, {}, request, options)
-        return _chosen(pushed(job, points, k), plan, job, request, options)
+        job, notes = _job("push", struck, goal, {}, request, options)
+        found = _pushed(job, points[k].array, points[k + 1].array)
+        return _answer(job, found, notes, request, options)
     thing = _thing_at(low, scene)
     button = button_of(thing, scene) if thing is not None else None
     if button is None:
         raise PlanningError(f"The closed hand touches nothing: its lowest point is {told(low, scene)}.")
     depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
-    job, plan = _job(_skill("press", request), button, None, {"press_depth": depth}, request, options)
-    return _chosen(propose_press(job), plan, job, request, options)
+    job, notes = _job("press", button, None, {"press_depth": depth}, request, options)
+    return _answer(job, propose_press(job), notes, request, options)
+
+
+def _pushed(job: Job, begin: FloatArray, end: FloatArray) -> list[Proposal]:
+    """From ``begin`` (3,) to ``end`` (3,) along the table, the fingers across the way; one proposal a way round."""
+    theme, hand, standoff = job.theme, job.hand, job.theta["standoff"]
+    way = (end - begin) * [1.0, 1.0, 0.0]
+    way = way / np.linalg.norm(way)
+    across = np.array([-way[1], way[0], 0.0])
+    behind = theme.centre - way * (theme.half_along(way) + 0.5 * hand.finger_breadth + standoff)
+    # Over the thing itself, or too close to it, the hand cannot come down.
+    begin = begin - way * max(0.0, float((begin - behind) @ way))
+    opening = float(np.clip(2.0 * SPREAD * theme.half_along(across) / hand.max_width, 0.0, 1.0))
+    found = []
+    for sign in (1.0, -1.0):
+        stroke = PushStroke(begin + standoff * way, end, way, np.zeros(3), sign * across, opening)
+        how = "push along the path" + (", hand turned round" if sign < 0 else "")
+        found.append(push(job, [stroke], how, "straight", 0.8))
+    return found
 
 
 def _skill(name: str, request: PlanRequest) -> Skill:
@@ -144,42 +164,39 @@ def _skill(name: str, request: PlanRequest) -> Skill:
 
 
 def _job(
-    skill: Skill,
+    name: str,
     theme: SceneObject,
     goal: SceneObject | None,
     meant: Mapping[str, float],
     request: PlanRequest,
     options: SkillOptions,
-) -> tuple[Job, Plan]:
-    """The job that the path amounts to, with the numbers that it says itself held to memory's bounds."""
+) -> tuple[Job, list[str]]:
+    """The job that the path amounts to, its own numbers limited by memory's bounds, and a note for each limit."""
+    skill = _skill(name, request)
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     ranges = {p.name: p for p in skill.parameters}
-    for name, value in meant.items():
-        least = 0.006 if name == "grasp_depth" else 0.0
-        theta[name] = float(np.clip(value, least, ranges[name].most if name in ranges else value))
-    lengths = sides_of(theme)
+    for parameter, value in meant.items():
+        least = 0.006 if parameter == "grasp_depth" else 0.0
+        theta[parameter] = float(
+            np.clip(value, least, ranges[parameter].most if parameter in ranges else value)
+        )
     bounds = [e for e in request.advice.effects if e.kind == "bound"]
-    theta, notes = apply_effects(theta, bounds, skill.name, lengths=lengths)
+    theta, notes = apply_effects(theta, bounds, skill.name, lengths=sides_of(theme))
     theta, limits = limited(theta, theme, request.scene)
-    roles = {"theme": theme.id} | ({"goal": goal.id} if goal is not None else {})
-    roles |= {"part": theme.id} if skill.role("part") is not None else {}
-    job = Job(skill.name, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal, "on")
-    given = scales(skill.scaled, theta, lengths)
-    return job, Plan(None, skill.name, roles, theta, notes=(*notes, *limits), scales=given, options=options)
+    hand, workspace = request.arm.hand, request.arm.workspace
+    return Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on"), [*notes, *limits]
 
 
-def _chosen(
-    found: Sequence[Proposal] | Abstention, plan: Plan, job: Job, request: PlanRequest, options: SkillOptions
+def _answer(
+    job: Job,
+    found: Sequence[Proposal] | Abstention,
+    notes: Sequence[str],
+    request: PlanRequest,
+    options: SkillOptions,
 ) -> Plan:
-    if isinstance(found, Abstention):
-        return replace(plan, abstention=found)
+    refusal = f"The path to {job.skill} the {job.theme.label} cannot be followed"
     request = replace(request, rejections=())  # a path has one way only: nothing is to be passed over
-    ranking = choose(found, request, job.skill, plan.parameters, options.tries, sides_of(job.theme))
-    plan = replace(plan, candidates=ranking.candidates)
-    if ranking.chosen is None:
-        message = f"The path to {job.skill} the {job.theme.label} cannot be followed: {ranking.reasons()}."
-        return replace(plan, abstention=Abstention("unreachable", message))
-    return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
+    return answer(job, _skill(job.skill, request), found, request, options, refusal, notes)
 
 
 def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
@@ -203,7 +220,7 @@ def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
 def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:
     """The solid thing at a point: the one that it was written for, where it is near it, else the nearest by its box."""
     solids = scene.obstacles()
-    gaps = {o.id: gap(o, point.array) for o in solids}
+    gaps = {o.id: float(o.distances(point.array)) for o in solids}
     if point.at in gaps and gaps[point.at] < 2 * NEAR:
         return scene[point.at]
     best = min(solids, key=lambda o: (round(gaps[o.id], 3), float(np.prod(o.extents))), default=None)
@@ -216,21 +233,10 @@ def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject
     """
     if point.at and point.at not in own:
         meant = scene[point.at]
-        if gap(meant, np.array([*point.xyz[:2], meant.centre[2]])) < NEAR:
+        if meant.distances(np.array([*point.xyz[:2], meant.centre[2]])) < NEAR:
             return meant
-    under = [o for o in scene.objects if o.id not in own and _over(o, point.array)]
+    under = [o for o in scene.objects if o.id not in own and o.covers(point.array)]
     return max(under, key=lambda o: (o.top, -float(np.prod(o.extents[:2]))), default=None)
-
-
-def _over(thing: SceneObject, point: FloatArray) -> bool:
-    local = transform_points(invert_rigid(thing.world_from_object), np.array([*point[:2], thing.centre[2]]))
-    return bool((np.abs(local[:2]) <= 0.5 * thing.extents[:2]).all())
-
-
-def gap(thing: SceneObject, point: FloatArray) -> float:
-    """From a point (3,) to the thing's box, metres; 0 inside."""
-    local = np.abs(transform_points(invert_rigid(thing.world_from_object), point))
-    return float(np.linalg.norm(np.maximum(local - 0.5 * thing.extents, 0.0)))
 
 
 def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
@@ -243,6 +249,6 @@ def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
     for step in np.linspace(0.0, 1.0, 60):
         at = a.array + step * (b.array - a.array)
         for thing in things:
-            if at[2] < thing.top + NEAR and gap(thing, np.array([*at[:2], thing.centre[2]])) < 0.015:
+            if at[2] < thing.top + NEAR and thing.distances(np.array([*at[:2], thing.centre[2]])) < 0.015:
                 return thing
     return None

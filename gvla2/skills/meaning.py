@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.caps import cap_of, closed_by
 from gvla2.skills.mechanisms import hinge_for, hinges, slide_for, slides
-from gvla2.skills.parts import button_of, is_lid, root_of, whole_of
+from gvla2.skills.parts import button_of, cap_of, closed_by, is_lid, root_of
 from gvla2.skills.schemas.insert import fits_over
 from gvla2.skills.stuck import stuck
 from gvla2.skills.wholes import holders, inside
@@ -130,7 +129,7 @@ def workable(scene: Scene) -> tuple[list[SceneObject], list[SceneObject]]:
 
 def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:
     """The whole that is moved when a part is named that cannot be moved by itself; what only stands in it can."""
-    above = whole_of(theme, scene)
+    above = scene.whole_of(theme)
     if above is None or (inside(theme, above) and above in holders(theme, scene)):
         return theme
     return root_of(theme, scene)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import ROUND, Scene, SceneObject
 from gvla2.skills.parts import is_handle, is_lid
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -93,10 +93,10 @@ def hinges(scene: Scene) -> list[Hinge]:
     """Every lid that seems hinged, with the box under it."""
     found = []
     for lid in scene.objects:
-        if lid.shape not in ("plate", "box") or not is_lid(lid, scene) or _round(lid, scene):
-            continue
-        body = next((o for o in scene.objects if o.id == lid.parent), None)
-        found.append(hinge_of(lid, body, scene))
+        body = scene.whole_of(lid)
+        turns = body is not None and body.shape in ROUND  # what is on a round thing does not swing
+        if lid.shape in ("plate", "box") and is_lid(lid, scene) and not turns:
+            found.append(hinge_of(lid, body, scene))
     return found
 
 
@@ -106,10 +106,10 @@ def slides(scene: Scene) -> list[Slide]:
     for handle in scene.objects:
         if handle.extents.min() > SLIM or not is_handle(handle):
             continue
-        front = next((o for o in scene.objects if o.id == handle.parent), None) or _behind(handle, scene)
+        front = scene.whole_of(handle) or _behind(handle, scene)
         if front is None or is_lid(front, scene):
             continue
-        body = next((o for o in scene.objects if o.id == front.parent), None)
+        body = scene.whole_of(front)
         out = _outward(handle, body or front)
         if out is not None:
             found.append(Slide(body, front, handle, out))
@@ -125,7 +125,7 @@ def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
     if tilt < CLOSED:
         level, reach, guessed = _lip(lid, body, sides, scene)
         origin = lid.centre - 0.5 * reach * level
-        breadth = 2 * _half(lid, np.cross(level, UP))
+        breadth = 2 * lid.half_along(np.cross(level, UP))
         return Hinge(body, lid, origin, level, 0.0, reach, breadth, float(extents[thin]), guessed)
     rising = max(sides, key=lambda i: abs(axes[2, i]))
     out = axes[:, rising] * (1.0 if axes[2, rising] > 0 else -1.0)
@@ -164,11 +164,8 @@ def _lip(
 def _outward(handle: SceneObject, ref: SceneObject) -> FloatArray | None:
     """(3,) the normal of the upright face of ``ref`` that the handle stands before; None when before none."""
     shift = handle.centre - ref.centre
-    level = [i for i in range(3) if abs(ref.world_from_object[2, i]) < 0.5]
-    if not level:
-        return None
-    ways = [sign * _flat(ref.world_from_object[:3, i]) for i in level for sign in (1.0, -1.0)]
-    return max(ways, key=lambda way: float(shift @ way) - _half(ref, way))
+    faces = ref.upright_faces()
+    return max(faces, key=lambda way: float(shift @ way) - ref.half_along(way), default=None)
 
 
 def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
@@ -179,12 +176,10 @@ def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
         if way is None or thing.extents.max() < handle.extents.max():
             continue
         shift = handle.centre - thing.centre
-        gap = float(shift @ way) - _half(thing, way) - _half(handle, way)
+        gap = float(shift @ way) - thing.half_along(way) - handle.half_along(way)
         aside = np.cross(UP, way)
-        within = (
-            abs(shift @ aside) < _half(thing, aside) and thing.bottom < handle.centre[2] < thing.top + 0.01
-        )
-        if within and gap < nearest:
+        beside = abs(shift @ aside) >= thing.half_along(aside)
+        if not beside and thing.bottom < handle.centre[2] < thing.top + 0.01 and gap < nearest:
             best, nearest = thing, gap
     return best
 
@@ -199,20 +194,11 @@ def slide_for(thing: SceneObject, scene: Scene) -> Slide | None:
     return next((s for s in slides(scene) if thing.id in s.parts), None)
 
 
-def _round(lid: SceneObject, scene: Scene) -> bool:
-    """A lid on a round thing turns, it does not swing."""
-    return any(o.id == lid.parent and o.shape in ("cylinder", "disc", "sphere") for o in scene.objects)
-
-
 def _reach(thing: SceneObject, way: FloatArray) -> float:
     """How far a thing goes along a unit vector, metres from the world's origin: by its points, where it has some."""
     if len(thing.points) < FEWEST:
-        return float(thing.centre @ way) + _half(thing, way)
+        return float(thing.centre @ way) + thing.half_along(way)
     return float(np.sort(thing.points @ way)[-STRAYS])
-
-
-def _half(thing: SceneObject, way: FloatArray) -> float:
-    return float(np.abs(way @ thing.world_from_object[:3, :3]) @ (0.5 * thing.extents))
 
 
 def _flat(vector: FloatArray) -> FloatArray:

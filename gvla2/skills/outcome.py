@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Waypoint
 
 EMPTY = 0.001
 """Fingers that are no further apart hold nothing, metres."""
@@ -51,21 +52,23 @@ class Outcome:
     slipped: bool = False
     after: Scene | None = None
 
+    @property
+    def waypoints(self) -> tuple[Waypoint, ...]:
+        """The plan's waypoints; () if it has no trajectory."""
+        return self.plan.trajectory.waypoints if self.plan.trajectory else ()
+
     def gripped(self) -> bool:
         """Whether the fingers had something between them on all the way that the plan has them carry it."""
-        waypoints = self.plan.trajectory.waypoints if self.plan.trajectory else ()
-        carrying = [
-            r for r in self.reached
-            if r.index < len(waypoints) and waypoints[r.index].carries and waypoints[r.index].gripper < 0.1
-        ]  # fmt: skip
-        return bool(carrying) and all(r.gripper_width > EMPTY for r in carrying)
+        carrying = [r.gripper_width for r, w in self._followed() if w.carries and w.gripper < 0.1]
+        return bool(carrying) and min(carrying) > EMPTY
 
     def held_back(self) -> bool:
         """Whether the thing did not come along: the hand was stopped on the way, or what it held was drawn from it."""
-        waypoints = self.plan.trajectory.waypoints if self.plan.trajectory else ()
         closed = any(r.stage == "close" and r.gripper_width > EMPTY for r in self.reached)
-        began = any(r.index < len(waypoints) and waypoints[r.index].carries for r in self.reached)
-        return closed and began
+        return closed and any(w.carries for _, w in self._followed())
+
+    def _followed(self) -> list[tuple[Reached, Waypoint]]:
+        return [(r, self.waypoints[r.index]) for r in self.reached if r.index < len(self.waypoints)]
 
     def stopped(self, stage: str, short: float) -> bool:
         """Whether the hand met a stop in a motion of this stage: a guard ended it, or it ended ``short`` metres off."""

@@ -29,8 +29,16 @@ want on straight moves, since a button may travel nearly all of its height."""
 PRESS_DEPTH = 0.010
 """How deep a button is pressed as a rule, metres: few travel further."""
 
+LEAN_OVER = 0.25
+"""A lid that is this far past the vertical stays open or falls open, radians: its weight carries it on."""
+
 LEAST_SIDE = 0.002
 """Perceived sides that are shorter tell nothing, metres."""
+
+
+def deepest(hand: Hand) -> float:
+    """The greatest depth of the tool below the top of what the fingers reach around, metres; the palm stays clear."""
+    return hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
 
 
 def of_pick(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
@@ -54,12 +62,10 @@ def _grasp(theme: SceneObject, hand: Hand) -> dict[str, float]:
     The standoff is a finger's length: the last, straight part then starts with the whole fingers above the object,
     and sideways errors of the planned part cannot knock it over.
     """
-    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
-    height = theme.top - theme.bottom
     return {
         "standoff": hand.finger_length,
         "approach_tilt": 0.0,
-        "grasp_depth": min(0.5 * height, reach),
+        "grasp_depth": min(0.5 * (theme.top - theme.bottom), deepest(hand)),
         "grasp_fraction": 0.5,
     }
 
@@ -80,10 +86,9 @@ def of_twist(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str,
     from above it turns against the clock, as right-handed threads open. Lifted by its own breadth and a finger's length
     it is clear of what it closed.
     """
-    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
     return {
         **_grasp(theme, hand),
-        "grasp_depth": min(0.8 * (theme.top - theme.bottom), reach),
+        "grasp_depth": min(0.8 * (theme.top - theme.bottom), deepest(hand)),
         **_carry(),
         "turn": 2.88,
         "lift_height": 0.12,
@@ -95,13 +100,12 @@ def of_insert(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str
     """As low as the table lets the hand; let go where the hole is two thicknesses down the post, so that what slides
     the rest of the way by its weight cannot cant on the post's end.
     """
-    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
     height = theme.top - theme.bottom
     return {
         **_grasp(theme, hand),
         **_carry(),
         "grasp_depth": height,
-        "insert_depth": min(2.0 * height, 0.7 * reach),
+        "insert_depth": min(2.0 * height, 0.7 * deepest(hand)),
         **speeds(options),
     }
 
@@ -132,6 +136,47 @@ def of_press(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str,
         "standoff": hand.finger_length,
         "press_depth": PRESS_DEPTH,
         "press_seconds": 0.0,
+        **speeds(options),
+    }
+
+
+def of_open(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
+    """Grasp the lip with half of the finger pads, so that the tips end before the wall that the lip stands out over;
+    swing past the vertical.
+    """
+    return {
+        "standoff": hand.finger_length,
+        "lip_depth": 0.006,
+        "open_angle": 1.57 + LEAN_OVER,
+        **speeds(options),
+    }
+
+
+def of_close(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
+    """Hook a pad's length below the edge; from a radian on a lid's weight is well past the hinge."""
+    return {"standoff": hand.finger_length, "hook_depth": 0.012, "let_go_angle": 1.0, **speeds(options)}
+
+
+def of_pull(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
+    """15 cm: a drawer is open when a hand gets into it, and few are less deep. Few have a catch to be lifted."""
+    return {
+        "standoff": hand.finger_length,
+        "grasp_depth": 0.006,
+        "unlatch_lift": 0.0,
+        "pull_distance": 0.15,
+        **speeds(options),
+    }
+
+
+def of_draw(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
+    """Held two fingers' breadths from its free end at most, at half its height; drawn out 2 cm beyond being free."""
+    return {
+        "standoff": hand.finger_length,
+        "grasp_depth": min(0.5 * (theme.top - theme.bottom), deepest(hand)),
+        "end_distance": hand.finger_breadth,
+        "pull_distance": 0.02,
+        "transit_clearance": 0.03,
+        "place_height": 0.004,
         **speeds(options),
     }
 

@@ -1,4 +1,4 @@
-"""Parts: lids, handles and buttons, told from how a part sits on its whole, and by its name where that does not tell.
+"""Parts: lids, caps, handles and buttons, recognised by how a part sits on its whole, or else by its name.
 
 Geometry comes first. A flat part that covers its whole's top is a lid, a level bar before an upright face a handle, a
 small flat round thing a button. What was seen badly, or stands open, may only be known by what its perceiver calls it:
@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import re
 
-from gvla2.planning.scene import Scene, SceneObject
+import numpy as np
+
+from gvla2.planning.scene import ROUND, Scene, SceneObject
 
 NAMED = {
     "lid": frozenset(["lid", "cap", "cover", "stopper", "cork"]),
@@ -20,6 +22,8 @@ NAMED = {
 
 CLOSE = 0.012
 """Things whose gap in height is smaller may touch, metres: perceived heights err by some millimetres each."""
+CENTRED = 0.012
+"""The horizontal distance between the middles of a cap and of what it closes is less than this, metres."""
 THIN = 0.25
 """A flat part is thinner than this share of its middle side."""
 COVERING = 0.6
@@ -32,7 +36,7 @@ def is_lid(thing: SceneObject, scene: Scene) -> bool:
     """Whether it opens something: a flat part that lies on its whole, or what is called a lid."""
     if called(thing, "lid"):
         return True
-    body = whole_of(thing, scene)
+    body = scene.whole_of(thing)
     if body is None or thing.shape not in ("plate", "disc") or called(thing, "button"):
         return False
     thin, middle, _ = sorted(float(v) for v in thing.extents)
@@ -69,15 +73,30 @@ def button_of(thing: SceneObject, scene: Scene) -> SceneObject | None:
     return named[0] if len(named) == 1 else None
 
 
-def whole_of(thing: SceneObject, scene: Scene) -> SceneObject | None:
-    """What it is a part of; None for a whole, and where the scene lacks it."""
-    return next((o for o in scene.objects if o.id == thing.parent), None)
+def closed_by(cap: SceneObject, scene: Scene) -> SceneObject | None:
+    """The round object closed by the part ``cap``, which sits on its upper end; None if it is no cap.
+
+    A lid on a round thing turns, one on a box swings: nothing else distinguishes them before they move.
+    """
+    body = scene.whole_of(cap)
+    if body is None or body.shape not in ROUND or abs(cap.bottom - body.top) > CLOSE:
+        return None
+    off = float(np.linalg.norm(cap.centre[:2] - body.centre[:2]))
+    flat = cap.top - cap.bottom < 0.5 * (body.top - body.bottom)
+    return body if off < CENTRED and flat else None
+
+
+def cap_of(thing: SceneObject, scene: Scene) -> SceneObject | None:
+    """The cap that a thing is, or the cap that closes it."""
+    if closed_by(thing, scene) is not None:
+        return thing
+    return next((o for o in scene.objects if o.parent == thing.id and closed_by(o, scene) is not None), None)
 
 
 def root_of(thing: SceneObject, scene: Scene) -> SceneObject:
     """The whole that it is a part of in the end; itself where it is none."""
     for _ in scene.objects:
-        above = whole_of(thing, scene)
+        above = scene.whole_of(thing)
         if above is None:
             break
         thing = above

@@ -14,7 +14,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.skills.parameters import TABLE_GAP
-from gvla2.skills.wholes import holders, parts_of, rise, way_out
+from gvla2.skills.wholes import holders, rise, way_out
 
 LONGEST_LINE = 0.5
 """Longer straight moves are written as several, metres."""
@@ -65,13 +65,12 @@ class Job:
     # Dozens of proposals ask one job for the same.
     @cached_property
     def _own(self) -> frozenset[str]:
-        return frozenset({self.theme.id, *(p.id for p in parts_of(self.theme, self.scene))})
+        return self.scene.family(self.theme.id)
 
     @cached_property
     def _resting(self) -> frozenset[str]:
-        held = holders(self.theme, self.scene)
-        within = {p.id for h in held for p in parts_of(h, self.scene)}
-        return frozenset({"table", *(h.id for h in held), *within})
+        held = [self.scene.family(holder.id) for holder in holders(self.theme, self.scene)]
+        return frozenset({"table"}).union(*held)
 
     def lowest_tcp(self) -> float:
         """The lowest height of the tool, pointing down, that keeps the fingertips off the table."""

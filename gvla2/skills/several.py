@@ -14,7 +14,6 @@ from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Trajectory, Waypoint
 from gvla2.skills.chaining import Part
-from gvla2.skills.wholes import parts_of
 
 PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 
@@ -88,7 +87,7 @@ def after(thing: SceneObject, trajectory: Trajectory, request: PlanRequest) -> P
 
 
 def _moved(thing: SceneObject, by: FloatArray, scene: Scene) -> Scene:
-    own = {thing.id, *(p.id for p in parts_of(thing, scene))}
+    own = scene.family(thing.id)
     for each in scene.objects:
         if each.id in own:
             pose, points = by @ each.world_from_object, transform_points(by, each.points)

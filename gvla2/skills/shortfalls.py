@@ -45,14 +45,19 @@ PUSH_TOLERANCE = 0.01
 """Metres off the goal's centre that are no error of the push."""
 
 
-def of_open(outcome: Outcome) -> Signal | None:
-    """A lid that did not stay open, or was never taken along."""
+def _opening(outcome: Outcome) -> tuple[float, float | None]:
+    """How far the lid was open before, and afterwards, radians; None where it was not found."""
     lid, body = hinged(outcome.theme, outcome.before.objects)
     later = outcome.later(lid.id) if lid is not None else None
-    if (
-        later is None
-        or opening_angle(later, (outcome.later(body.id) if body else None) or body) >= STAYS_OPEN
-    ):
+    if lid is None or later is None:
+        return 0.0, None
+    return opening_angle(lid, body), opening_angle(later, (outcome.later(body.id) if body else None) or body)
+
+
+def of_open(outcome: Outcome) -> Signal | None:
+    """A lid that did not stay open, or was never taken along."""
+    _, angle = _opening(outcome)
+    if angle is None or angle >= STAYS_OPEN:
         return None
     if not outcome.gripped():
         deeper = outcome.changed("lip_depth", HOOK_MARGIN)
@@ -63,13 +68,8 @@ def of_open(outcome: Outcome) -> Signal | None:
 
 def of_close(outcome: Outcome) -> Signal | None:
     """A lid that the fingers passed, or that was let go too early."""
-    lid, body = hinged(outcome.theme, outcome.before.objects)
-    later = outcome.later(lid.id) if lid is not None else None
-    if lid is None or later is None:
-        return None
-    was = opening_angle(lid, body)
-    angle = opening_angle(later, (outcome.later(body.id) if body else None) or body)
-    if angle < FLAT:
+    was, angle = _opening(outcome)
+    if angle is None or angle < FLAT:
         return None
     if was - angle < SWING_MARGIN:
         deeper = outcome.changed("hook_depth", HOOK_MARGIN)
@@ -80,7 +80,7 @@ def of_close(outcome: Outcome) -> Signal | None:
 
 def of_pull(outcome: Outcome) -> Signal | None:
     """A drawer that did not come as far as the hand went, or was pulled on when it had come all the way."""
-    waypoints = outcome.plan.trajectory.waypoints if outcome.plan.trajectory else ()
+    waypoints = outcome.waypoints
     carried = [i for i, w in enumerate(waypoints) if w.carries and i > 0]
     if not carried or "pull_distance" not in outcome.plan.parameters:
         return None

@@ -108,27 +108,17 @@ class Skill:
         """How it is called: ``place(theme, goal | xy | direction, relation=on|in|...)``; ``brief`` for small models:
         ``place(theme, goal, on|in|...)``.
         """
-        if brief:
-            return self._brief()
         goal = self.role("goal")
         words = ["theme"]
         if goal is not None:
-            where = "goal" + (" | xy | direction" if self.free else "")
+            where = "goal" + (" | xy | direction" if self.free and not brief else "")
             words.append(where if goal.required else f"[{where}]")
-            if len(goal.relations) > 1:
+            if brief and goal.required and len(goal.relations) > 3:
+                words.append("|".join(r for r in goal.relations if r != "to"))
+            elif not brief and len(goal.relations) > 1:
                 words.append(f"relation={'|'.join(goal.relations)}")
-        if self.amount:
+        if self.amount and not brief:
             words.append("amount=")
-        return f"{self.name}({', '.join(words)})"
-
-    def _brief(self) -> str:
-        goal = self.role("goal")
-        words = ["theme"]
-        if goal is not None:
-            words.append("goal" if goal.required else "[goal]")
-            relations = [r for r in goal.relations if r != "to"]
-            if len(goal.relations) > 3 and goal.required:
-                words.append("|".join(relations))
         return f"{self.name}({', '.join(words)})"
 
 

@@ -71,11 +71,12 @@ def _numbers(*names: str) -> tuple[Parameter, ...]:
     return tuple(PARAMETERS[name] for name in (*names, "speed", "contact_speed"))
 
 
-def _standard(name: str, schema: str, theta: str, diagnosed: bool, **rest: Any) -> Skill:
+def _standard(name: str, schema: str, diagnosed: bool, **rest: Any) -> Skill:
     return Skill(
         name,
         propose=_later(f"schemas.{schema}", f"propose_{name}"),
-        defaults=_later(theta, f"of_{name}"),
+        defaults=_later("parameters", f"of_{name}"),
+        fits=_later("affordances", f"fits_{name}"),
         diagnose=_later("shortfalls", f"of_{name}") if diagnosed else None,
         **rest,
     )
@@ -83,7 +84,7 @@ def _standard(name: str, schema: str, theta: str, diagnosed: bool, **rest: Any) 
 
 _SKILLS = (
     _standard(
-        "pick", "pick", "parameters", False,
+        "pick", "pick", False,
         description="take hold of a thing and lift it, also out of what it stands in; amount: how high",
         roles=(Role("theme", "what is lifted; a part stands for its whole"),),
         parameters=_numbers(*_GRASP, "lift_height"),
@@ -92,7 +93,7 @@ _SKILLS = (
         scaled={"grasp_depth": "height"}, amount="lift_height", whole=True,
     ),
     _standard(
-        "place", "place", "parameters", False,
+        "place", "place", False,
         description="pick a thing up and put it down on, in or beside the goal, at xy, or so far in a direction",
         roles=(
             Role("theme", "what is put there; a part stands for its whole"),
@@ -104,7 +105,7 @@ _SKILLS = (
         scaled={"grasp_depth": "height"}, free=True, whole=True,
     ),
     _standard(
-        "push", "push", "parameters", True,
+        "push", "push", True,
         description="push a thing along the table to the goal, to xy, or so far in a direction",
         roles=(
             Role("theme", "what is pushed"),
@@ -116,7 +117,7 @@ _SKILLS = (
         scaled={"push_height": "height"}, free=True, whole=True,
     ),
     _standard(
-        "press", "press", "parameters", True,
+        "press", "press", True,
         description="press a button or switch straight down; a lamp is switched on so",
         roles=(Role("theme", "the button, or the one thing that it is a part of"), Role("part", "the button")),
         parameters=_numbers("standoff", "press_depth", "press_seconds"),
@@ -124,7 +125,7 @@ _SKILLS = (
         key=("press_depth", "press_seconds", "standoff"), scaled={"press_depth": "height"},
     ),
     _standard(
-        "twist", "twist", "parameters", True,
+        "twist", "twist", True,
         description="unscrew a cap or lid from a bottle or jar and lift it, or put it down at the goal",
         roles=(
             Role("theme", "the cap, or the bottle or jar that it closes"),
@@ -137,7 +138,7 @@ _SKILLS = (
         lasting=("turn",),
     ),
     _standard(
-        "insert", "insert", "parameters", True,
+        "insert", "insert", True,
         description="lower a thing with a hole over a post that sticks up",
         roles=(Role("theme", "the thing with the hole"), Role("goal", "the post", relations=("on", "in", "to"))),
         parameters=_numbers(*_GRASP, *_CARRY, "insert_depth"),
@@ -146,7 +147,7 @@ _SKILLS = (
         scaled={"grasp_depth": "height", "insert_depth": "height"}, whole=True,
     ),
     _standard(
-        "open", "hinge", "parameters_work", True,
+        "open", "hinge", True,
         description="open a box by its lid, a drawer by its handle, a jar or bottle by its cap",
         roles=(Role("theme", "what is opened, or its lid"),),
         parameters=_numbers("standoff", "lip_depth", "open_angle"),
@@ -154,7 +155,7 @@ _SKILLS = (
         key=("open_angle", "lip_depth", "standoff"),
     ),
     _standard(
-        "close", "hinge", "parameters_work", True,
+        "close", "hinge", True,
         description="swing an open lid shut",
         roles=(Role("theme", "the box, or its lid"),),
         parameters=_numbers("standoff", "hook_depth", "let_go_angle"),
@@ -162,7 +163,7 @@ _SKILLS = (
         key=("let_go_angle", "hook_depth", "standoff"),
     ),
     _standard(
-        "pull", "pull", "parameters_work", True,
+        "pull", "pull", True,
         description="pull a drawer open by its handle; amount: how far",
         roles=(Role("theme", "the drawer, its handle or its cabinet"),),
         parameters=_numbers("standoff", "grasp_depth", "unlatch_lift", "pull_distance"),
@@ -171,7 +172,7 @@ _SKILLS = (
         amount="pull_distance", held_back=True,
     ),
     _standard(
-        "draw", "pull_out", "parameters_work", False,
+        "draw", "pull_out", False,
         description="draw a thing that is stuck between others out by its free end, and put it down at the goal",
         roles=(
             Role("theme", "what is stuck"),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import ROUND, Scene, SceneObject
 from gvla2.skills.parts import CLOSE
 
 SLIM, UPRIGHT = 0.03, 0.95
@@ -17,14 +17,9 @@ CLEAR = 0.03
 """What is drawn out of something ends this far above it, metres."""
 
 
-def parts_of(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
-    """What names it as its parent, and their parts in turn."""
-    return scene.parts_of(thing.id)
-
-
 def assembled(thing: SceneObject, scene: Scene) -> SceneObject:
     """The thing with its parts as one: their points, and a box about all that is still upright on its own middle."""
-    parts = [p for p in parts_of(thing, scene) if p.shape != "region"]
+    parts = [p for p in scene.parts_of(thing.id) if p.shape != "region"]
     if not parts:
         return to_its_end(thing, scene)
     corners = np.concatenate([thing.corners(), *(p.corners() for p in parts)])
@@ -38,16 +33,15 @@ def assembled(thing: SceneObject, scene: Scene) -> SceneObject:
     pose[:3, 3] += pose[:3, :3] @ shift
     broader = bool((np.delete(extents - thing.extents, up) > 0.006).any())
     points = np.concatenate([thing.points, *(p.points for p in parts)])
-    shape = "other" if broader and thing.shape in ("cylinder", "disc", "sphere") else thing.shape
+    shape = "other" if broader and thing.shape in ROUND else thing.shape
     whole = replace(thing, world_from_object=pose, extents=extents, points=points, shape=shape)
     return to_its_end(whole, scene)
 
 
 def holders(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
     """What the thing stands in or on: its foot is over their footprint, at a height where they meet."""
-    own = {thing.id, *(p.id for p in parts_of(thing, scene))}
     return tuple(
-        o for o in scene.obstacles(frozenset(own))
+        o for o in scene.obstacles(frozenset({thing.id}))
         if o.top > thing.bottom - CLOSE and o.bottom < thing.bottom + CLOSE and _over(thing, o) and o.top < thing.top
     )  # fmt: skip
 
@@ -103,18 +97,10 @@ def rise(thing: SceneObject, scene: Scene) -> float:
     return max((h.top - min(h.bottom, thing.bottom) for h in about), default=0.0)
 
 
-def clear_height(thing: SceneObject, scene: Scene) -> float:
-    """How far a thing is lifted at least: clear of what it stands in, and a little more."""
-    return rise(thing, scene) + CLEAR
-
-
 def _over(thing: SceneObject, other: SceneObject) -> bool:
     foot = thing.centre
     lean = thing.world_from_object[:3, :3]
     tall = int(np.argmax(thing.extents))
     if abs(lean[2, tall]) > 0.7:  # the lower end of something long, which may lean
         foot = thing.centre - np.sign(lean[2, tall]) * lean[:, tall] * 0.5 * thing.extents[tall]
-    local = transform_points(
-        invert_rigid(other.world_from_object), np.array([foot[0], foot[1], other.centre[2]])
-    )
-    return bool((np.abs(local[:2]) <= 0.5 * other.extents[:2]).all())
+    return other.covers(foot)

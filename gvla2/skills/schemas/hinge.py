@@ -6,7 +6,7 @@ The free edge moves on a circle about the hinge. The hand follows it through a h
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.pick import Grasp, let_go, take
 
 HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]
 STEP = 0.22
@@ -47,21 +48,15 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
     further = whole - 0.5 * np.pi
     less = whole - 0.5 * further
     hand_at = cache(partial(_hand_at, hinge))  # the same for every place along the lip
-    straight = [
-        _open(job, hinge, hand_at, sign, lean, end, shift)
-        for end, leans in ((whole, TURNED), (whole - 0.25 * further, TURNED[:1]), (less, TURNED[:1]))
-        for lean in leans
-        for shift in SHIFTS
+    ways: list[tuple[float, float, float, Sequence[float]]] = [(whole, lean, 0.0, SHIFTS) for lean in TURNED]
+    ways += [(end, 0.0, 0.0, SHIFTS) for end in (whole - 0.25 * further, less)]
+    ways += [(less, lean, yaw, SHIFTS[:3]) for yaw in YAWS for lean in TURNED]
+    return [
+        _open(job, hinge, hand_at, sign, lean, end, shift, yaw)
+        for end, lean, yaw, shifts in ways
+        for shift in shifts
         for sign in (1.0, -1.0)
     ]
-    askew = [
-        _open(job, hinge, hand_at, sign, lean, less, shift, yaw)
-        for yaw in YAWS
-        for lean in TURNED
-        for shift in SHIFTS[:3]
-        for sign in (1.0, -1.0)
-    ]
-    return [*straight, *askew]
 
 
 def _hand_at(hinge: Hinge, angle: float, lean: float, yaw: float) -> tuple[FloatArray, FloatArray]:
@@ -70,51 +65,45 @@ def _hand_at(hinge: Hinge, angle: float, lean: float, yaw: float) -> tuple[Float
     return tilt.apply(-hinge.out(angle)), tilt.apply(hinge.normal(angle))
 
 
+def _angles(begin: float, end: float) -> FloatArray:
+    """From one opening of the lid to another, in steps of :data:`STEP` at most."""
+    return np.linspace(begin, end, max(2, int(np.ceil(abs(end - begin) / STEP)) + 1))
+
+
+def _off_middle(hinge: Hinge, shift: float) -> str:
+    return f", {abs(shift) * hinge.breadth * 100:.0f} cm beside its middle" if shift else ""
+
+
 def _open(
-    job: Job,
-    hinge: Hinge,
-    hand_at: HandAt,
-    sign: float,
-    lean: float,
-    end: float,
-    shift: float,
-    yaw: float = 0.0,
+    job: Job, hinge: Hinge, hand_at: HandAt, sign: float, lean: float, end: float, shift: float, yaw: float
 ) -> Proposal:
-    def way() -> Trajectory:
-        theta, near = job.theta, hinge.parts
-        aside = shift * hinge.breadth * hinge.axis
-        steps = max(2, int(np.ceil((end - hinge.angle) / STEP)) + 1)
-        angles = np.linspace(hinge.angle, end, steps)
-        path = Path(theta["speed"], theta["contact_speed"])
-
-        def turn(angle: float) -> FloatArray:
-            approach, closing = hand_at(angle, lean, yaw)
-            path.orientation = pointing(sign * closing, approach)
-            return approach
-
-        lip = hinge.edge(float(angles[0]), theta["lip_depth"]) + aside
-        approach = turn(float(angles[0]))
-        path.go("approach", lip - approach * theta["standoff"], gripper=GRIP_OPENING)
-        path.line("reach", lip, allowed=near, slow=True)
-        path.line("close", lip, gripper=0.0, allowed=near, slow=True)
-        path.carries, path.tolerance = hinge.lid.id, GIVE
-        for angle in angles[1:]:
-            approach = turn(float(angle))
-            path.line("swing", hinge.edge(float(angle), theta["lip_depth"]) + aside, allowed=near, slow=True)
-        last = hinge.edge(end, theta["lip_depth"]) + aside
-        path.line("release", last, gripper=GRIP_OPENING, allowed=near, slow=True)
-        path.carries = ""
-        path.line("retreat", last - approach * theta["standoff"], allowed=near, dwell=FALLS)
-        return path.trajectory()
-
+    wanted = job.theta["open_angle"]
     how = f"lid swung open {np.degrees(end):.0f}° by its lip" + (", hand turned over" if sign < 0 else "")
     how += f", tilted {np.degrees(lean):.0f}°" if lean else ""
-    how += f", {abs(shift) * hinge.breadth * 100:.0f} cm beside its middle" if shift else ""
+    how += _off_middle(hinge, shift)
     how += f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
-    wanted = job.theta["open_angle"]
     preference = 0.8 - 0.4 * abs(lean) - (wanted - end) - 0.3 * abs(shift) - 0.2 * abs(yaw)
+
+    def way() -> Trajectory:
+        theta, near = job.theta, hinge.parts
+
+        def lip(angle: float) -> FloatArray:
+            return hinge.edge(angle, theta["lip_depth"]) + shift * hinge.breadth * hinge.axis
+
+        angles = [float(angle) for angle in _angles(hinge.angle, end)]
+        at, (approach, closing) = lip(angles[0]), hand_at(angles[0], lean, yaw)
+        grasp = Grasp(how, "lip", sign * closing, approach, at, GRIP_OPENING, preference, 0.0)
+        path = take(job, grasp, near, "reach")
+        path.carries, path.tolerance = hinge.lid.id, GIVE
+        for angle in angles[1:]:
+            at, (approach, closing) = lip(angle), hand_at(angle, lean, yaw)
+            path.orientation = pointing(sign * closing, approach)
+            path.line("swing", at, allowed=near, slow=True)
+        let_go(path, at, at - approach * theta["standoff"], GRIP_OPENING, near, dwell=FALLS)
+        return path.trajectory()
+
     notes = (
-        ("Which edge the hinge is at cannot be seen; the lid was taken to open towards the robot.",)
+        ("The hinge's edge cannot be seen; the lid was assumed to open towards the robot.",)
         if hinge.guessed
         else ()
     )
@@ -158,34 +147,26 @@ def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Pr
     """The hand points down, its fingertips leaning by ``lean`` away from the box (negative: towards it), radians."""
 
     def way() -> Trajectory:
-        theta, near, hand = job.theta, hinge.parts, job.hand
-        path = Path(theta["speed"], theta["contact_speed"], gripper=0.0)
-        behind = -hinge.level
-        approach = Rotation.from_rotvec(-lean * hinge.axis).as_matrix() @ -UP
-        closing = sign * hinge.axis
-        path.orientation = pointing(closing, approach)
-        ahead = Rotation.from_rotvec(-lean * hinge.axis).as_matrix() @ hinge.level  # square to the fingers
-        gap = 0.5 * hand.finger_breadth + 0.7 * hinge.thickness
-        end = min(theta["let_go_angle"], hinge.angle)
-        angles = np.linspace(hinge.angle, end, max(2, int(np.ceil((hinge.angle - end) / STEP)) + 1))
+        theta = job.theta
+        tilt = Rotation.from_rotvec(-lean * hinge.axis)
+        approach, ahead = tilt.apply(-UP), tilt.apply(hinge.level)  # along the fingers, and square to them
+        gap = 0.5 * job.hand.finger_breadth + 0.7 * hinge.thickness
 
         def hook(angle: float) -> FloatArray:
             at = hinge.edge(angle) + shift * hinge.breadth * hinge.axis
             return np.asarray(at - gap * ahead + theta["hook_depth"] * approach)
 
-        first = hook(float(angles[0])) + 0.03 * behind
+        path = Path(theta["speed"], theta["contact_speed"], pointing(sign * hinge.axis, approach), 0.0)
+        first = hook(hinge.angle) - 0.03 * hinge.level
         path.go("approach", first - approach * theta["standoff"])
-        path.line("lower", first, allowed=near)
-        path.tolerance = GIVE
-        for angle in angles:
-            path.line("draw over", hook(float(angle)), allowed=near, slow=True)
-        last = hook(float(angles[-1]))
-        path.line("retreat", last + 0.12 * UP, allowed=near)
+        path.line("lower", first, allowed=hinge.parts)
+        last = _drive(job, hinge, path, "draw over", hook)
+        path.line("retreat", last + 0.12 * UP, allowed=hinge.parts)
         return path.trajectory()
 
     how = "lid drawn shut from behind its edge" + (", hand turned round" if sign < 0 else "")
     how += f", leaning {np.degrees(lean):.0f}°" if lean else ""
-    how += f", {abs(shift) * hinge.breadth * 100:.0f} cm beside its middle" if shift else ""
+    how += _off_middle(hinge, shift)
     preference = 0.8 - 0.4 * abs(lean) - 0.3 * abs(shift)
     return Proposal(how, ("approach:top", "approach:hook"), preference, way)
 
@@ -194,31 +175,38 @@ def _close_beside(job: Job, hinge: Hinge, side: float, roll: float, share: float
     """The hand points along the hinge, from one side of the lid; its closed fingers push the lid's back."""
 
     def way() -> Trajectory:
-        theta, near, hand = job.theta, hinge.parts, job.hand
-        path = Path(theta["speed"], theta["contact_speed"], gripper=0.0)
+        theta, hand = job.theta, job.hand
         approach = -side * hinge.axis
-        path.orientation = pointing(Rotation.from_rotvec(roll * approach).apply(UP), approach)
         gap = 0.5 * max(hand.finger_breadth, 2 * hand.finger_thickness) + 0.7 * hinge.thickness
-        end = min(theta["let_go_angle"], hinge.angle)
-        angles = np.linspace(hinge.angle, end, max(2, int(np.ceil((hinge.angle - end) / STEP)) + 1))
         rim = side * (0.5 * hinge.breadth - INTO - hand.tip_beyond_tcp) * hinge.axis
 
         def behind(angle: float, more: float = 0.0) -> FloatArray:
             on = hinge.origin + share * hinge.reach * hinge.out(angle) + rim
             return np.asarray(on + (gap + more) * hinge.normal(angle))
 
-        begin = float(angles[0])
-        path.go("approach", behind(begin, 0.02) - approach * (INTO + theta["standoff"]))
-        path.line("reach behind", behind(begin, 0.02), allowed=near)
-        path.tolerance = GIVE
-        for angle in angles:
-            path.line("push over", behind(float(angle)), allowed=near, slow=True)
-        path.line(
-            "retreat", behind(float(angles[-1]), 0.03) - approach * (INTO + theta["standoff"]), allowed=near
-        )
+        orientation = pointing(Rotation.from_rotvec(roll * approach).apply(UP), approach)
+        path = Path(theta["speed"], theta["contact_speed"], orientation, 0.0)
+        first, aside = behind(hinge.angle, 0.02), approach * (INTO + theta["standoff"])
+        path.go("approach", first - aside)
+        path.line("reach behind", first, allowed=hinge.parts)
+        last = _drive(job, hinge, path, "push over", behind)
+        away = last + 0.03 * hinge.normal(_let_go_angle(job, hinge)) - aside
+        path.line("retreat", away, allowed=hinge.parts)
         return path.trajectory()
 
     where = "left" if side > 0 else "right"
     how = f"lid pushed shut from its {where} side, hand turned {np.degrees(roll):.0f}°"
     preference = 0.6 - 0.2 * (BESIDE[0] - share)
     return Proposal(how, ("approach:side", "approach:hook"), preference, way, reserve=True)
+
+
+def _let_go_angle(job: Job, hinge: Hinge) -> float:
+    return min(job.theta["let_go_angle"], hinge.angle)
+
+
+def _drive(job: Job, hinge: Hinge, path: Path, stage: str, hand: Callable[[float], FloatArray]) -> FloatArray:
+    """Take the lid along, with the tool at ``hand(angle)`` (3,), until it falls by itself; where the tool is then."""
+    path.tolerance = GIVE
+    for angle in _angles(hinge.angle, _let_go_angle(job, hinge)):
+        path.line(stage, hand(float(angle)), allowed=hinge.parts, slow=True)
+    return np.asarray(path.waypoints[-1].xyz)

@@ -6,16 +6,14 @@ The fingers close on two opposite sides, which brings the hole to the middle of 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.skills.holds import ROUND
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.schemas.pick import Grasp, grasps, take
-from gvla2.skills.wholes import parts_of
+from gvla2.skills.proposals import Job, Path, Proposal
+from gvla2.skills.schemas.pick import Grasp, grasps, let_go
+from gvla2.skills.schemas.place import brought
 
 LEAST_ROOM = 0.001
 """The hole is wider than what goes through by this much at least, metres, for a fit to be believed."""
@@ -54,16 +52,8 @@ def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
 
 def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
     def way() -> Trajectory:
-        path = take(job, grasp)
-        hangs = grasp.centre[2] - job.theme.bottom
-        height = min(job.highest + job.theta["transit_clearance"] + hangs, job.ceiling())
-        path.line("lift", np.array([*grasp.centre[:2], height]), allowed=job.own() | job.resting())
-        rotation = Rotation.from_euler("z", turn)
-        over = post.centre + rotation.apply(grasp.centre - job.theme.centre)
-        above = np.array([*over[:2], height])
-        path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
-        path.go("transit", above)
-        lower_over(job, path, grasp, above)
+        path, over = brought(job, grasp, post.centre, turn)
+        lower_over(job, path, grasp, over.centre)
         return path.trajectory()
 
     how = f"{grasp.description}; over the {post.label}, turned {np.degrees(turn):.0f}°"
@@ -72,18 +62,12 @@ def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
 
 
 def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
-    """From above (3,) the goal, a post, with the theme's hole over it: line up, lower, let go, back up."""
+    """From above (3,) the goal, a post, with the theme's hole over it: align, lower, let go, retreat."""
     theme, post = job.theme, job.goal
     assert post is not None
     hangs = grasp.centre[2] - theme.bottom
-    touching = job.own() | {post.id, *(p.id for p in parts_of(post, job.scene))}
+    touching = job.own() | job.scene.family(post.id)
     down = np.array([*above[:2], max(post.top - job.theta["insert_depth"] + hangs, job.lowest_tcp())])
-    path.line("align", _at(above, post.top + 0.01 + hangs), allowed=touching)
+    path.line("align", np.array([*above[:2], post.top + 0.01 + hangs]), allowed=touching)
     path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
-    path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
-    path.carries = ""
-    path.line("retreat", above, allowed=touching)
-
-
-def _at(xy: FloatArray, z: float) -> FloatArray:
-    return np.array([xy[0], xy[1], z])
+    let_go(path, down, above, grasp.opening, touching)

@@ -10,7 +10,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Orientation, Trajectory, grasp_rotation
 from gvla2.skills.antipodal import antipodal, held_between, skin_of
-from gvla2.skills.holds import GRASP_PLAY, SNUG, Hold, holds, whole
+from gvla2.skills.holds import EITHER_WAY, GRASP_PLAY, SNUG, Hold, holds, whole
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.wholes import CLEAR, holders, inside
 
@@ -25,14 +25,15 @@ BENT = 0.15
 """What a lift that is not straight costs of the preference: more time with the object in the air."""
 FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}
 """A hand that leans needs room beside a part: beside a wall there is none."""
+WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """A way to take hold: fingers closing along ``closing`` (3,) over ``width`` metres, hand opened to ``opening``.
+    """One way to grasp: fingers closing along ``closing`` (3,), the hand opened to ``opening`` in [0, 1] before.
 
-    ``approach`` (3,) is the direction of the hand; ``centre`` (3,) where the tool centre point goes. ``back``: how far
-    along the approach the fingertips reach over the thing, metres; None for its height above the tool.
+    ``approach`` (3,) is the direction of the hand, ``centre`` (3,) the position of the tool centre point. ``back`` is
+    how far along the approach the fingertips reach over the thing, metres; None for its height above the tool.
     """
 
     description: str
@@ -40,7 +41,6 @@ class Grasp:
     closing: FloatArray
     approach: FloatArray
     centre: FloatArray
-    width: float
     opening: float
     preference: float
     back: float | None = None
@@ -92,18 +92,35 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     return Proposal(how, grasp.approaches, preference, way, notes)
 
 
-def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path:
-    """The stages that end with the object in the closed hand, not yet lifted; ``touching`` what it may touch then."""
+def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: str = "grasp") -> Path:
+    """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
+    default the theme and its parts; ``stage`` names the last motion before the hand closes.
+    """
     theta, theme = job.theta, job.own() if touching is None else touching
     # So far back along the approach that the fingertips' end is a standoff above the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
     path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
     path.go("approach", grasp.centre - grasp.approach * depth, gripper=grasp.opening)
-    path.line("grasp", grasp.centre, allowed=theme, slow=True)
+    path.line(stage, grasp.centre, allowed=theme, slow=True)
     path.line("close", grasp.centre, gripper=0.0, allowed=theme, slow=True)
     path.carries = job.theme.id
     return path
+
+
+def let_go(
+    path: Path,
+    at: FloatArray,
+    away: FloatArray,
+    opening: float,
+    touching: frozenset[str],
+    *,
+    dwell: float = 0.0,
+) -> None:
+    """Open the hand at ``at`` (3,) and retreat to ``away`` (3,), with ``dwell`` seconds there."""
+    path.line("release", at, gripper=opening, allowed=touching, slow=True)
+    path.carries = ""
+    path.line("retreat", away, allowed=touching, dwell=dwell)
 
 
 def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
@@ -158,17 +175,12 @@ def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
     skin = skin_of(job.theme)
     if skin is None:
         return found
-    return [
-        grasp
-        for grasp in found
-        if held_between(
-            skin,
-            grasp_rotation(grasp.approach, grasp.closing),
-            grasp.centre,
-            grasp.opening * job.hand.max_width,
-            job.hand,
-        )
-    ]
+
+    def fits(grasp: Grasp) -> bool:
+        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * job.hand.max_width
+        return held_between(skin, rotation, grasp.centre, opening, job.hand)
+
+    return [grasp for grasp in found if fits(grasp)]
 
 
 def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
@@ -177,24 +189,25 @@ def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward()):
         if grasp.facing < square:
             continue
-        where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[grasp.family]
+        size = 1000 * grasp.width
         at = ", ".join(f"{1000 * v:.0f}" for v in (grasp.centre - job.theme.centre)[:2])
         closing = grasp.rotation[:, 1]
         yaw = np.degrees(np.arctan2(closing[1], closing[0]))
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
-            found.append(
-                Grasp(
-                    f"grasp {where}, {1000 * grasp.width:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°{flip}",
-                    grasp.family,
-                    sign * closing,
-                    grasp.rotation[:, 2],
-                    grasp.centre,
-                    grasp.width,
-                    min(1.0, grasp.opening / hand.max_width),
-                    grasp.worth,
-                    grasp.back,
-                )
+        how = f"grasp {WHENCE[grasp.family]}, {size:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
+        approach, opening = grasp.rotation[:, 2], min(1.0, grasp.opening / hand.max_width)
+        found += [
+            Grasp(
+                how + flip,
+                grasp.family,
+                sign * closing,
+                approach,
+                grasp.centre,
+                opening,
+                grasp.worth,
+                grasp.back,
             )
+            for sign, flip in EITHER_WAY
+        ]
     return found
 
 
@@ -212,14 +225,5 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
     centre = np.array([*hold.xy, height]) + along * beside
     snug = 0.1 * (opening < hold.opening)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
-    where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[family]
-    return Grasp(
-        f"grasp {where}, {hold.name}{grip}",
-        family,
-        closing,
-        approach,
-        centre,
-        hold.width,
-        opening,
-        preference,
-    )
+    how = f"grasp {WHENCE[family]}, {hold.name}{grip}"
+    return Grasp(how, family, closing, approach, centre, opening, preference)

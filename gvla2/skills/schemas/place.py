@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
-from gvla2.skills.wholes import parts_of
+from gvla2.skills.proposals import Job, Path, Proposal
+from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, let_go, take
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """The object may be put down turned by a quarter: what is out of the wrist's reach one way is in reach the other."""
@@ -37,7 +38,7 @@ def _turns(job: Job) -> list[float]:
     they stand side by side, which leaves them the most room.
     """
     theme, goal = job.theme, job.goal
-    if theme.shape in ("cylinder", "disc", "sphere"):
+    if theme.shape in ROUND:
         return [0.0]
     level = [i for i in range(3) if abs(theme.world_from_object[2, i]) < 0.5]
     if job.share[1] == 1 or goal is None or len(level) != 2:
@@ -69,9 +70,7 @@ def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
     for side in sides:
         way = np.array([*ways[side], 0.0])
         # Half the diagonal of the theme: it may come turned.
-        reach = support_along(goal.world_from_object, goal.extents, way) + 0.5 * np.linalg.norm(
-            theme.extents[:2]
-        )
+        reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
         spot = goal.centre + way * (reach + SIDE_GAP)
         spots.append((np.array([*spot[:2], table]), f"at its {side} side"))
     return spots
@@ -102,19 +101,9 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     return float(min(goal.top, max(floor, palm, tips)))
 
 
-def support_along(world_from_object: FloatArray, extents: FloatArray, way: FloatArray) -> float:
-    """How far an oriented box reaches from its centre along a unit vector (3,), metres."""
-    return float(np.abs(way @ world_from_object[:3, :3]) @ (0.5 * extents))
-
-
 def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) -> Proposal:
     def way() -> Trajectory:
-        path = take(job, grasp)
-        xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
-        out = draw_out(job, path, grasp)
-        path.line("lift", np.array([*out[:2], xyz[2]]), allowed=job.own() | job.resting())
-        path.orientation = pointing(closing, approach)
-        path.go("transit", xyz)
+        path, over = brought(job, grasp, spot, turn)
         put_down(job, path, grasp, over, spot)
         return path.trajectory()
 
@@ -126,38 +115,41 @@ def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) ->
     return Proposal(how, grasp.approaches, preference, way)
 
 
-def over_spot(
-    job: Job, grasp: Grasp, spot: FloatArray, turn: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the tool is when the theme, turned by ``turn``, is over the spot and above everything; its closing
-    direction and its approach there, (3,) each.
-    """
+def brought(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> tuple[Path, Grasp]:
+    """The path from the approach to over the spot (3,), with the theme turned by ``turn``, and the grasp there."""
+    path, over = take(job, grasp), over_spot(job, grasp, spot, turn)
+    out = draw_out(job, path, grasp)
+    path.line("lift", np.array([*out[:2], over.centre[2]]), allowed=job.own() | job.resting())
+    carry(path, over)
+    return path, over
+
+
+def over_spot(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> Grasp:
+    """The grasp when the theme, turned by ``turn``, is over the spot (3,) and above everything."""
     theme = job.theme
     hangs = grasp.centre[2] - theme.bottom  # from the tool down to the object's underside
     height = min(max(job.highest, theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
     rotation = Rotation.from_euler("z", turn)
     offset = rotation.apply(grasp.centre - theme.centre)
     over = np.array([*(spot + offset)[:2], height])
-    return over, rotation.apply(grasp.closing), rotation.apply(grasp.approach)
+    closing, approach = rotation.apply(grasp.closing), rotation.apply(grasp.approach)
+    return replace(grasp, centre=over, closing=closing, approach=approach)
 
 
-def put_down(
-    job: Job,
-    path: Path,
-    grasp: Grasp,
-    over: tuple[FloatArray, FloatArray, FloatArray],
-    spot: FloatArray,
-) -> None:
-    """From over the spot: lower, let go, back up along the approach."""
-    theta, (xyz, _, approach) = job.theta, over
-    hangs = grasp.centre[2] - job.theme.bottom
-    down = np.array(
-        [*xyz[:2], max(support_of(job, grasp, spot) + theta["place_height"] + hangs, job.lowest_tcp())]
-    )
+def carry(path: Path, over: Grasp) -> None:
+    """Turn the hand as it is to be at the goal, and go over it."""
+    path.orientation = over.orientation
+    path.go("transit", over.centre)
+
+
+def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray) -> None:
+    """From over the spot (3,): lower, let go, retreat along the approach."""
+    theta, hangs = job.theta, grasp.centre[2] - job.theme.bottom
+    height = support_of(job, grasp, spot) + theta["place_height"] + hangs
+    down = np.array([*over.centre[:2], max(height, job.lowest_tcp())])
     touching = job.own() | {"table"}
     if job.goal is not None:
-        touching |= {job.goal.id, *(p.id for p in parts_of(job.goal, job.scene))}
+        touching |= job.scene.family(job.goal.id)
     path.line("place", down, allowed=touching, slow=True)
-    path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
-    path.carries = ""
-    path.line("retreat", down - approach * (theta["standoff"] + theta["grasp_depth"]), allowed=touching)
+    away = down - over.approach * (theta["standoff"] + theta["grasp_depth"])
+    let_go(path, down, away, grasp.opening, touching)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,7 +11,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Guard
 from gvla2.skills.mechanisms import UP, Slide, slide_for
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.proposals import Job, Proposal
+from gvla2.skills.schemas.pick import Grasp, let_go, take
 
 PLAY = 0.006
 """The opened hand must be wider than the bar by this much, metres."""
@@ -46,87 +46,62 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
     along = axes[:, int(np.argmax(extents))]
     level = abs(along[2]) < 0.5
     across = UP if level else np.cross(UP, slide.out)
-    width = float(np.abs(across @ axes) @ extents)
+    width = 2 * handle.half_along(across)
     if width + PLAY > job.hand.max_width:
         return Abstention(
             "too_wide",
             f"The {handle.label} is {width * 1000:.0f} mm across; the hand opens {job.hand.max_width * 1000:.0f} mm.",
         )
-    found = []
+    found, depth = list[Proposal](), job.theta["grasp_depth"]
     for shift in (0.0, SIDE, -SIDE):
-        at = _grip_point(slide, width, job.theta["grasp_depth"]) + shift * float(extents.max()) * along
-        yaws = YAWS if level else YAWS[:1]
-        for lean, yaw, less in product(LEANS, yaws, (1.0, LESS)):
+        at = _grip_point(slide, width, depth) + shift * float(extents.max()) * along
+        aside = f", {'left' if shift > 0 else 'right'} of its middle" if shift else ""
+        for lean, yaw, less in product(LEANS, YAWS if level else YAWS[:1], (1.0, LESS)):
             if (yaw and lean > LEANS[1]) or (less < 1.0 and shift):
                 continue
             tilt = Rotation.from_euler("z", yaw) * Rotation.from_rotvec(lean * np.cross(-slide.out, -UP))
             approach, closing = tilt.apply(-slide.out), tilt.apply(across)
-            way = f"leaning {np.degrees(lean):.0f}°" + (
+            how = f"leaning {np.degrees(lean):.0f}°" + (
                 f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
             )
-            cost = lean + 0.5 * abs(yaw) + (1.0 - less)
-            found += [
-                replace(
-                    _pull(job, slide, at, approach, sign * closing, 1.0, shift, way, cost, less),
-                    reserve=bool(yaw) or less < 1.0,
-                )
-                for sign in (1.0, -1.0)
-            ]
+            preference = 0.8 - 0.4 * (lean + 0.5 * abs(yaw) + (1.0 - less)) - 0.1 * bool(shift)
+            for sign in (1.0, -1.0):
+                grasp = Grasp(how + aside, "handle", sign * closing, approach, at, 1.0, preference, depth)
+                found.append(_pull(job, slide, grasp, less, reserve=bool(yaw) or less < 1.0))
         behind = _behind(slide, at) - job.hand.finger_thickness - ROOM  # for the finger between bar and front
         if level and 2 * behind > width + PLAY:
-            opening = min(1.0, 2 * behind / job.hand.max_width)
+            opening, preference = min(1.0, 2 * behind / job.hand.max_width), 0.6 - 0.1 * bool(shift)
             for sign in (1.0, -1.0):
-                found.append(_pull(job, slide, at, -UP, sign * slide.out, opening, shift, "from above", 0.5))
+                how, closing = "from above" + aside, sign * slide.out
+                grasp = Grasp(how, "handle", closing, -UP, at, opening, preference, depth)
+                found.append(_pull(job, slide, grasp))
     return found
 
 
 def _behind(slide: Slide, at: FloatArray) -> float:
     """From a point (3,) on the bar to the face behind it, metres."""
     things = [t for t in (slide.front, slide.body) if t is not None]
-    faces = [
-        float(t.centre @ slide.out) + 0.5 * float(np.abs(slide.out @ t.world_from_object[:3, :3]) @ t.extents)
-        for t in things
-    ]
-    return float(at @ slide.out) - max(faces)
+    return float(at @ slide.out) - max(float(t.centre @ slide.out) + t.half_along(slide.out) for t in things)
 
 
 def _grip_point(slide: Slide, width: float, depth: float) -> FloatArray:
     """(3,) on the bar itself, which is as deep as it is wide, not on the posts that carry it."""
     handle = slide.handle
-    reach = 0.5 * float(np.abs(slide.out @ handle.world_from_object[:3, :3]) @ handle.extents)
+    reach = handle.half_along(slide.out)
     return np.asarray(handle.centre + slide.out * (reach - min(depth, reach, max(0.5 * width, 0.003))))
 
 
-def _pull(
-    job: Job,
-    slide: Slide,
-    at: FloatArray,
-    approach: FloatArray,
-    closing: FloatArray,
-    opening: float,
-    shift: float,
-    way: str,
-    cost: float,
-    less: float = 1.0,
-) -> Proposal:
+def _pull(job: Job, slide: Slide, grasp: Grasp, less: float = 1.0, *, reserve: bool = False) -> Proposal:
+    """By a share ``less`` of the distance."""
     theta, near = job.theta, slide.parts
     distance = less * theta["pull_distance"]
-    lifted = at + UP * theta["unlatch_lift"]
+    lifted = grasp.centre + UP * theta["unlatch_lift"]
     pulled = lifted + slide.out * distance
-    path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
-    bar = frozenset({slide.handle.id})
-    path.go("approach", at - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
-    path.line("reach", at, allowed=bar, slow=True)
-    path.line("close", at, gripper=0.0, allowed=bar, slow=True)
+    path = take(job, grasp, frozenset({slide.handle.id}), "reach")
     path.carries, path.tolerance = slide.handle.id, GIVE
     if theta["unlatch_lift"] > 0.0:
         path.line("unlatch", lifted, allowed=near, slow=True, guard=STOP)
     path.line("pull", pulled, allowed=near, slow=True)
-    path.line("release", pulled, gripper=opening, allowed=near, slow=True)
-    path.carries = ""
-    path.line("retreat", pulled - approach * BACK, allowed=near)
-    how = f"pull the {slide.handle.label} by {distance * 100:.0f} cm, hand {way}"
-    how += f", {'left' if shift > 0 else 'right'} of its middle" if shift else ""
-    name = "approach:top" if way == "from above" else "approach:side"
-    preference = 0.8 - 0.4 * cost - 0.1 * bool(shift)
-    return Proposal(how, (name, "approach:handle"), preference, path.trajectory())
+    let_go(path, pulled, pulled - grasp.approach * BACK, grasp.opening, near)
+    how = f"pull the {slide.handle.label} by {distance * 100:.0f} cm, hand {grasp.description}"
+    return Proposal(how, grasp.approaches, grasp.preference, path.trajectory(), reserve=reserve)

@@ -9,6 +9,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.pick import Grasp, let_go, take
 from gvla2.skills.schemas.place import TURNS, goal_spots
 from gvla2.skills.stuck import Stuck, stuck
 
@@ -24,7 +25,7 @@ def propose_draw(job: Job) -> list[Proposal] | Abstention:
     if held is None:
         return Abstention("other", f"The {job.theme.label} is stuck in nothing.")
     across = np.cross(UP, held.way)
-    width = float(np.abs(across @ held.theme.world_from_object[:3, :3]) @ held.theme.extents)
+    width = 2 * held.theme.half_along(across)
     if width + PLAY > job.hand.max_width:
         return Abstention(
             "too_wide",
@@ -32,77 +33,60 @@ def propose_draw(job: Job) -> list[Proposal] | Abstention:
         )
     if held.exposed < 0.5 * job.hand.finger_breadth + ROOM:
         return Abstention("other", f"Too little of the {job.theme.label} sticks out to take hold of it.")
-    has_goal = job.goal is not None or job.target is not None
-    spots = goal_spots(job) if has_goal else [(np.zeros(3), "")]
     snug = min(1.0, (width + 0.016) / job.hand.max_width)
-    return [
-        _draw(job, held, lean, sign * across, opening, spot if has_goal else None, where, turn)
-        for spot, where in spots
-        for turn in (TURNS if has_goal else TURNS[:1])
+    grasps = [
+        _by_its_end(job, held, lean, sign * across, opening)
         for lean in LEANS
         for sign in (1.0, -1.0)
         for opening in dict.fromkeys((snug, 1.0))
     ]
+    if job.goal is None and job.target is None:
+        return [_draw(job, held, grasp) for grasp in grasps]
+    return [
+        _draw(job, held, grasp, spot, where, turn)
+        for spot, where in goal_spots(job)
+        for turn in TURNS
+        for grasp in grasps
+    ]
+
+
+def _by_its_end(job: Job, held: Stuck, lean: float, closing: FloatArray, opening: float) -> Grasp:
+    inside = min(job.theta["end_distance"], 0.5 * held.exposed)
+    centre, back = held.end - held.way * inside, job.theta["grasp_depth"]
+    centre[2] = held.theme.top - back
+    approach = -UP * np.cos(lean) - held.way * np.sin(lean)
+    how = "drawn out by its free end, hand " + (f"leaning {np.degrees(lean):.0f}°" if lean else "from above")
+    preference = 0.8 - 0.4 * lean - 0.05 * (opening == 1.0)
+    return Grasp(how, "end", closing, approach, centre, opening, preference, back)
 
 
 def _draw(
-    job: Job,
-    held: Stuck,
-    lean: float,
-    closing: FloatArray,
-    opening: float,
-    spot: FloatArray | None,
-    where: str,
-    turn: float,
+    job: Job, held: Stuck, grasp: Grasp, spot: FloatArray | None = None, where: str = "", turn: float = 0.0
 ) -> Proposal:
-    theta, theme = job.theta, held.theme
-    approach = -UP * np.cos(lean) - held.way * np.sin(lean)
-    inside = min(theta["end_distance"], 0.5 * held.exposed)
-    grip = held.end - held.way * inside
-    grip[2] = theme.top - theta["grasp_depth"]
-    path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
-    own = frozenset({theme.id})
-    path.go("approach", grip - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
-    path.line("reach", grip, allowed=own, slow=True)
-    path.line("close", grip, gripper=0.0, allowed=own, slow=True)
-    path.carries = theme.id
-    drawn = grip + held.way * (held.hidden + theta["pull_distance"])
+    own = frozenset({held.theme.id})
+    path = take(job, grasp, own, "reach")
+    drawn = grasp.centre + held.way * (held.hidden + job.theta["pull_distance"])
     path.line("pull", drawn, allowed=own | held.holders | {"table"}, slow=True)
-    how = "drawn out by its free end, hand " + (f"leaning {np.degrees(lean):.0f}°" if lean else "from above")
+    how = grasp.description
     if spot is not None:
-        approach = _put(job, held, path, grip, drawn, approach, closing, opening, spot, turn)
+        _put(job, held, path, grasp, drawn, spot, turn)
         how += f", put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
-    preference = 0.8 - 0.4 * lean - 0.1 * (turn != 0.0) - 0.05 * (opening == 1.0)
-    return Proposal(how, ("approach:top", "approach:end"), preference, path.trajectory())
+    preference = grasp.preference - 0.1 * (turn != 0.0)
+    return Proposal(how, grasp.approaches, preference, path.trajectory())
 
 
 def _put(
-    job: Job,
-    held: Stuck,
-    path: Path,
-    grip: FloatArray,
-    drawn: FloatArray,
-    approach: FloatArray,
-    closing: FloatArray,
-    opening: float,
-    spot: FloatArray,
-    turn: float,
-) -> FloatArray:
-    """Carry it over the goal, lower, let go, back off; the hand's direction (3,) there."""
-    theta, theme = job.theta, held.theme
+    job: Job, held: Stuck, path: Path, grasp: Grasp, drawn: FloatArray, spot: FloatArray, turn: float
+) -> None:
+    """Carry it over the goal, lower, let go, retreat straight up."""
+    theta, theme, grip = job.theta, held.theme, grasp.centre
     rotation = Rotation.from_euler("z", turn)
     offset = rotation.apply(grip - theme.centre)
     hangs = grip[2] - theme.bottom
-    approach = rotation.apply(approach)
-    path.orientation = pointing(rotation.apply(closing), approach)
+    path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
     down = np.array([*(spot + offset)[:2], max(spot[2] + theta["place_height"] + hangs, job.lowest_tcp())])
     over = np.array([*down[:2], max(drawn[2], down[2] + theta["transit_clearance"])])
-    touching = frozenset({theme.id, "table"}) | (
-        frozenset({job.goal.id}) if job.goal is not None else frozenset()
-    )
+    touching = frozenset({theme.id, "table"} | ({job.goal.id} if job.goal is not None else set()))
     path.go("transit", over, allowed=touching)
     path.line("place", down, allowed=touching, slow=True)
-    path.line("release", down, gripper=opening, allowed=touching, slow=True)
-    path.carries = ""
-    path.line("retreat", down + UP * (theta["standoff"] + theta["grasp_depth"]), allowed=touching)
-    return np.asarray(approach)
+    let_go(path, down, down + UP * (theta["standoff"] + theta["grasp_depth"]), grasp.opening, touching)

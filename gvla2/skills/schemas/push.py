@@ -10,20 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.schemas.place import goal_spots, support_along
+from gvla2.skills.schemas.place import goal_spots
 
 EDGE = 0.006
 """The line of the push meets the face at least this far from its edge, metres: the perceived box is not exact."""
 SHORT = 0.006
 """A second stroke shorter than this is left out, metres: perception is hardly better."""
-ROUND = ("cylinder", "disc", "sphere")
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def propose_push(job: Job) -> list[Proposal] | Abstention:
     for strokes, how, family, preference in _options(job, goal):
         if blocked := _in_the_way(job, strokes):
             how, preference = f"{how}, but '{blocked.label}' is in the way", preference - 0.5
-        proposals.append(_push(job, strokes, how, family, preference))
+        proposals.append(push(job, strokes, how, family, preference))
     return proposals
 
 
@@ -69,8 +69,8 @@ def push_goal(job: Job) -> FloatArray:
     # To a solid thing: until they touch.
     level = (job.goal.centre - theme.centre) * [1.0, 1.0, 0.0]
     way = level / max(float(np.linalg.norm(level)), 1e-9)
-    touching = support_along(job.goal.world_from_object, job.goal.extents, way)
-    touching += support_along(theme.world_from_object, theme.extents, way)
+    touching = job.goal.half_along(way)
+    touching += theme.half_along(way)
     return np.array([*(job.goal.centre - way * (touching + 0.003))[:2], height])
 
 
@@ -84,32 +84,28 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str
         for stroke in _round(theme.centre, goal, way, radius, job):
             yield [stroke], "push between two fingers", "straight", 0.9
         return
-    normals = [n for n in _normals(theme) if n @ way > 1e-3]
+    normals = [n for n in theme.upright_faces() if n @ way > 1e-3]
     for normal in normals:
-        depth = support_along(theme.world_from_object, theme.extents, normal)
+        depth = theme.half_along(normal)
         across = np.array([-normal[1], normal[0], 0.0])
-        half_face = support_along(theme.world_from_object, theme.extents, across)
+        half_face = theme.half_along(across)
         oblique = float(np.arctan2(abs(way @ across), way @ normal))
         if depth * np.tan(oblique) <= half_face - EDGE:
             for sign in (1.0, -1.0):
                 stroke = _face(job, theme.centre, goal, normal, sign)
                 text = f"push on a face, {np.degrees(oblique):.0f}° from square to it"
-                yield (
-                    [stroke],
-                    text + (", hand turned round" if sign < 0 else ""),
-                    "straight",
-                    0.9 - 0.4 * oblique,
-                )
+                text += ", hand turned round" if sign < 0 else ""
+                yield [stroke], text, "straight", 0.9 - 0.4 * oblique
     if len(normals) == 2:
         for first, second in (normals, normals[::-1]):
             parts = np.linalg.solve(np.stack([first[:2], second[:2]], axis=1), shift[:2])
             if parts.min() < SHORT:
                 continue
             corner = theme.centre + parts[0] * first
-            for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
+            for one, other in product((1.0, -1.0), repeat=2):
                 strokes = [
-                    _face(job, theme.centre, corner, first, signs[0]),
-                    _face(job, corner, goal, second, signs[1]),
+                    _face(job, theme.centre, corner, first, one),
+                    _face(job, corner, goal, second, other),
                 ]
                 text = f"push {parts[0] * 100:.0f} cm square to one face, then {parts[1] * 100:.0f} cm to the next"
                 yield strokes, text, "two_strokes", 0.6 + 0.01 * (parts[0] > parts[1])
@@ -117,21 +113,13 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str
         yield [stroke], "push on a corner between two fingers", "corner", 0.3
 
 
-def _normals(theme: SceneObject) -> list[FloatArray]:
-    """Level unit normals (3,) of a box's upright faces."""
-    axes = theme.world_from_object[:3, :3]
-    flat = [axes[:, i] * [1.0, 1.0, 0.0] for i in range(3) if abs(axes[2, i]) < 0.5]
-    units = [a / np.linalg.norm(a) for a in flat]
-    return [sign * unit for unit in units for sign in (1.0, -1.0)]
-
-
 def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> PushStroke:
     """Push on the face opposite to ``normal``: the fingers spread as far as the face is wide, about the push's line."""
     theme, hand = job.theme, job.hand
     way = (end - begin) / np.linalg.norm(end - begin)
     across = np.array([-normal[1], normal[0], 0.0])
-    depth = support_along(theme.world_from_object, theme.extents, normal)
-    half_face = support_along(theme.world_from_object, theme.extents, across)
+    depth = theme.half_along(normal)
+    half_face = theme.half_along(across)
     # Where the line through the middle along the push comes out of the rear face.
     aside = -depth * float(way @ across) / float(way @ normal)
     spread = 2 * (half_face - abs(aside)) - 2 * hand.finger_thickness
@@ -165,7 +153,7 @@ def _corner_radius(job: Job) -> float:
     return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
 
 
-def _push(job: Job, strokes: list[PushStroke], how: str, family: str, preference: float) -> Proposal:
+def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference: float) -> Proposal:
     """Behind it, down, push, back off, up; again for a second stroke."""
     theta, theme = job.theta, frozenset({job.theme.id})
     tcp = max(job.scene.table_height + theta["push_height"] + job.hand.tip_beyond_tcp, job.lowest_tcp())

@@ -10,16 +10,16 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.holds import span
-from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.holds import spans
+from gvla2.skills.proposals import Job, Proposal, horizontal, pointing
+from gvla2.skills.schemas.insert import FREE_TURNS
 from gvla2.skills.schemas.pick import Grasp, grasps, take
-from gvla2.skills.schemas.place import goal_spots, over_spot, put_down
+from gvla2.skills.schemas.place import carry, goal_spots, over_spot, put_down
 
 STEP = np.deg2rad(45.0)
 """The wrist turns in steps of this much at most, so that each way round is told."""
 ASKEW = 8.0
 """What each metre that a cap is broader than at its slimmest costs of the preference: fingers want flats."""
-TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
 SIDES = 12
 
 
@@ -35,7 +35,7 @@ def propose_twist(job: Job) -> list[Proposal] | Abstention:
             proposals.append(_twist(job, grasp))
             continue
         for spot, name in goal_spots(job):
-            proposals += [_twist(job, grasp, spot, name, turn) for turn in TURNS]
+            proposals += [_twist(job, grasp, spot, name, turn) for turn in FREE_TURNS]
     return proposals
 
 
@@ -46,20 +46,14 @@ def _yaws(job: Job, found: list[Grasp]) -> list[Grasp]:
     axes, points = job.theme.world_from_object, job.theme.points[:, :2]
     start = float(np.arctan2(axes[1, 0], axes[0, 0]))
     angles = start + 2 * np.pi * np.arange(SIDES) / SIDES
-    widths = [np.ptp(span(points @ horizontal(a)[:2])) if len(points) else 0.0 for a in angles]
+    widths = np.ptp(spans(points, angles), axis=0) if len(points) else np.zeros(SIDES)
     grasps = []
     for grip in {g.opening: g for g in found if g.family == "top"}.values():
         for angle, width in zip(angles, widths, strict=True):
-            worse = ASKEW * float(width - min(widths))
+            worse = ASKEW * float(width - widths.min())
             name = f"grasp from above, yaw {np.degrees(angle) % 360:.0f}°"
-            grasps.append(
-                replace(
-                    grip,
-                    description=name,
-                    closing=horizontal(float(angle)),
-                    preference=grip.preference - worse,
-                )
-            )
+            closing, preference = horizontal(float(angle)), grip.preference - worse
+            grasps.append(replace(grip, description=name, closing=closing, preference=preference))
     return grasps
 
 
@@ -85,15 +79,9 @@ def _twist(
         if spot is not None:
             turned = replace(grasp, closing=closing)
             over = over_spot(job, turned, spot, turn)
-            _carry(path, over)
+            carry(path, over)
             put_down(job, path, turned, over, spot)
         return path.trajectory()
 
     how = f"{grasp.description}, turned by {np.degrees(rest):.0f}°" + (f"; put down {where}" if where else "")
     return Proposal(how, grasp.approaches, grasp.preference - 0.02 * (turn != 0.0), way)
-
-
-def _carry(path: Path, over: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    xyz, closing, approach = over
-    path.orientation = pointing(closing, approach)
-    path.go("transit", xyz)
