@@ -138,18 +138,22 @@ class VectorStore:
         # An entry exists as long as its leading record.
         whole = [sorted(entry, key=lambda one: one[:2]) for _, entry in sorted(entries.items())]
         self._entries = [tuple(one[2] for one in entry) for entry in whole if entry[0][0] == 0]
-        vectors = [self._vector(entry[0]) for entry in self._entries]
+        self._embed([entry[0] for entry in self._entries if entry[0].id not in self._vectors])
+        vectors = [self._vectors[entry[0].id] for entry in self._entries]
         self._matrix = np.stack(vectors) if vectors else np.zeros((0, 0), np.float32)
         self._rev = rev
 
-    def _vector(self, record: Record) -> NDArray[np.float32]:
-        """(D,) of a leading record: a unit vector, or zero for an empty text."""
-        if record.id not in self._vectors:
-            texts = [record.text] if self._of_content else record.query.split("\n")
-            total = self._embedder.embed(texts).astype(np.float64).sum(axis=0)
+    def _embed(self, leading: Sequence[Record]) -> None:
+        """Keep a unit vector (D,) of each leading record, zero for an empty text; each text is embedded once."""
+        texts = [[one.text] if self._of_content else one.query.split("\n") for one in leading]
+        distinct = list(dict.fromkeys(text for several in texts for text in several))
+        if not distinct:
+            return
+        known = dict(zip(distinct, self._embedder.embed(distinct).astype(np.float64), strict=True))
+        for record, several in zip(leading, texts, strict=True):
+            total: NDArray[np.float64] = np.sum([known[text] for text in several], axis=0)
             length = float(np.linalg.norm(total))
             self._vectors[record.id] = (total / length if length > 0 else total).astype(np.float32)
-        return self._vectors[record.id]
 
 
 def _digest(text: str) -> str:
