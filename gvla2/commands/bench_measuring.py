@@ -97,18 +97,15 @@ def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
         views = unit.dataset.load(unit.item)
     except Gvla2Error as error:
         return [Measured(failed(want, error)) for want in unit.wanted]
-    built: dict[tuple[str, str], AblationParts] = {}
+    built: dict[tuple[str, str], Any] = {}
 
     def parts_for(seed: int, noise: str) -> AblationParts:
-        """The components for a seed; built once for all seeds with the same configuration."""
+        """The components for a seed and a noise, each built once for its options: one G0 serves all priors."""
         root = chosen_parts(config, registry, unit.baseline, seed, noise)
-        which = repr(root["reconstructor"]), repr(root["prior"])
-        if which not in built:
-            parts = AblationParts(**registry.build_all(root, KINDS))
-            # One reconstructor serves all priors, so that it runs once.
-            same = [kept for (name, _), kept in built.items() if name == which[0]]
-            built[which] = replace(parts, reconstructor=same[0].reconstructor) if same else parts
-        return built[which]
+        for kind in KINDS:
+            if (kind, repr(root[kind])) not in built:
+                built[kind, repr(root[kind])] = registry.build(root, kind)
+        return AblationParts(**{kind: built[kind, repr(root[kind])] for kind in KINDS})
 
     def judge_for(renderer: Renderer) -> ReconstructionJudge:
         threads = 1 if in_a_worker() else -1

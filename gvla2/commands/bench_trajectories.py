@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import random
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gvla2.commands.bench_arms import BenchArm
@@ -19,7 +19,6 @@ from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
     from gvla2.agents.trajectories import Trial
-    from gvla2.memory.contracts import Verdict
 
 DATA = "published runs"
 SUITE = "trajectories"
@@ -27,17 +26,6 @@ VERSION = 1
 MEASURING_CODE = ("gvla2.agents.trajectories", "gvla2.evaluation.agents", "gvla2.memory", "gvla2.language")
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Judged:
-    trial: Trial
-    verdict: Verdict
-
-    @property
-    def score(self) -> float:
-        """The quality; 0.5 if it could not be judged."""
-        return 0.5 if self.verdict.outcome == "unavailable" else self.verdict.quality
 
 
 def run(bench: BenchRun) -> list[Cell]:
@@ -96,12 +84,10 @@ PEER = "plain rule"
 
 
 def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun) -> dict[str, Figure]:
-    import time
-
     from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
-    from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask
+    from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask, Verdict
 
-    memory, judged = built["memory"], list[_Judged]()
+    memory, verdicts = built["memory"], list[Verdict]()
     kept = provisional = false = told = 0
     spent, asked = 0.0, 0
     began = time.monotonic()
@@ -114,7 +100,7 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
             verdict = built["verifier"].verify(Evidence(trial.instruction, trial.account, facts))
             spent += time.monotonic() - before
             asked += int(sum(v for k, v in verdict.usage.items() if k.endswith("_tokens")))
-            judged.append(_Judged(trial, verdict))
+            verdicts.append(verdict)
             learned = memory.learn(
                 MemoryEpisode(task, (), trial.account, source=trial.id, facts=facts), verdict
             )
@@ -123,17 +109,18 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
             false += active if verdict.outcome == "verified_success" and not trial.resolved else 0
             progress.done(1, trial.id)
     log.info("%d runs in %.0f s", len(trials), time.monotonic() - began)
-    truths = [one.trial.resolved for one in judged]
-    tasks = [one.trial.task for one in judged]
-    scores, plain = [one.score for one in judged], [plain_score(one.trial.account) for one in judged]
-    able = [one for one in judged if one.verdict.outcome != "unavailable"]
-    bounds = auc_interval(scores, truths, tasks)
+    truths = [trial.resolved for trial in trials]
+    # Half a success where it could not be judged.
+    scores = [0.5 if verdict.outcome == "unavailable" else verdict.quality for verdict in verdicts]
+    plain = [plain_score(trial.account) for trial in trials]
+    able = [place for place, verdict in enumerate(verdicts) if verdict.outcome != "unavailable"]
+    bounds = auc_interval(scores, truths, [trial.task for trial in trials])
     told_of = f"95 % interval over tasks {bounds[0]:.3f} to {bounds[1]:.3f}; " if bounds else ""
     verifier = getattr(bench.config.verifier, "name", "")
     peer = f"{told_of}verifier {verifier}; peer: complaints in the last tenth of the transcript"
-    sure = calibration_error([one.score for one in able], [one.trial.resolved for one in able])
+    sure = calibration_error([scores[i] for i in able], [truths[i] for i in able])
     succeeded = f"{100 * sum(truths) / len(truths):.0f} % of the runs had succeeded"
-    many = len(judged)
+    many = len(trials)
     return {
         "auc": Figure(auc(scores, truths), PEER, auc(plain, truths), note=peer),
         "judged": Figure(100 * len(able) / many, PEER, 100.0),

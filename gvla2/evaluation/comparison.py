@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import fmean
 from typing import Literal
 
 from gvla2.evaluation.results import Cell, grouped, latest
@@ -223,12 +224,12 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     by_seed = _values(measure, cells, layout.repeat)
     if not by_seed:
         return Entry(None)
-    mean, spread = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    mean, spread = mean_and_deviation([fmean(values) for values in by_seed.values()])
     deviation = spread if len(by_seed) > 1 else None  # one seed has no deviation
-    ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
-    theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
+    ours = {pair: fmean(v) for pair, v in _values(measure, cells, layout.pair).items()}
+    theirs = {pair: fmean(v) for pair, v in _values(measure, reference, layout.pair).items()}
     both = [pair for pair in ours if pair in theirs]
-    if not measure.compared or not both or _mean([theirs[pair] for pair in both]) == 0:
+    if not measure.compared or not both or fmean([theirs[pair] for pair in both]) == 0:
         return Entry(mean, deviation)
     change = paired_change([theirs[pair] for pair in both], [ours[pair] for pair in both])
     sign = 1 if measure.better == "lower" else -1
@@ -253,7 +254,3 @@ def _values(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, list[
         if value is not None:
             grouped.setdefault(str(cell.factors.get(by)), []).append(float(value))
     return grouped
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)

@@ -27,7 +27,6 @@ GSO_MESH = Path("meshes") / "model.obj"
 class Source:
     """Where a known data set comes from: its title, licence, and how to get it."""
 
-    name: str
     title: str
     licence: str
     how: str
@@ -36,21 +35,18 @@ class Source:
 
 SOURCES = {
     "ycb30": Source(
-        "ycb30",
         "YCB-30: thirty scanned household objects of the YCB object and model set (Google 16k meshes)",
         "CC BY 4.0",
         "download the 'google_16k' meshes of the objects from the YCB object and model set's site",
         "ycb30/<object>/textured.obj, with its .mtl and texture_map.png",
     ),
     "gso30": Source(
-        "gso30",
         "GSO-30: thirty objects of Google Scanned Objects with 25 rendered views each",
         "CC BY 4.0 (Google Scanned Objects)",
         "get the GSO-30 renderings from the authors of the benchmark, or render Google Scanned Objects yourself",
         "gso30/<object>/render_mvs_25/model/000.png, 000.npy, ...; gso30/<object>/meshes/model.obj",
     ),
     "meshes": Source(
-        "meshes",
         "your own meshes, rendered by the GSO-30 view protocol",
         "yours",
         "name the folder with data.root=PATH",

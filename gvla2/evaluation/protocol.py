@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gvla2.errors import GeometryError, OutputError
+from gvla2.errors import OutputError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
@@ -149,18 +148,7 @@ def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
         # Read whole first: numpy leaves a damaged file open.
         with np.load(io.BytesIO(entry.read_bytes()), allow_pickle=False) as stored:
             image, alpha, depth = (stored[key] for key in ("image", "alpha", "depth"))
-        return _as_views(cameras, image, alpha, depth)
+        return tuple(View(*row) for row in zip(cameras, image, depth, alpha, strict=True))
     except Exception as error:  # a damaged archive can raise anything
         log.warning("The cached views %s are damaged (%s) and are remade.", entry, error)
         return None
-
-
-def _as_views(
-    cameras: list[Camera],
-    image: NDArray[np.uint8],
-    alpha: NDArray[np.float32],
-    depth: NDArray[np.float32],
-) -> tuple[View, ...]:
-    if image.dtype != np.uint8 or alpha.dtype != np.float32 or depth.dtype != np.float32:
-        raise GeometryError(f"wrong types {image.dtype}, {alpha.dtype}, {depth.dtype}")
-    return tuple(View(*row) for row in zip(cameras, image, depth, alpha, strict=True))

@@ -106,7 +106,7 @@ def _measure(wanted: WantedLayout, bench: Bench, truth: Segmented) -> MeasuredLa
         measures["abstained"] = float(_abstains(bench, bench.planner, wanted.layout))
     cut = {stray.piece_of for stray in result.strays}
     rows = [_thing_row(wanted, one, one.thing.name in cut) for one in result.things]
-    measures |= _summary(result)
+    measures |= {"found": result.found, "false": float(len(result.strays))}
     notes = {
         "status": "ok",
         "instruction": instance.instruction,
@@ -148,25 +148,6 @@ def _abstains(bench: Bench, planner: Planner, layout: int) -> bool:
         observation,
     )
     return planner.plan(request).abstention is not None
-
-
-def _summary(result: SceneScore) -> dict[str, float | None]:
-    """The scene's own figures: medians over its things, and the number of false objects."""
-    found = [one for one in result.things if one.match.found]
-    labels = [one.words.label for one in found if one.words.label is not None]
-    return {
-        "found": result.found,
-        "iou": _median([one.match.iou for one in result.things]),
-        "label": float(np.mean(labels)) if labels else None,
-        "centre_mm": _median([one.centre_mm for one in found]),
-        "extent_mm": _median([one.extent_mm for one in found]),
-        "false": float(len(result.strays)),
-    }
-
-
-def _median(values: list[Any]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else None
 
 
 def _strays(result: SceneScore, scene: Scene) -> list[str]:
