@@ -32,11 +32,10 @@ def leaning_plate(thing: Thing) -> Thing | None:
         return None
     if np.abs(np.delete(axes, thin, axis=1)[2]).min() > np.sin(TURNED):
         return None
+    flat, normal = _plane(thing.points, normal)
     level = np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
-    leaning = _along(thing, np.stack([level, np.cross(normal, level), normal], axis=1))
-    extents: FloatArray = np.append(leaning.extents[:2], max(2 * THIN, lengths[thin]))
-    off = np.abs(leaning.local(thing.points)[:, 2])
-    agreement = float((off < 0.5 * extents[2] + 0.002).mean())
+    leaning = _along(thing, np.stack([level, np.cross(normal, level), normal], axis=1), flat)
+    extents, agreement = np.maximum(leaning.extents, 2 * THIN), len(flat) / len(thing.points)
     yaw = float(np.arctan2(level[1], level[0]))
     return replace(leaning, kind="box", yaw=yaw, extents=extents, agreement=agreement, floating=True)
 
@@ -72,7 +71,18 @@ def _axes_of_box(points: FloatArray) -> FloatArray:
     return np.asarray(box_from_here[:3, :3].T, dtype=np.float64)
 
 
-def _along(thing: Thing, turn: FloatArray) -> Thing:
-    """The thing with the axes ``turn`` (3, 3) and its box about its points."""
-    low, high = np.percentile(thing.points @ turn, [0.5, 99.5], axis=0)
+def _plane(points: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Those of points (N, 3) that lie in one plane, and its unit normal; what flies off an edge is not among them."""
+    off = points @ normal
+    for _ in range(3):
+        far = np.abs(off - np.median(off))
+        flat = points[far <= max(THIN, 2.0 * float(np.median(far)))]
+        fitted = np.linalg.eigh(np.cov(flat.T))[1][:, 0]
+        off = points @ fitted
+    return flat, fitted * np.sign(fitted @ normal)
+
+
+def _along(thing: Thing, turn: FloatArray, points: FloatArray | None = None) -> Thing:
+    """The thing with the axes ``turn`` (3, 3) and its box about its points, or some of them."""
+    low, high = np.percentile((thing.points if points is None else points) @ turn, [0.5, 99.5], axis=0)
     return replace(thing, centre=turn @ (0.5 * (low + high)), extents=np.maximum(high - low, THIN), turn=turn)

@@ -86,19 +86,15 @@ def _fit(
     # Of no height that counts: a slab and a drum from far below to far above.
     slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
     drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
-    square, disc = (
-        fit_solid(
-            distance,
-            start,
-            seen,
-            beside,
-            hold=(-2, -1),
-            limits=(start - ROOM[: len(start)], start + ROOM[: len(start)]),
-            filled=True,
-            tolerance=0.004,
+    fits = []
+    for distance, start in ((box_distance, slab), (cylinder_distance, drum)):
+        room = ROOM[: len(start)]
+        limits = start - room, start + room
+        fitted = fit_solid(
+            distance, start, seen, beside, hold=(-2, -1), limits=limits, filled=True, tolerance=0.004
         )
-        for distance, start in ((box_distance, slab), (cylinder_distance, drum))
-    )
+        fits.append(fitted)
+    square, disc = fits
     is_round = disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min()
     if is_round:
         cx, cy, width = disc.parameters[:3]
