@@ -133,8 +133,8 @@ class _Reading:
         if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.things, self.shoved):
             near = "" if gap is None else f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)"
             message = (
-                f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or say "
-                "by allowed_contacts what the closed hand is to touch."
+                f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or "
+                "name what the closed hand touches in allowed_contacts."
             )
             self.found.fail(index, "closes_on_nothing", message, gap, GRASP_REACH)
 

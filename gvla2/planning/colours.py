@@ -63,8 +63,8 @@ LIGHTNESS_WEIGHT = 0.5
 """Lightness counts half, since shading changes it. Zero would make red and maroon the same."""
 
 TINGE, DARK = 0.7, 0.25
-"""Chosen so that the twenty words name themselves in slightly white light, and pale and dark shades as people do.
-``DARK`` is the brightness under which a colour fades."""
+"""Tuned so that each of the twenty words is nearest to itself in slightly white light, and pale and dark shades get the
+names that people use. Below the brightness ``DARK`` a colour loses its saturation."""
 
 _SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 _WHITE = _SRGB_TO_XYZ.sum(axis=1)
@@ -109,8 +109,8 @@ def naming_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:
     for rgb in (one, other):
         values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
         most, least = values.max(axis=-1), values.min(axis=-1)
-        # Nearly black has no colour to speak of; merely dark has no less than bright, or a
-        # bright red in slightly white light would be nearer to maroon.
+        # Only what is nearly black loses saturation: if all dark colours did, a bright red in
+        # slightly white light would be nearer to maroon.
         tinged = ((most - least) / np.maximum(most, 1e-9) * np.minimum(1.0, most / DARK)) ** TINGE
         turn = 2.0 * np.pi * rgb2hsv(values.reshape(1, -1, 3)).reshape(values.shape)[..., 0]
         at.append(np.stack([tinged * np.cos(turn), tinged * np.sin(turn), 0.35 * most], axis=-1))

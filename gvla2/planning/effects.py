@@ -194,7 +194,7 @@ def apply_effects(
         changed[effect.parameter] += effect.count / (effect.count + prior_strength) * (effect.value - before)
         if f"{changed[effect.parameter]:.4g}" != f"{before:.4g}":
             notes.append(
-                f"{effect.parameter}: {before:.4g} -> {changed[effect.parameter]:.4g} by experience {effect.source}"
+                f"{effect.parameter}: {before:.4g} -> {changed[effect.parameter]:.4g} from experience {effect.source}"
             )
     for effect in (e for e in relevant if e.kind == "bound"):
         before = changed[effect.parameter]

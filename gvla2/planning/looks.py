@@ -1,7 +1,7 @@
 """Lessons by look: things that look alike are assumed to behave alike, until proven otherwise.
 
-How far a cap must be turned, or how deep a button goes, cannot be seen. But this is visibly the gray lid of a red jar;
-lessons from those take precedence over lessons from others.
+How far a cap must be turned, or how deep a button goes, cannot be seen; that it is the gray lid of a red jar can. For
+such a lid, lessons from gray lids of red jars take precedence over all others.
 """
 
 from __future__ import annotations

@@ -7,21 +7,10 @@ import io
 import numpy as np
 from PIL import Image, ImageDraw
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import View
 
-SMALLEST, LARGEST = 64, 4096
-"""Bounds of the longer side, pixels: below, details are lost; above, servers refuse."""
 LINES = 10
 """The grid's cells across and down; each line is labelled with its coordinate."""
-
-
-def check_longest(longest: int) -> None:
-    """Raise :class:`ConfigurationError` for an unusable size of pictures."""
-    if not SMALLEST <= longest <= LARGEST:
-        raise ConfigurationError(
-            f"longest is {longest} pixels; the picture's longer side has {SMALLEST} to {LARGEST}."
-        )
 
 
 def shown(view: View, longest: int, *, grid: bool = False, scale: float = 1.0) -> bytes:

@@ -69,12 +69,12 @@ def sight(pixel: Pixel, observation: Observation, scene: Scene, reach: int = 12)
     """
     view = view_of(observation, pixel.camera)
     depth = depth_at(view, pixel, reach)
-    point = along_ray(view.camera, pixel, depth)
+    point = view.camera.position + depth * direction(view.camera, pixel)
     return Sighting(pixel, point, object_at(point, scene))
 
 
 def depth_at(view: View, pixel: Pixel, reach: int = 12) -> float:
-    """Metres along the camera's z at ``pixel``: the middle of the nearest measured depths, on one surface.
+    """Metres along the camera's z at ``pixel``: the median of the nearest measured depths on one surface.
 
     An isolated pixel (a flying pixel at an edge) is outvoted by its neighbours; one confirmed by some of them is used,
     so that a thin handle is not mistaken for what lies behind it.
@@ -105,11 +105,6 @@ def depth_at(view: View, pixel: Pixel, reach: int = 12) -> float:
     found = depths[rows[near], columns[near]]
     beside = np.abs(found - found[0]) < AGREE
     return float(np.median(found[beside] if beside.sum() >= min(3, len(found)) else found))
-
-
-def along_ray(camera: Camera, pixel: Pixel, depth: float) -> FloatArray:
-    """(3,) world point at ``depth`` metres along the camera's z behind a pixel."""
-    return camera.position + depth * direction(camera, pixel)
 
 
 def direction(camera: Camera, pixel: Pixel) -> FloatArray:

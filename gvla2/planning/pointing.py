@@ -8,11 +8,8 @@ Text is read, never run.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
-
-from gvla2.errors import ConfigurationError
 
 MOST = 200
 """Most points of an answer; more mean that the model is repeating itself."""
@@ -42,12 +39,12 @@ class Stroke:
 
 
 def read_points(text: str, scale: float = 1.0) -> tuple[tuple[float, float], ...]:
-    """Points (u, v) in shares of the picture; raises :class:`ValueError` on what an answer lacks."""
+    """Points (u, v) in shares of the picture; raises :class:`ValueError` that says what is wrong."""
     return tuple((s.u, s.v) for s in read_path(text, scale))
 
 
 def read_path(text: str, scale: float = 1.0) -> tuple[Stroke, ...]:
-    """A path with its gripper's events, open at first; raises :class:`ValueError` on what an answer lacks.
+    """A path with its gripper's events, open at first; raises :class:`ValueError` that says what is wrong.
 
     ``scale`` is the range of coordinates. An event before the first point is the hand's state from the start on.
     """
@@ -67,14 +64,6 @@ def read_path(text: str, scale: float = 1.0) -> tuple[Stroke, ...]:
     if not strokes:
         raise ValueError("The list has no point; give tuples (x, y).")
     return tuple(strokes)
-
-
-def check_scale(scale: float) -> None:
-    """Raise :class:`ConfigurationError` for an invalid range of coordinates."""
-    if not 0.0 < scale < math.inf:
-        raise ConfigurationError(
-            f"scale is {scale}; it is the range of the model's coordinates: 1, 100, 1000, or the picture's side."
-        )
 
 
 def _tokens(text: str) -> list[re.Match[str]]:

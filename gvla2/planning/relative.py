@@ -12,7 +12,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
 STILL = 0.002
-"""Waypoints nearer than this are one, metres."""
+"""Waypoints nearer than this are merged, metres."""
 ASIDE = 0.03
 """Distance from an object's middle beyond which a place is given by the direction to another object, metres."""
 ALONG = 0.95

@@ -41,7 +41,7 @@ class SceneBrief:
 
     def named(self, words: str, scene: Scene) -> str:
         """The words on one line with names in place of labels and ids: perceived text must not reach a model through a
-        reason.
+        rejection's reason.
         """
         told = {o.id: self.names[o.id] for o in scene.objects}
         told |= {o.label: self.names[o.id] for o in scene.objects if o.label}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,10 @@ if TYPE_CHECKING:
     from gvla2.geometry.views import View
     from gvla2.language import Message
     from gvla2.planning.contracts import PlanRequest
+
+
+SMALLEST, LARGEST = 64, 4096
+"""Bounds of a picture's longer side, pixels: below, details are lost; above, servers refuse."""
 
 
 @dataclass(kw_only=True)
@@ -32,11 +37,15 @@ class PictureOptions:
 
     def check(self) -> None:
         """Raises :class:`ConfigurationError` for invalid options."""
-        from gvla2.planning.pictures import check_longest
-        from gvla2.planning.pointing import check_scale
-
-        check_longest(self.longest)
-        check_scale(self.scale)
+        if not SMALLEST <= self.longest <= LARGEST:
+            raise ConfigurationError(
+                f"longest is {self.longest} pixels; the picture's longer side has {SMALLEST} to {LARGEST}."
+            )
+        if not 0.0 < self.scale < math.inf:
+            raise ConfigurationError(
+                f"scale is {self.scale}; it is the range of the model's coordinates: 1, 100, 1000, or the picture's "
+                "side."
+            )
         if self.tries < 1:
             raise ConfigurationError(f"tries is {self.tries}; it must be at least 1.")
 

@@ -48,8 +48,8 @@ class MotionListener(Protocol):
 @dataclass(frozen=True)
 class ExecutionListener:
     """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times a second, ``waypoint``
-    after each waypoint, ``moment`` just before a frame by robots that know its state. Raising from any stops the
-    motion.
+    after each waypoint, ``moment`` just before a frame by robots that know its state. An exception from any of them
+    stops the motion.
     """
 
     frame: Callable[[NDArray[np.uint8]], None] = lambda image: None

@@ -12,7 +12,7 @@ Magnitudes and their sources (``depth_noise=realistic``):
   some tenths of a percent are usual, here 0.3 % (standard deviation over cameras), 4 mm at 1.3 m;
 * **quantisation**: depth comes as whole millimetres (the usual unit of 16-bit depth pictures);
 * **colour**: a few grey levels of noise per pixel, and exposure and white balance that differ by camera;
-* **extrinsics**: a good hand-eye calibration is right to about 2 mm and 0.3 degrees.
+* **extrinsics**: a good hand-eye calibration is accurate to about 2 mm and 0.3 degrees.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ JUMP = 0.02
 """A step in depth between neighbouring pixels, metres."""
 
 GRAZING_FROM, GRAZING_ALL = np.deg2rad(68.0), np.deg2rad(85.0)
-"""Measurements are lost from the first angle to the surface's normal on, with the full share at the second."""
+"""Angles of view to the surface's normal: measurements are lost above the first, the full share above the second."""
 
 DARK_FROM, DARK_ALL = 0.14, 0.05
-"""Likewise for the brightness of a pixel, in [0, 1]."""
+"""The same for the brightness of a pixel, in [0, 1]: lost below the first, the full share below the second."""
 
 
 def flying(depth: FloatArray, share: float, rng: np.random.Generator) -> FloatArray:

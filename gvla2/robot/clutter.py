@@ -25,7 +25,7 @@ GAP = 0.05
 
 TRIES = 4000
 TOGETHER, DROP = 0.0005, 0.001
-"""Metres between things that touch, and above the table from which they settle."""
+"""Metres between things that touch, and the height above the table from which they settle."""
 
 BOARD = (0.012, 0.07, 0.13)
 LEAN = 0.4
@@ -79,8 +79,8 @@ class Cluttered:
             root = _free_place(own, site, radius, taken)
             if root is None:
                 raise ConfigurationError(
-                    f"There is no room for {self._config.distractors} distractors: after {len(added)} of them nothing "
-                    f"of {200 * radius:.0f} cm fits beside the task's own things. Ask for fewer (task.distractors)."
+                    f"There is no room for {self._config.distractors} distractors: after {len(added)} of them no spot "
+                    f"{200 * radius:.0f} cm wide is free beside the task's things. Ask for fewer (task.distractors)."
                 )
             move = root @ rigid(translation=(-x, -y, 0.0))
             added += [replace(body, world_from_body=move @ body.world_from_body) for body in group]

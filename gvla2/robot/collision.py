@@ -25,7 +25,7 @@ TABLE = "table"
 
 
 class CollisionChecker:
-    """Checks configurations of one hand opening against one scene. Made by :meth:`CollisionModel.checker`.
+    """Checks joint configurations at one opening of the hand against one scene; see :meth:`CollisionModel.checker`.
 
     Not safe to share between threads.
     """
@@ -69,7 +69,7 @@ class CollisionChecker:
     def first_blocked(self, path: FloatArray) -> int | None:
         """Index of a configuration of the path (N, dof) that breaks a margin; None when there is none.
 
-        The middle goes first, then the middles of the halves: a blocked path shows early.
+        They are checked in bisecting order, so that a blocked path is found early.
         """
         return next((int(i) for i in _bisecting(len(path)) if not self.free(path[i])), None)
 
@@ -215,7 +215,7 @@ def _attachment_key(attached: Attachment | None) -> tuple[object, ...] | None:
 
 
 def _bisecting(count: int) -> NDArray[np.intp]:
-    """0..count-1 in an order that halves the gaps: by the bits of the index, reversed."""
+    """0..count-1 in bit-reversed order, which bisects the range again and again."""
     if count <= 2:
         return np.arange(count)
     bits = int(np.ceil(np.log2(count)))

@@ -1,8 +1,8 @@
-"""Inverse kinematics' compiled inner loop: the chain of joints that carries the tool, and descents along it.
+"""The compiled inner loop of inverse kinematics: the chain of joints up to the tool, and descents along it.
 
-A plan asks for hundreds of tool poses, each of which takes dozens of steps of a few small matrices: in Python the
-calls cost thirty times what the arithmetic does. The loops are written out, for what numpy says in one sign (slices,
-sums of arrays, products of matrices) takes numba most of its time to compile.
+A plan needs joints for hundreds of tool poses, and each takes dozens of steps on a few small matrices: in Python the
+call overhead is thirty times the arithmetic. Loops are written out because array expressions (slices, sums, matrix
+products) take most of numba's compile time.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ POSITION_TOLERANCE, ROTATION_TOLERANCE = 5e-4, 5e-3
 """A pose counts as reached within this many metres and radians; steps continue well below."""
 
 COMFORT = 0.15
-"""Distance to a joint limit, radians, under which a solution is pushed away from it if the arm has spare joints."""
+"""Distance to a joint limit, radians, under which the solution of a redundant arm is pushed away from it."""
 
 
 class Chain(NamedTuple):
-    """The N joints from the world to the tool, first the one at the base, and the limits of all of the arm's.
+    """The N joints from the base to the tool, in this order, and the limits of all of the arm's joints.
 
     Joint k moves ``column[k]`` of the joints (dof,): placed at ``turns[k]`` (3, 3) and ``places[k]`` (3,) on the one
     before, it turns about ``spin[k]`` (3,) and shifts along ``slide[k]`` (3,), both in its own frame. ``tool_turn``
@@ -71,7 +71,7 @@ def chain_of(model: Any, tool: int, low: FloatArray, high: FloatArray) -> Chain:
 
 @compiled
 def _times(one: FloatArray, other: FloatArray, product: FloatArray) -> None:
-    """Writes the product of two (3, 3)."""
+    """Writes the product of two matrices (3, 3)."""
     for i in range(3):
         for j in range(3):
             product[i, j] = one[i, 0] * other[0, j] + one[i, 1] * other[1, j] + one[i, 2] * other[2, j]
@@ -79,7 +79,7 @@ def _times(one: FloatArray, other: FloatArray, product: FloatArray) -> None:
 
 @compiled
 def _apply(turn: FloatArray, vector: FloatArray, product: FloatArray) -> None:
-    """Writes (3, 3) times (3,)."""
+    """Writes a matrix (3, 3) times a vector (3,)."""
     for i in range(3):
         product[i] = turn[i, 0] * vector[0] + turn[i, 1] * vector[1] + turn[i, 2] * vector[2]
 
@@ -93,7 +93,7 @@ def _add(vector: FloatArray, other: FloatArray, share: float) -> None:
 
 @compiled
 def _length(vector: FloatArray, first: int, last: int) -> float:
-    """Of a vector (n,), its entries from ``first`` to before ``last`` alone."""
+    """The norm of the entries ``first`` to ``last`` - 1 of a vector (n,)."""
     total = 0.0
     for i in range(first, last):
         total += vector[i] * vector[i]
@@ -102,7 +102,7 @@ def _length(vector: FloatArray, first: int, last: int) -> float:
 
 @compiled
 def _about(spin: FloatArray, value: float, turn: FloatArray) -> None:
-    """Writes (3, 3), the turn by ``value`` radians about a unit axis (3,); an axis of length 0 turns nothing."""
+    """Writes the rotation (3, 3) by ``value`` radians about a unit axis (3,); the identity for a zero axis."""
     c, s = np.cos(value), np.sin(value)
     if _length(spin, 0, 3) < 0.5:
         c, s = 1.0, 0.0
@@ -162,9 +162,9 @@ def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArr
 
 @compiled
 def _solve(matrix: FloatArray, vector: FloatArray) -> float:
-    """Puts x (n,) of A x = b for a symmetric positive (n, n) in place of b, and its Cholesky factor in place of A.
+    """Solves A x = b in place for a symmetric A (n, n): b (n,) becomes x, and A its Cholesky factor.
 
-    The least pivot over the largest diagonal entry; 0 where there is no such x.
+    Returns the least pivot over the largest diagonal entry; 0 if A is not positive definite.
     """
     size, largest, least = len(vector), 0.0, np.inf
     for k in range(size):
@@ -195,14 +195,14 @@ def _solve(matrix: FloatArray, vector: FloatArray) -> float:
 
 @compiled
 def _error(pose: FloatArray, target: FloatArray, twist: FloatArray) -> None:
-    """Writes the motion (6,) from a pose (4, 4) to the target (4, 4) in the pose's frame: log of their quotient."""
+    """Writes the motion (6,) from a pose (4, 4) to the target (4, 4) in the pose's frame: log(pose^-1 target)."""
     turn, shift, vector = np.zeros((3, 3)), np.zeros(3), np.empty(3)
     for i in range(3):
         for k in range(3):
             for j in range(3):
                 turn[i, j] += pose[k, i] * target[k, j]
             shift[i] += pose[k, i] * (target[k, 3] - pose[k, 3])
-    # By the quaternion, which tells small turns and half turns alike; its largest part comes first.
+    # Through a quaternion: accurate for small turns and for half turns. Its largest component is computed first.
     trace, i = turn[0, 0] + turn[1, 1] + turn[2, 2], 0
     for n in range(1, 3):
         if turn[n, n] > turn[i, i]:
@@ -241,7 +241,7 @@ def _error(pose: FloatArray, target: FloatArray, twist: FloatArray) -> None:
 
 @compiled
 def _margin(chain: Chain, joints: FloatArray) -> float:
-    """Smallest distance to a joint limit; negative outside."""
+    """Smallest distance to a joint limit, radians; negative outside."""
     least = np.inf
     for k in range(len(joints)):
         least = min(least, joints[k] - chain.low[k], chain.high[k] - joints[k])
@@ -250,7 +250,7 @@ def _margin(chain: Chain, joints: FloatArray) -> float:
 
 @compiled
 def _gram(jacobian: FloatArray) -> FloatArray:
-    """(6, 6) the products of the Jacobian's rows."""
+    """J J^T (6, 6) of a Jacobian."""
     gram = np.zeros((6, 6))
     for i in range(6):
         for j in range(6):
@@ -261,7 +261,7 @@ def _gram(jacobian: FloatArray) -> FloatArray:
 
 @compiled
 def _go_away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float, step: FloatArray) -> None:
-    """Adds a small motion to ``step`` (dof,): away from near limits, the tool left where it is by spare joints."""
+    """Adds to ``step`` (dof,) of a redundant arm a motion away from near limits that keeps the tool where it is."""
     dof = len(joints)
     if dof <= 6 or _margin(chain, joints) > 2 * COMFORT:
         return
@@ -269,7 +269,7 @@ def _go_away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float
     for k in range(dof):
         push[k] = max(0.0, 2 * COMFORT - (joints[k] - chain.low[k]))
         push[k] -= max(0.0, 2 * COMFORT - (chain.high[k] - joints[k]))
-    # What of the push moves the tool: its share in the Jacobian's rows. Where those nearly depend it isn't known well.
+    # The push is projected onto the Jacobian's null space, which is ill-conditioned near a singularity.
     for i in range(6):
         for k in range(dof):
             rates[i] += jacobian[i, k] * push[k]
@@ -287,8 +287,8 @@ def descend(
 ) -> tuple[bool, FloatArray]:
     """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the final joints (dof,).
 
-    Damped least squares, damping falling with the squared error (Sugihara 2011), clipped to the limits. Each
-    step also goes ``away`` from near limits, by that share of what it would take, where joints are to spare.
+    Damped least squares with damping in proportion to the squared error (Sugihara 2011), clipped to the limits. A
+    redundant arm also moves away from near limits in each step, with the gain ``away``.
     """
     dof = len(start)
     joints, step, normal = np.empty(dof), np.empty(dof), np.empty((dof, dof))
@@ -330,7 +330,7 @@ def descend(
 
 @compiled
 def settle(chain: Chain, start: FloatArray, target: FloatArray) -> tuple[bool, FloatArray, float, float]:
-    """:func:`descend` with more steps; then, with spare joints, the same tool pose farther from the limits.
+    """:func:`descend` with more steps; then, for a redundant arm, the same tool pose farther from the limits.
 
     Returns whether it was reached, and joints (dof,) with their distance to the nearest limit and Yoshikawa's
     manipulability sqrt(det(J J^T)).

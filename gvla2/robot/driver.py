@@ -23,14 +23,12 @@ class DriverState:
 class MoveResult:
     """The result of following.
 
-    ``tracking_error`` is the largest joint error at the end of the motion, radians, after the arm's time to settle.
     ``contacts`` are names of the robot's own links that touched something on the way, each once (never names of scene
     bodies; empty for a robot without such sensing). ``diverged`` is True when a measurement was not finite or
     physically impossible: the motion was aborted there. ``stopped`` is True when a guard ended it (see
     :class:`GuardedDriver`).
     """
 
-    tracking_error: float
     contacts: tuple[str, ...] = ()
     diverged: bool = False
     stopped: bool = False

@@ -65,7 +65,7 @@ def execute(
     return _Run(trajectory, scene, planner, driver, listener or ExecutionListener(), options).through()
 
 
-class _Abort(Exception):  # noqa: N818 - it ends a loop, it is no error
+class _Abort(Exception):  # noqa: N818 - it ends the loop and becomes a report
     def __init__(self, code: AbortCode, message: str) -> None:
         super().__init__(message)
         self.code = code

@@ -1,4 +1,4 @@
-"""The rule that ends a guarded motion: too much force on the hand, or the tool held back."""
+"""The rule that ends a guarded motion: too much force on the hand, or the tool blocked."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _LEVER = 0.3  # metres: the weight of a radian of rotation error in the refineme
 
 @dataclass(frozen=True)
 class PosePair:
-    """One still moment: ``base_from_tcp`` (4, 4) by the robot's joints, ``camera_from_target`` (4, 4) as seen."""
+    """One moment at rest: ``base_from_tcp`` (4, 4) by the robot's joints, ``camera_from_target`` (4, 4) as seen."""
 
     base_from_tcp: FloatArray
     camera_from_target: FloatArray

@@ -45,7 +45,7 @@ def motions(
 
 
 def park(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
-    """Rotation vectors of B, turned by X, are those of A (Park and Martin 1994), then the shift by least squares."""
+    """X turns the rotation vectors of B into those of A (Park and Martin 1994); then the shift by least squares."""
     a, b = motions(hands, targets)
     turn, _ = Rotation.align_vectors(_rotations(a).as_rotvec(), _rotations(b).as_rotvec())
     return _with_shift(turn.as_matrix(), a, b)
@@ -64,7 +64,7 @@ def tsai(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArr
 
 
 def andreff(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
-    """Rotation and shift together as twelve linear unknowns (Andreff et al. 1999), the rotation made one after."""
+    """Rotation and shift as twelve linear unknowns (Andreff et al. 1999), then the nearest rotation."""
     a, b = motions(hands, targets)
     eye3, eye9 = np.eye(3), np.eye(9)
     rows, right = [], []

@@ -14,7 +14,7 @@ from gvla2.robot.kinematics import Kinematics
 _SAMPLED = 400
 """Members of the library among which the arm's best manipulability is searched."""
 _AWAY = 0.2
-"""How far each step along a line also goes away from near joint limits; see :func:`gvla2.robot.descent.descend`."""
+"""Gain of the motion away from near joint limits along a line; see :func:`gvla2.robot.descent.descend`."""
 
 
 class InverseKinematics:
@@ -55,7 +55,7 @@ class InverseKinematics:
         target = np.ascontiguousarray(check_rigid(world_from_tcp, "target pose"))
         near = self._home if near is None else np.ascontiguousarray(near, dtype=np.float64)
         found: list[IKSolution] = []
-        wanted = max(count, 3)  # one more than requested, to weigh the limits
+        wanted = max(count, 3)  # several, so that one away from the limits can be preferred
         for start in self._starts(target, near):
             solution = self._from(start, target)
             if solution is None or any(np.abs(solution.joints - f.joints).max() < 0.2 for f in found):

@@ -127,7 +127,7 @@ class Kinematics:
 
 
 def _place_base(model: Any, base: Any) -> None:
-    """Move everything attached to the model's root by an SE3, so that all kinematics are in the world frame."""
+    """Move everything attached to the model's root by the SE3 ``base``, so that kinematics are in the world frame."""
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
             model.jointPlacements[joint] = base * model.jointPlacements[joint]

@@ -22,7 +22,7 @@ class DepthNoise:
 
     Per camera, constant over an episode: ``bias_rel`` the deviation over cameras of an error in scale of depth,
     ``exposure`` that of their gain, and the error of their believed pose, ``offset_m`` metres and ``turn_deg`` degrees.
-    ``kind`` is this noise's name, for people. :mod:`gvla2.robot.camera_errors` has the sources. Raises
+    ``kind`` names this noise in reports. :mod:`gvla2.robot.camera_errors` has the sources. Raises
     :class:`ConfigurationError` for values out of range.
     """
 

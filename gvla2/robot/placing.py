@@ -54,14 +54,12 @@ def inside(site: TaskSite, xy: FloatArray, radius: float) -> bool:
 
 def clear(spots: FloatArray, radii: Sequence[float], gap: float = 0.02) -> bool:
     """Whether discs about ``spots`` (N, 2) are ``gap`` apart from one another, metres."""
-    for i in range(len(spots)):
-        apart = np.linalg.norm(spots[:i] - spots[i], axis=1) - np.asarray(radii[:i]) - radii[i]
-        if (apart < gap).any():
-            return False
-    return True
+    i, j = np.triu_indices(len(spots), 1)
+    sizes = np.asarray(radii)
+    return bool((np.linalg.norm(spots[i] - spots[j], axis=1) >= sizes[i] + sizes[j] + gap).all())
 
 
 def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
     """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
-    top_first = sorted(heights, reverse=True)  # more often out of reach: a faster answer
+    top_first = sorted(heights, reverse=True)  # most likely out of reach, so checked first
     return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in top_first)

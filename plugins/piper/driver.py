@@ -109,7 +109,7 @@ class PiperDriver:
             return measured is not None and bool(np.abs(measured - goal).max() < SETTLED)
 
         self._loop.rest(SETTLE_SECONDS, there)
-        return MoveResult(float(np.abs(self.state().joints - goal).max()))
+        return MoveResult()
 
     def grip(self, opening: float) -> GripResult:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
@@ -158,7 +158,7 @@ class DryDriver:
             self._show(row, self._width)
         self._joints = np.asarray(samples[-1], dtype=np.float64).copy()
         self._show(self._joints, self._width)
-        return MoveResult(0.0)
+        return MoveResult()
 
     def grip(self, opening: float) -> GripResult:
         """Set the opening. What closing fingers would meet is unknown: they are assumed to stop on something."""

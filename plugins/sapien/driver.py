@@ -79,9 +79,7 @@ class SapienDriver:
                 break
             self._advance(samples[-1])
         self._watch()
-        error = float(np.abs(self._world.joints - samples[-1]).max())
-        error = error if np.isfinite(error) else float("inf")
-        return MoveResult(error, self._contacts(), self._diverged, self._stopped)
+        return MoveResult(self._contacts(), self._diverged, self._stopped)
 
     def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
         """As :meth:`follow`, until ``stop``; its force is the wrist's, the mean of the last physics steps."""

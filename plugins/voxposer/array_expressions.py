@@ -107,7 +107,7 @@ class Interpreter:
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self._called(name, args, value)
         words = f"{self._vocabulary.words}, {', '.join(FUNCTIONS)} and arithmetic"
-        raise ValueError(f"'{_shown(node)}' is not of this language; there are {words}.")
+        raise ValueError(f"'{_shown(node)}' is not allowed here; use {words}.")
 
     def _named(self, name: str, value: Callable[[ast.expr], Value]) -> Value | None:
         if name not in self._known:
@@ -124,9 +124,7 @@ class Interpreter:
             if name in FUNCTIONS:
                 return np.asarray(FUNCTIONS[name](*map(value, args)))
         except (TypeError, IndexError):
-            raise ValueError(
-                f"{name}() cannot be asked for with {len(args)} arguments such as these."
-            ) from None
+            raise ValueError(f"{name}() does not take these {len(args)} arguments.") from None
         raise ValueError(f"There is no {name}(); there are {self._vocabulary.words}, {', '.join(FUNCTIONS)}.")
 
 

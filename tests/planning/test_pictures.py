@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from gvla2.errors import ConfigurationError
-from gvla2.planning.pictures import check_longest, shown
+from gvla2.planning.pictures import shown
+from gvla2.planning.showing import PictureOptions
 from gvla2.testing import inputs
 
 
@@ -44,4 +45,4 @@ def test_a_grid_draws_on_the_copy_alone(view):
 @pytest.mark.parametrize("longest", [0, 63, 5000, -1])
 def test_sizes_that_no_model_can_use_are_refused(longest):
     with pytest.raises(ConfigurationError, match="longest is"):
-        check_longest(longest)
+        PictureOptions(longest=longest).check()

@@ -5,7 +5,8 @@ import time
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.planning.pointing import LONGEST, MOST, Stroke, check_scale, read_path, read_points
+from gvla2.planning.pointing import LONGEST, MOST, Stroke, read_path, read_points
+from gvla2.planning.showing import PictureOptions
 
 PATH = (
     "<ans>[(0.25, 0.32), (0.3, 0.5), <action>Close Gripper</action>, (0.7, 0.2), "
@@ -50,7 +51,7 @@ def test_models_count_to_what_they_were_taught():
     assert read_points("[(250, 500)]", scale=1000) == ((0.25, 0.5),)
     for scale in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ConfigurationError, match="scale is"):
-            check_scale(scale)
+            PictureOptions(scale=scale).check()
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ class ExactDriver:
         self.joints = samples[len(samples) // 2].copy()
         self.on_follow(self.calls.count("follow"))
         self.joints = samples[-1] + self.off
-        return MoveResult(0.0, ("panda_hand",) if gripper < 0.5 else (), self.diverges)
+        return MoveResult(("panda_hand",) if gripper < 0.5 else (), self.diverges)
 
     def grip(self, opening: float) -> GripResult:
         self.calls.append("grip")

@@ -33,7 +33,7 @@ class FeelingDriver:
         self.calls.append("follow")
         self.samples.append(samples)
         self.joints = samples[-1].copy()
-        return MoveResult(0.0)
+        return MoveResult()
 
     def grip(self, opening):
         self.calls.append("grip")
@@ -50,8 +50,8 @@ class FeelingDriver:
             if depth < 1e-3:  # from there on the floor keeps the arm
                 self.joints = sample.copy()
             if stop(sample, self.joints, force):
-                return MoveResult(0.0, (), stopped=True)
-        return MoveResult(0.0, ())
+                return MoveResult(stopped=True)
+        return MoveResult()
 
 
 @pytest.fixture
