@@ -1,7 +1,7 @@
-"""Mentions: where a wish speaks of things of the scene, and what the words before them say of their part in it.
+"""Mentions: the objects of the scene that a wish names, and the prepositions before them.
 
-"Put the knife on the block" speaks of the knife first and without a preposition: the knife is what is moved. What is
-only spoken of as "into the block" or "out of the stand" is not.
+"Put the knife on the block" names the knife first and without a preposition: the knife is moved. Objects that are named
+only as "into the block" or "out of the stand" are not.
 """
 
 # ruff: noqa: SIM905 - word lists read best as words
@@ -20,9 +20,9 @@ DETERMINERS = frozenset("the a an my your our his her its that this these those"
 PLACES = frozenset(
     "on onto in into inside to towards toward over around beside behind under near at by with from off".split()
 )
-"""Prepositions: what follows one is not what is acted on, or need not be."""
+"""Prepositions: what follows one is not acted on, or need not be."""
 GOALS = frozenset("on onto in into inside to towards toward over around".split())
-"""Those after which a thing may be where something goes."""
+"""Prepositions that may be followed by where something goes."""
 PUT = ("place", "insert", "push", "twist", "close", "draw")
 ACTS = {
     "push": ("push", "press"),
@@ -36,20 +36,20 @@ ACTS = {
     "open": ("open", "twist", "pull"),
     **dict.fromkeys(("put", "place", "lay", "set", "stack", "belongs"), PUT),
 }
-"""Verbs that say by which skill, where a program might do the like by another."""
+"""Verbs that imply certain skills, although others might do something similar."""
 WITHOUT = re.compile(r"\bwithout \w+ing\b[^,.;]*?(?=[,.;]|\band\b|$)")
 
 
 @dataclass(frozen=True)
 class Mention:
-    """Some words of a wish: the whole things that they may mean, and the preposition before them, "" for none."""
+    """Some words of a wish: the ids of whole objects that they may mean, and the preposition before them, if any."""
 
     roots: frozenset[str]
     after: str = ""
 
 
 def mentions(wish: str, scene: Scene) -> list[Mention]:
-    """The things of the scene that a wish speaks of, in its order; by their nouns, by their colours or by both."""
+    """The objects that a wish names, in its order; by their nouns, their colours or both."""
     wish = asked(wish)
     words = re.findall(r"[a-z]+", wish)
     colours = {c: m for c in colour_words(wish) if (m := meant_by(c, (o.colour for o in scene.objects)))}
@@ -65,9 +65,7 @@ def mentions(wish: str, scene: Scene) -> list[Mention]:
 
 
 def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
-    """The ids of the things, with their parts, that a wish speaks of as ``theme`` and as ``goal``; roles that it names
-    nothing for are left out.
-    """
+    """The ids of the objects, with their parts, that a wish names as ``theme`` and as ``goal``, if it names any."""
     said = mentions(wish, scene)
     theme = acted_on(said, scene)
     goal = next((m for m in said if m.after in GOALS and m is not theme), None)
@@ -79,18 +77,18 @@ def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
 
 
 def acted_on(said: Sequence[Mention], scene: Scene) -> Mention | None:
-    """The first that no preposition stands before and that may be moved: a painted patch is not."""
+    """The first mention without a preposition of something that can be moved, so not of a painted patch."""
     moved = (m for m in said if not m.after and any(scene[root].shape != "region" for root in m.roots))
     return next(moved, None)
 
 
 def asked(wish: str) -> str:
-    """The wish in small letters without how it is not to be done: "without toppling the tower"."""
+    """The wish in lower case, without phrases such as "without toppling the tower"."""
     return WITHOUT.sub(" ", wish.casefold())
 
 
 def may_mean(skill: str, instruction: str) -> bool:
-    """Whether the verbs of a wish leave room for a skill; they do where none of them says by which."""
+    """Whether the verbs of a wish admit a skill; those that imply none admit any."""
     said = [acts for verb, acts in ACTS.items() if verb in asked(instruction).split()]
     return all(skill in acts for acts in said)
 
@@ -98,7 +96,7 @@ def may_mean(skill: str, instruction: str) -> bool:
 def _phrase(
     words: Sequence[str], begin: int, colours: dict[str, str], scene: Scene
 ) -> tuple[int, list[SceneObject]]:
-    """Where the words about one thing that begin at ``begin`` end, and the things that fit them; none where none do."""
+    """The end of the noun phrase at ``begin``, and the objects that it fits, if any."""
     at, colour = begin, ""
     for width in (2, 1):
         if not colour and " ".join(words[begin : begin + width]) in colours:
@@ -119,7 +117,7 @@ def _phrase(
 
 
 def _preposition(before: Sequence[str]) -> str:
-    """The preposition that stands before a phrase; "" where another word does."""
+    """The preposition at the end of the words before a phrase; "" if there is none."""
     left = list(before)
     if left[-2:-1] and left[-2] in DETERMINERS and left[-1] not in PLACES:
         left.pop()  # "the jenga tower"

@@ -1,4 +1,4 @@
-"""Soundness: what is wrong with calls before anything is planned, in words that help whoever wrote them."""
+"""Soundness: errors in calls, found before planning, with messages that help their author."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gvla2.skills.skill import Skill
 
 
 def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
-    """A skill or an object that there is not, with what there is."""
+    """The refusal of an unknown skill or object, with those that exist; None if all exist."""
     if not calls:
         return Abstention("other", "The program has no call: there is nothing to do.")
     ids = {o.id for o in scene.objects}
@@ -33,7 +33,7 @@ def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill
 
 
 def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
-    """A call that cannot mean anything, whatever the thing is, by a table that has its skill."""
+    """The refusal of a call that is meaningless for any object; its skill must be in ``skills``."""
     theme, goal = scene[call.theme], scene[call.goal] if call.goal else None
     if theme.shape == "region":
         return Abstention("other", f"The {theme.label} is painted on the table: nobody can {call.skill} it.")
@@ -48,7 +48,7 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
 
 
 def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
-    """A goal too few, too many, or of a wrong kind; ``skill`` is the one that the call turned out to mean."""
+    """The refusal of a missing, superfluous or wrong goal; ``skill`` is what the call means for its theme."""
     label = scene[call.theme].label
     role = skill.role("goal")
     given = [bool(call.goal), call.xy is not None, call.direction is not None]
@@ -74,7 +74,7 @@ def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
 
 
 def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
-    """Theta may be that of another skill: opening a drawer turns out to be pulling it."""
+    """Theta may be another skill's: opening a drawer means pulling it."""
     if call.amount is not None and call.amount <= 0.0:
         return Abstention("other", f"An amount is more than nothing; {call.amount:g} m was asked for.")
     if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:

@@ -1,4 +1,4 @@
-"""Pull out: a thing that is held between others is taken by its free end, drawn out level, and put down."""
+"""Pull out: grasp an object that is held between others by its free end, draw it out level, and put it down."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from gvla2.skills.stuck import Stuck, stuck
 
 PLAY = 0.006
 LEANS = (0.0, 0.3, 0.6)
-"""How far the hand may lean away from what holds the thing, radians: its palm then stays clear of it."""
+"""Tilts of the hand away from what holds the object, radians, to keep the palm clear of it."""
 ROOM = 0.004
 
 
 def propose_draw(job: Job) -> list[Proposal] | Abstention:
-    """Each lean of the hand and each way round, with each turn of the thing at the goal."""
+    """Each tilt of the hand and each way round, with each turn of the object at the goal."""
     held = stuck(job.theme, job.scene)
     if held is None:
         return Abstention("other", f"The {job.theme.label} is stuck in nothing.")
