@@ -184,7 +184,7 @@ class _Walk:
                 self._fails(f"{waypoint.stage} at ({xyz}) is {why}")
                 return
             if waypoint.motion == "linear" and np.abs(solution.joints - near).max() > LEAP:
-                why = "the arm gets there in another posture only, not in a straight line"
+                why = "the arm can get there only in another posture, not in a straight line"
                 self._fails(f"{waypoint.stage}: {why}")
                 return
             margin = min(margin, solution.limit_margin)

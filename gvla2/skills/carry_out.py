@@ -68,9 +68,7 @@ def _one(
     if isinstance(what, Abstention):
         return Plan(None, call.skill, {"theme": call.theme}, abstention=what)
     if what.skill not in skills:
-        message = (
-            f"This would take the skill '{what.skill}', which is not there; there are {', '.join(skills)}."
-        )
+        message = f"This requires the skill '{what.skill}', which does not exist here; there are {', '.join(skills)}."
         return Plan(None, abstention=Abstention("unknown_skill", message))
     skill = skills[what.skill]
     call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
@@ -85,8 +83,8 @@ def _no_amount(call: SkillCall, skill: Skill) -> Abstention | None:
     if call.amount is None or skill.amount or call.direction is not None:
         return None
     return Abstention(
-        "other", f"{call.amount:g} m of what? To {skill.name} takes an amount with a direction only."
-        if skill.free else f"To {skill.name} takes no amount, and {call.amount:g} m was asked for."
+        "other", f"'{skill.name}' takes an amount only with a direction; {call.amount:g} m was asked for."
+        if skill.free else f"'{skill.name}' takes no amount; {call.amount:g} m was asked for."
     )  # fmt: skip
 
 

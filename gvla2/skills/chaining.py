@@ -101,7 +101,7 @@ def kept_out(theme: SceneObject, goal: SceneObject) -> str:
         return ""  # cups and bowls stack
     solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
     if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
-        return f"The {goal.label} is not seen to be open: nothing goes into it."
+        return f"The {goal.label} does not seem to be open, so nothing can go into it."
     room = goal.opening or float(np.max(goal.extents[:2]))
     if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # in any orientation
         return f"The {theme.label} is too large to go into the {goal.label}."

@@ -39,15 +39,14 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
         button = button_of(theme, scene)
         if button is None:
             return Abstention(
-                "nothing_matches", f"The {theme.label} is nothing to press, and has no one button."
+                "nothing_matches",
+                f"The {theme.label} cannot be pressed and does not have exactly one button.",
             )
         return Meant("press", button)
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
     skill, theme = unscrewed(skill, theme, scene)
     if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
-        return Abstention(
-            "nothing_matches", f"The {theme.label} is no cap, and none is seen on it to unscrew."
-        )
+        return Abstention("nothing_matches", f"The {theme.label} is not a cap, and no cap is visible on it.")
     if goal is not None:
         skill = fitted(skill, theme, goal, call.relation, scene)
         if skill == "close":

@@ -132,7 +132,7 @@ class ProgramInterpreter:
                 fields["amount"] = 1e-3 * value
             else:
                 raise ValueError(
-                    f"In {skill}(...) '{value}' is nothing that is there: {', '.join(self.ids)}."
+                    f"In {skill}(...) '{value}' is not among the objects: {', '.join(self.ids)}."
                 )
         for key, value in named.items():
             word = value if isinstance(value, str) else ""
@@ -145,7 +145,7 @@ class ProgramInterpreter:
             elif key in ("amount", "by") and _is_number(value):
                 fields["amount"] = 1e-3 * value
             else:
-                raise ValueError(f"{skill}(... {key}={value!r}) is not known.")
+                raise ValueError(f"{skill}(...) does not take {key}={value!r}.")
         if not 1 <= len(things) <= 2:
             raise ValueError(
                 f"{skill} takes one thing, and a goal where it leads somewhere; it got {len(things)}."
@@ -217,7 +217,7 @@ class ProgramInterpreter:
 
 
 def code_in(text: str) -> str:
-    """The program in an answer: the content of its code fence, else all of it. Raises :class:`ValueError` if too long."""
+    """The program in an answer: its code fence's content, else all of it. Raises :class:`ValueError` if too long."""
     if len(text) > LONGEST:
         raise ValueError(f"It has {len(text)} characters; {LONGEST} are enough for any program.")
     fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)

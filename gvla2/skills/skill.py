@@ -130,7 +130,7 @@ def fault_of(offered: object) -> str:
         return f"the name {name!r:.200} cannot be called in a program; use small letters, digits and '_'."
     for what, value, kind in (("role", offered.roles, Role), ("parameter", offered.parameters, Parameter)):
         if not isinstance(value, Sequence) or not all(isinstance(v, kind) for v in value):
-            return f"'{name}' has {what}s that are no sequence of {kind.__name__}: {value!r:.200}."
+            return f"'{name}' has {what}s that are not a sequence of {kind.__name__}: {value!r:.200}."
     if offered.role("theme") is None:
         return f"'{name}' has no role 'theme': every skill handles something."
     for what in ("propose", "defaults"):
@@ -141,7 +141,7 @@ def fault_of(offered: object) -> str:
         n for n in (*offered.key, *offered.scaled, *offered.lasting, offered.amount) if n and n not in known
     ]
     if strange:
-        return f"'{name}' speaks of '{strange[0]}', which is none of its parameters: {', '.join(known) or 'none'}."
+        return f"'{name}' refers to '{strange[0]}', which is not among its parameters: {', '.join(known) or 'none'}."
     if not offered.description:
         return f"'{name}' has no description, which is how planners learn of it."
     return ""

@@ -32,8 +32,8 @@ def fits_over(thing: SceneObject, post: SceneObject) -> bool:
 def propose_insert(job: Job) -> list[Proposal] | Abstention:
     """Each grasp from above with each turn that aligns the hole with the post."""
     if job.goal is None or not fits_over(job.theme, job.goal):
-        what = "nothing" if job.goal is None else f"the {job.goal.label}"
-        return Abstention("other", f"The {job.theme.label} has no hole that goes over {what}.")
+        what = "anything" if job.goal is None else f"the {job.goal.label}"
+        return Abstention("other", f"The {job.theme.label} has no hole that fits over {what}.")
     found = grasps(job)
     if isinstance(found, Abstention):
         return found

@@ -39,7 +39,7 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
     slide = slide_for(job.theme, job.scene)
     if slide is None:
         return Abstention(
-            "unknown_skill", f"The {job.theme.label} has no handle that can be seen and is stuck in nothing."
+            "unknown_skill", f"The {job.theme.label} has no visible handle and is not stuck in anything."
         )
     handle = slide.handle
     axes, extents = handle.world_from_object[:3, :3], handle.extents

@@ -23,7 +23,7 @@ def propose_draw(job: Job) -> list[Proposal] | Abstention:
     """Each tilt of the hand and each way round, with each turn of the object at the goal."""
     held = stuck(job.theme, job.scene)
     if held is None:
-        return Abstention("other", f"The {job.theme.label} is stuck in nothing.")
+        return Abstention("other", f"The {job.theme.label} is not stuck in anything.")
     across = np.cross(UP, held.way)
     width = 2 * held.theme.half_along(across)
     if width + PLAY > job.hand.max_width:
@@ -32,7 +32,7 @@ def propose_draw(job: Job) -> list[Proposal] | Abstention:
             f"The {job.theme.label} is {width * 1000:.0f} mm wide; the hand opens {job.hand.max_width * 1000:.0f} mm.",
         )
     if held.exposed < 0.5 * job.hand.finger_breadth + ROOM:
-        return Abstention("other", f"Too little of the {job.theme.label} sticks out to take hold of it.")
+        return Abstention("other", f"Too little of the {job.theme.label} sticks out to grasp it.")
     snug = min(1.0, (width + 0.016) / job.hand.max_width)
     grasps = [
         _by_its_end(job, held, lean, sign * across, opening)
