@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.scene_brief import scene_brief
-from gvla2.skills.program import ProgramInterpreter
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
 from gvla2_plugins.agent3d.waypoints import grammar as waypoint_grammar
 from gvla2_plugins.code_policies.examples import EXAMPLES
 from gvla2_plugins.code_policies.faithful import named_things
+from gvla2_plugins.code_policies.program import ProgramInterpreter
 from gvla2_plugins.code_policies.program_grammar import fitting, grammar
 
 REQUEST = inputs.plan_request()

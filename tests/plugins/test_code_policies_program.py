@@ -4,10 +4,10 @@ import time
 
 import pytest
 
-from gvla2.planning.calls import SkillCall
-from gvla2.skills.program import Declined, ProgramInterpreter, lines_of, written
+from gvla2.planning.calls import SkillCall, written
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
+from gvla2_plugins.code_policies.program import Declined, ProgramInterpreter, lines_of
 
 SCENE = inputs.scene()
 IDS = {"red": "red_cube", "blue": "blue_cube"}

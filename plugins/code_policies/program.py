@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.planning.calls import RELATIONS, SkillCall
+from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.skill import Skill
 
@@ -30,8 +30,6 @@ MOST_STEPS, MOST_CALLS, LONGEST = 400, 12, 4000
 """Most statements executed, calls made and characters of a program."""
 LARGEST = 1e4
 """The largest number in a program, millimetres."""
-WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
-"""Directions as unit vectors (x, y), seen from the robot."""
 _IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
 """The relation ``in``, a keyword of Python."""
 _COMPARE: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
@@ -229,21 +227,6 @@ def lines_of(text: str) -> list[str]:
     tree = ast.parse(_IN.sub("'in'", code_in(text)))
     tree.body = [s for s in tree.body if not isinstance(s, ast.Expr) or isinstance(s.value, ast.Call)]
     return ast.unparse(tree).replace("'in'", "in").splitlines()
-
-
-def written(call: SkillCall, names: Mapping[str, str]) -> str:
-    """The line of a program that makes the call, with names by id; "" if the language cannot express it.
-
-    Parameters that the call sets are left out: memory stores them separately.
-    """
-    ways = [way for way, vector in WAYS.items() if vector == call.direction]
-    if call.xy is not None or (call.direction is not None and not ways):
-        return ""
-    parts = [names[i] for i in (call.theme, call.goal) if i]
-    parts += [call.relation] if call.relation else []
-    parts += ways
-    parts += [f"{1e3 * call.amount:.0f}"] if call.amount is not None else []
-    return f"{call.skill}({', '.join(parts)})"
 
 
 def _is_number(value: Any) -> bool:
