@@ -11,6 +11,9 @@ Relation = Literal["", "on", "in", "to", "beside", "left_of", "right_of", "behin
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
 """How the theme should lie relative to the goal; "" if the skill has only one way."""
 
+WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
+"""Directions as unit vectors (x, y), seen from the robot."""
+
 
 @dataclass(frozen=True)
 class SkillCall:
@@ -69,3 +72,18 @@ class SkillOptions:
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0
+
+
+def written(call: SkillCall, names: Mapping[str, str]) -> str:
+    """The line of a program that makes the call, with names by id; "" if the language cannot express it.
+
+    Parameters that the call sets are left out: memory stores them separately.
+    """
+    ways = [way for way, vector in WAYS.items() if vector == call.direction]
+    if call.xy is not None or (call.direction is not None and not ways):
+        return ""
+    parts = [names[i] for i in (call.theme, call.goal) if i]
+    parts += [call.relation] if call.relation else []
+    parts += ways
+    parts += [f"{1e3 * call.amount:.0f}"] if call.amount is not None else []
+    return f"{call.skill}({', '.join(parts)})"

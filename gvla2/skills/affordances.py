@@ -18,21 +18,21 @@ from gvla2.skills.stuck import stuck
 from gvla2.skills.wholes import assembled, holders, inside
 
 RESTING = 0.02
-"""What is pushed along the table stands no higher above it, metres."""
+"""Greatest height above the table of the bottom of an object that can be pushed, metres."""
 BUTTON = 0.06
-"""A button is no wider than this, metres."""
+"""Greatest width of a button that is no part, metres."""
 
 
 def themes(skill: Skill, scene: Scene, hand: Hand) -> tuple[SceneObject, ...]:
-    """What the skill can be done to, in the scene's order; painted patches never."""
+    """The objects to which the skill applies, in the scene's order; never painted patches."""
     solid = (o for o in scene.objects if o.shape != "region")
     return tuple(o for o in solid if skill.fits is None or skill.fits(o, scene, hand))
 
 
 def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
-    """Where the skill can lead with this theme; () for one that leads nowhere.
+    """The objects that can be the skill's goal with this theme; () for a skill without a goal.
 
-    Not to itself, to its own parts or whole, nor on or into what it stands in already.
+    Not the theme itself, its parts or its whole, nor what it stands in.
     """
     if skill.role("goal") is None:
         return ()
@@ -44,7 +44,7 @@ def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, 
 
 
 def fits_pick(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """By itself, and between the fingers: a whole thing, or a cap that comes off."""
+    """A whole object, or a cap, that can be moved and that fits between the fingers."""
     if thing.parent and closed_by(thing, scene) is None:
         return False
     if fits_close(thing, scene, hand) or (is_button(thing, scene) and thing.parent):
@@ -61,7 +61,7 @@ def fits_push(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
 
 
 def fits_press(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """It, or one part of it, is a button; but no other part where one is called a button."""
+    """A button, or something with one button; if a part is labelled a button, no other part."""
     kin = scene.parts_of(root_of(thing, scene).id)
     if is_button(thing, scene) and not called(thing, "button") and any(called(p, "button") for p in kin):
         return False

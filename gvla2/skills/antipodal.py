@@ -1,10 +1,10 @@
-"""Grasps of any shape: where a hand's two fingers find room beside something, and surfaces that face them.
+"""Antipodal grasps of objects of any shape, from their surface points.
 
-For each way the hand may come, the surface is cut into slabs as broad as a finger. In a slab, what stands in the
-fingers' way is a set of stretches along the closing direction; a stretch that is narrow enough, with wide enough gaps
-beside it, can be taken: a whole body, a rim, a handle, a tool flat on the table. It is worth the more the better
-both surfaces face the fingers (antipodal: Nguyen 1988) and the nearer it is to the thing's middle, where it does not
-turn in the hand.
+For each approach direction the surface is cut into slabs of a finger's breadth. In a slab, the points that could touch
+the fingers form intervals along the closing direction. An interval that is narrow enough, with wide enough gaps on both
+sides, can be grasped: a whole body, a rim, a handle, a tool flat on the table. A grasp scores higher the better both
+surfaces face the fingers (antipodal: Nguyen 1988) and the closer it is to the object's middle, where the object does
+not turn in the hand.
 """
 
 from __future__ import annotations
@@ -25,63 +25,63 @@ from gvla2.skills.parameters import PALM_GAP, TABLE_GAP
 from gvla2.skills.proposals import horizontal
 
 FEWEST, MOST = 60, 4000
-"""Surface points of which a shape is believed, and that are looked at."""
+"""The fewest surface points that define a shape, and the most that are used."""
 
 SPACING = 0.005
-"""Metres between the points on a scan: a finger's end would miss the edge of what lies between coarser ones."""
+"""Distance between points sampled on a scan, metres: with a larger one, fingertips would miss edges."""
 
 NEIGHBOURS = 12
-"""Points of which a normal is told."""
+"""Points from which a normal is estimated."""
 
 AROUND, AT_EDGE = 0.008, 0.25
-"""Metres about a point, seen from above, and the share of them by which it is off the middle of what is there from
-which it lies on the outline: 0.42 on a straight edge."""
+"""A point is on the outline, seen from above, if the mean of the points within the first (metres) is farther from it
+than the second (a share of the first): 0.42 on a straight edge."""
 
 PLAY, ROOM, BESIDE = 0.003, 0.012, 0.003
-"""Metres a side: the least that an opened finger is off the thing, what it is off where there is room, and what it is
-off other parts of the thing."""
+"""Metres a side: an open finger's least distance from what it grasps, its distance if there is room, and its least
+distance from other parts of the object."""
 
 PAD = 0.018
 """Height of the fingers' pads, metres."""
 
 DEPTHS = (0.012, 0.022, 0.034, 0.045)
-"""How far the fingertips reach over what is nearest to the hand, metres."""
+"""How far the fingertips reach beyond the surface point nearest to the hand, metres."""
 
 STEP, STEPS = 0.012, 11
-"""Metres between slabs, and their number at most."""
+"""Distance between slabs, metres, and the largest number of them."""
 
 FACING = 0.7
-"""Least cosine between the surfaces and the closing direction: rubber holds steeper ones, but not for sure."""
+"""Least cosine between surface normals and closing direction: rubber pads hold steeper surfaces, but not reliably."""
 
 SHALLOWEST = 0.006
-"""Least reach of the fingertips over a thing, metres."""
+"""Least reach of the fingertips over an object, metres."""
 
 OVER = 0.35
 """How far the hand leans along its closing direction, radians; its palm is broad and meets the table soon."""
 
 FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
-"""What each way to come costs of the preference."""
+"""Deduction from the preference for each family of approaches."""
 
 COMMON = 0.008
-"""Height over which the pads meet the thing on both sides, metres: what is met at two heights tips out."""
+"""The pads should touch both sides over a common height of this much, metres; otherwise the object tips."""
 
 ASIDE = 0.004
-"""How far beside the pads' middle they may meet the thing, metres: what is met at the pads' edges, as the corner of a
-box or the rim of a can too wide for the hand, is squeezed out."""
+"""Largest distance between the contact and the middle of the pads, metres: a contact at the pads' edges, such as the
+corner of a box or the rim of a can too wide for the hand, is squeezed out."""
 
 KEPT = {"top": 8, "leaning": 4, "side": 4}
-"""How many of each family are worth asking the arm about."""
+"""Number of grasps of each family that are passed on."""
 
 NEAR, TURN = 0.010, 0.3
-"""Grasps nearer than this (metres, radians) to a better one are left out."""
+"""Grasps closer than this (metres, radians) to a better one are dropped."""
 
 
 @dataclass(frozen=True)
 class Antipodal:
     """One grasp: ``rotation`` (3, 3), its columns the hand's breadth, closing direction and approach in the world;
-    ``centre`` (3,) of the tool; ``width`` of what is between the fingers and ``opening`` of the hand, metres; ``back``
-    is how far the fingertips go back along the approach to be clear of the thing; ``worth`` in [0, 1]; ``facing`` is
-    the cosine between the surfaces and the closing direction, of the side that is turned away more.
+    ``centre`` (3,) of the tool; ``width`` between the fingers and ``opening`` of the hand, metres; ``back`` is how far
+    the fingertips must move back along the approach to be clear of the object; ``worth`` in [0, 1]; ``facing`` is the
+    cosine between surface normal and closing direction, the smaller of the two sides'.
     """
 
     family: str
@@ -96,9 +96,9 @@ class Antipodal:
 
 @dataclass(frozen=True)
 class Skin:
-    """Points (N, 3) of a surface in the world, metres; ``known`` are their normals (N, 3) where a scan tells them.
+    """Points (N, 3) of a surface in the world, metres; ``known`` are their normals (N, 3) if they come from a scan.
 
-    ``foot`` is the height of what the thing stands on, metres.
+    ``foot`` is the height of the object's lower end, metres.
     """
 
     points: FloatArray
@@ -107,10 +107,10 @@ class Skin:
 
     @cached_property
     def normals(self) -> FloatArray:
-        """(N, 3) unit normals of either sign: the scan's, else by what is around each point.
+        """(N, 3) unit normals of either sign: the scan's, or estimated from each point's neighbours.
 
-        What is lower than the pads meets them with its edge: there it is the outline that tells how it faces them, and
-        of so low a side cameras see next to nothing.
+        An object lower than the pads touches them with its edge. Cameras see next to nothing of so low a side, so the
+        normals on its outline, seen from above, are used.
         """
         normals = self._around() if self.known is None else self.known.copy()
         outward, top = _seen_from_above(self.points)
@@ -127,7 +127,7 @@ class Skin:
 
 
 def skin_of(thing: SceneObject) -> Skin | None:
-    """The thing's surface: that of the scan it is known as, else what was seen; None when that is too little."""
+    """The object's surface, from its scan if it has one, else from its seen points; None if there are too few."""
     if thing.known is not None:
         whole = _skin_of_scan(thing.known.path, thing.known.scale)
         pose = thing.known.world_from_scan
@@ -142,7 +142,7 @@ def skin_of(thing: SceneObject) -> Skin | None:
 
 
 def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of each point (N, 3): how far it is off the middle of those about it, (N, 2), and how high these reach, (N,)."""
+    """For each point (N, 3): its offset from the mean of its neighbours, (N, 2), and their greatest height, (N,)."""
     spots, count = points[:, :2], len(points)
     pairs = cKDTree(spots).query_pairs(AROUND, output_type="ndarray")
     one, other = np.concatenate([pairs, pairs[:, ::-1], np.arange(count)[:, None].repeat(2, 1)]).T
@@ -155,7 +155,7 @@ def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=64)
 def _skin_of_scan(path: str, scale: float) -> Skin:
     """The scan's surface in its own frame, metres."""
-    from gvla2.geometry.mesh_files import read_mesh  # most things are not known, and trimesh takes its time
+    from gvla2.geometry.mesh_files import read_mesh  # few objects have a scan, and importing trimesh is slow
 
     mesh = read_mesh(path)
     count = int(np.clip(mesh.areas.sum() * scale**2 / SPACING**2, 1500, MOST))
@@ -164,9 +164,9 @@ def _skin_of_scan(path: str, scale: float) -> Skin:
 
 
 def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:
-    """The best grasps of a thing on a table at height ``table``, metres, best first.
+    """The best grasps of an object on a table at height ``table``, metres, best first.
 
-    ``outward`` (3,) points from the arm's foot to the thing: the hand leans and comes from the side that way.
+    ``outward`` (3,) points from the arm's foot to the object: the hand leans, and approaches from the side, that way.
     """
     skin = skin_of(thing)
     if skin is None:
@@ -179,7 +179,7 @@ def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray)
 
 
 def held_between(skin: Skin, rotation: FloatArray, centre: FloatArray, opening: float, hand: Hand) -> bool:
-    """Whether a hand posed so, ``opening`` metres wide, has something between its pads and nothing in its fingers."""
+    """Whether a hand at this pose, ``opening`` metres wide, has points between its pads and hardly any in the way."""
     local = (skin.points - centre) @ rotation
     slab = np.abs(local[:, 0]) < 0.5 * hand.finger_breadth
     off = np.abs(local[:, 1])
@@ -190,7 +190,7 @@ def held_between(skin: Skin, rotation: FloatArray, centre: FloatArray, opening: 
 
 
 def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
-    """Families and rotations (3, 3) of the hand, square to the thing's own axes at ``yaw`` among others."""
+    """Families and rotations (3, 3) of the hand, among them those aligned with the object's own axes at ``yaw``."""
     down = np.array([0.0, 0.0, -1.0])
     for k in range(12):
         yield "top", grasp_rotation(down, horizontal(yaw + np.pi * k / 12))
@@ -200,7 +200,7 @@ def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
         beside = np.array([-closing[1], closing[0], 0.0])
         beside = beside if beside @ outward >= 0 else -beside
         yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
-    for k in range(12):  # over, along the closing direction: for rims that slope
+    for k in range(12):  # leaning along the closing direction, for sloping rims
         over = horizontal(yaw + np.pi * k / 6)
         yield "leaning", grasp_rotation(np.cos(OVER) * down + np.sin(OVER) * over, over)
     for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
@@ -260,11 +260,11 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
 def _stretches(
     slab: FloatArray, facing: FloatArray, tips: float, hand: Hand
 ) -> Iterator[tuple[float, float, float, float, float]]:
-    """Middle, width, opening, how well both sides face the fingers, and the height that they have in common, of each
-    stretch that can be taken with the fingertips at ``tips`` along the approach.
+    """Middle, width, opening, facing and common height of both sides, for each interval that can be grasped with the
+    fingertips at ``tips`` along the approach.
 
-    ``slab`` (N, 3) are points in the hand's frame, the pads' middle at x = 0, ``facing`` (N,) how well they face the
-    closing direction.
+    ``slab`` (N, 3) are points in the hand's frame, the pads' middle at x = 0, and ``facing`` (N,) the cosines between
+    their normals and the closing direction.
     """
     across, along, height = slab.T
     taken, at_pads = height < tips, height > tips - PAD
@@ -288,7 +288,7 @@ def _stretches(
         if len(members) < 4:
             continue
         there = along[members]
-        # Both sides of what is between the pads: the surfaces that the fingers will press on.
+        # The surfaces on both sides that the fingers will press on.
         edge = 0.004
         left, right = there < there.min() + edge, there > there.max() - edge
         sides = (members[left], members[right])
@@ -299,7 +299,7 @@ def _stretches(
 
 
 def _shared(values: FloatArray, sides: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
-    """From where to where both sides have values."""
+    """The interval in which both sides have values."""
     spans = [np.quantile(values[side], (0.1, 0.9)) for side in sides]
     return float(max(s[0] for s in spans)), float(min(s[1] for s in spans))
 
@@ -307,7 +307,7 @@ def _shared(values: FloatArray, sides: tuple[FloatArray, FloatArray]) -> tuple[f
 def _tips_by_table(
     rotation: FloatArray, middle: FloatArray, x: float, y: float, opening: float, hand: Hand, table: float
 ) -> float:
-    """How far along the approach the fingertips may be, with fingers and palm off the table, from the middle."""
+    """The fingertips' greatest distance from the middle along the approach, with fingers and palm above the table."""
     reach = 0.5 * opening + hand.finger_thickness
     fingers = (0.5 * hand.finger_breadth, reach, 0.0, TABLE_GAP)
     palm = (0.5 * hand.palm_depth, 0.5 * hand.palm_breadth, -hand.finger_length, 2 * TABLE_GAP)
@@ -323,7 +323,7 @@ def _tips_by_table(
 
 
 def _apart(found: list[Antipodal]) -> list[Antipodal]:
-    """The best, none of them much like a better one; some of each family."""
+    """The best grasps of each family, without near duplicates."""
     kept: list[Antipodal] = []
     for grasp in found:
         if sum(g.family == grasp.family for g in kept) == KEPT[grasp.family]:

@@ -1,4 +1,4 @@
-"""Candidates: proposals that the arm was asked about, ranked, and the first that passes every check."""
+"""Candidates: proposals ranked by their geometry and the arm, and the first that passes every check."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from gvla2.planning.findings import CheckReport
 from gvla2.skills.proposals import Job, Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
-"""Distance to joint limits (radians), manipulability (share of the best) and clearance (metres) that are enough."""
+"""Distance to joint limits (radians), manipulability and clearance (metres) beyond which more is no better."""
 
 LEAP = 2.0
-"""A joint that would turn by more than this on one straight way leaps to another of the arm's postures, radians."""
+"""A joint that turns further during one straight motion has changed to another posture of the arm, radians."""
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """All candidates, best first, and the proposal to execute; None when none passed."""
+    """All candidates, best first, and the proposal to execute; None if none passed."""
 
     candidates: tuple[Candidate, ...]
     chosen: Proposal | None
 
     def reasons(self) -> str:
-        """Why none passed: each different reason once, the best candidates' first."""
+        """Why none passed: the three first different reasons, best candidates first."""
         seen = dict.fromkeys(c.rejected for c in self.candidates if c.rejected)
         return "; ".join(list(seen)[:3]) or "there was no candidate"
 
 
 def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries: int) -> Ranking:
-    """Rank proposals for a job by their geometry and the arm's ease, and check the best ones in full until one passes.
+    """Rank proposals for a job by their geometry and the arm, and check the best ones in full until one passes.
 
     Score = preference + 0.2 margin to joint limits + 0.1 manipulability + 0.2 clearance, each at its worst
-    waypoint, relative to what is comfortable and capped there.
-    After a rejection by the checks, the candidate that was answered then is passed over. Proposals kept in reserve
-    are ranked by themselves when none of the others passed.
+    waypoint, relative to a comfortable value and capped there.
+    If the request has rejections, the first candidate that passes is skipped: it was the previous answer. Reserve
+    proposals are ranked separately if none of the others passed.
 
-    The arm is asked no further than it takes to know the best. What was not followed to its end says so, with the
-    score that it would have at most; but one that works by another approach is looked for among the next ``tries``:
-    memory forbids an approach only where another will do.
+    Inverse kinematics are solved only as far as needed to find the best. Candidates that were not followed to the end
+    say so, with an upper bound of their score. But a feasible one with another approach is looked for among the next
+    ``tries``, because memory forbids an approach only if there is an alternative.
     """
     forbidden = _forbidden(request.advice.effects, job.skill)
     reach = _Reach(request)
@@ -57,7 +57,7 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
     unreached: dict[bytes, str] = {}
     for reserve in (False, True):
         if chosen is not None:
-            break  # the arm is asked about what is kept in reserve only when nothing else will do
+            break  # the reserve is for when nothing else is feasible
         walks = [_Walk(p, request, reach, forbidden) for p in proposals if p.reserve == reserve]
         tried = 0
         for walk in _ranked(walks):
@@ -68,7 +68,7 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
                     report = _check(walk.proposal, request, job)
                     rejected = " ".join(report.reasons)
                     failed = {f.check for f in report.findings if not f.passed}
-                    if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
+                    if failed == {"kinematics"}:  # nor are the same poses with another opening of the hand
                         unreached[walk.poses()] = rejected
                 else:
                     rejected = f"not checked: {tries} better ones were"
@@ -102,12 +102,12 @@ def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
 
 
 def _instead_of(chosen: Proposal, other: Proposal) -> bool:
-    """Whether the other does without an approach of the chosen one; those that name none are told apart by nothing."""
+    """Whether the other avoids an approach of the chosen one, or the chosen one names none."""
     return not chosen.approaches or not set(chosen.approaches) <= set(other.approaches)
 
 
 class _Reach:
-    """Inverse kinematics and clearance that remember: candidates share poses."""
+    """Inverse kinematics and clearance, cached because candidates share poses."""
 
     def __init__(self, request: PlanRequest) -> None:
         self._arm, self._scene = request.arm, request.scene
@@ -115,7 +115,7 @@ class _Reach:
         self._room: dict[tuple[bytes, float, frozenset[str]], float] = {}
 
     def inside(self, xyz: FloatArray) -> bool:
-        """Whether both workspaces have the point (3,)."""
+        """Whether a point (3,) is in both workspaces."""
         return bool(self._arm.workspace.contains(xyz, -1e-6) & self._scene.workspace.contains(xyz, -1e-6))
 
     def __call__(self, pose: FloatArray, near: FloatArray) -> IKSolution | None:
@@ -125,7 +125,7 @@ class _Reach:
         return self._known[key]
 
     def room(self, joints: FloatArray, opening: float, touching: frozenset[str]) -> float:
-        """Clearance at joints (dof,), metres, but for what may be touched."""
+        """Clearance at joints (dof,) from everything except ``touching``, metres."""
         key = (joints.tobytes(), opening, touching)
         if key not in self._room:
             self._room[key] = self._arm.clearance(joints, opening, self._scene, touching).distance
@@ -133,10 +133,10 @@ class _Reach:
 
 
 class _Walk:
-    """A proposal as far as the arm was asked about its waypoints.
+    """A proposal that is rated waypoint by waypoint.
 
-    ``score`` is what it comes to at most, exact at its end; ``trouble`` why it cannot be done at all, "" where nothing
-    is known to be in the way; ``ranked``: it was told to be the best of what was left.
+    ``score`` is an upper bound, exact at the last waypoint; ``trouble`` is why it is infeasible, "" as long as it is
+    not known to be; ``ranked``: it was the best of those left.
     """
 
     def __init__(
@@ -154,11 +154,11 @@ class _Walk:
         return not self.trouble and next(self._steps, False)
 
     def poses(self) -> bytes:
-        """All tool poses so far."""
+        """All tool poses so far, as a key."""
         return b"".join(pose.tobytes() for pose in self._poses)
 
     def candidate(self, rejected: str) -> Candidate:
-        """What a plan tells of it."""
+        """Its entry in the plan."""
         return Candidate(self.proposal.description, self.score, rejected, self.proposal.approaches)
 
     def _rate(self, margin: float, manipulability: float, room: float) -> None:
@@ -184,7 +184,7 @@ class _Walk:
                 self._fails(f"{waypoint.stage} at ({xyz}) is {why}")
                 return
             if waypoint.motion == "linear" and np.abs(solution.joints - near).max() > LEAP:
-                why = "the arm gets there in another posture only, not in a straight line"
+                why = "the arm can get there only in another posture, not in a straight line"
                 self._fails(f"{waypoint.stage}: {why}")
                 return
             margin = min(margin, solution.limit_margin)
@@ -197,9 +197,9 @@ class _Walk:
 
 
 def _ranked(walks: Iterable[_Walk]) -> Iterator[_Walk]:
-    """The walks, best first, as they were at equal scores; each goes only as far as it takes to tell.
+    """The walks, best first, in their given order at equal scores; each is followed only as far as needed.
 
-    A walk's score only falls on its way, so that one at its end above what all others may come to is the best of them.
+    A walk's score never rises, so that a completed one above the bounds of all others is the best of them.
     """
     waiting = [(-walk.score, k, walk) for k, walk in enumerate(walks)]
     heapq.heapify(waiting)

@@ -1,4 +1,4 @@
-"""Carrying out: from skill calls to a plan. The one entry of every planner that speaks in skills."""
+"""From skill calls to a plan: the one entry for all planners that use skills."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from gvla2.skills.wholes import CLEAR, assembled, rise
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
-"""What is found this near to where it was is the same thing, metres."""
+"""An object found this close to an earlier place is the same object, metres."""
 
 
 def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOptions = DEFAULTS) -> Plan:
-    """A plan for the first of ``calls``, or for as many as make one trajectory; the others are its ``remaining``.
+    """A plan for the first of ``calls``, or for as many as fit in one trajectory; the others are its ``remaining``.
 
-    Never raises for calls that cannot be followed: they lead to a typed abstention that says what exists. Skills are
-    those of ``request.skills``, the standard ones where that is empty. The whole program is looked through for what
-    does not exist before its first part is planned.
+    Never raises for calls that cannot be carried out: the plan has a typed abstention that says what exists. The skills
+    are those of ``request.skills``, by default the standard ones. The whole program is searched for unknown skills and
+    objects before its first part is planned.
     """
     skills = request.skills or STANDARD
     program = tuple(calls)
@@ -63,14 +63,12 @@ def _one(
     skills: Mapping[str, Skill],
     share: tuple[int, int] = (0, 1),
 ) -> Plan:
-    """One call, of which ``share`` says that it is the k-th of n that lead to the same goal."""
+    """The plan for one call, the k-th of n with the same goal (``share``)."""
     what = meant(call, request.scene)
     if isinstance(what, Abstention):
         return Plan(None, call.skill, {"theme": call.theme}, abstention=what)
     if what.skill not in skills:
-        message = (
-            f"This would take the skill '{what.skill}', which is not there; there are {', '.join(skills)}."
-        )
+        message = f"This requires the skill '{what.skill}', which does not exist here; there are {', '.join(skills)}."
         return Plan(None, abstention=Abstention("unknown_skill", message))
     skill = skills[what.skill]
     call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
@@ -85,8 +83,8 @@ def _no_amount(call: SkillCall, skill: Skill) -> Abstention | None:
     if call.amount is None or skill.amount or call.direction is not None:
         return None
     return Abstention(
-        "other", f"{call.amount:g} m of what? To {skill.name} takes an amount with a direction only."
-        if skill.free else f"To {skill.name} takes no amount, and {call.amount:g} m was asked for."
+        "other", f"'{skill.name}' takes an amount only with a direction; {call.amount:g} m was asked for."
+        if skill.free else f"'{skill.name}' takes no amount; {call.amount:g} m was asked for."
     )  # fmt: skip
 
 
@@ -111,8 +109,10 @@ def _planned(
     request = replace(request, advice=replace(request.advice, effects=told))
     done = _done(request.advice.done, skill, theme)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
-    done = {name: before for name, before in done.items() if before * theta[name] > 0.0}  # the same way
-    # To get it done, as much again as at first; to find out how much, step by step.
+    done = {
+        name: before for name, before in done.items() if before * theta[name] > 0.0
+    }  # in the same direction
+    # To finish it, as much again as at first; to find out how much it takes, step by step.
     if options.explore <= 0.0:
         first = _done(request.advice.done[::-1], skill, theme)
         theta |= {name: theta[name] + first[name] for name in done}
@@ -161,8 +161,8 @@ def _theta(
     options: SkillOptions,
     stepwise: frozenset[str],
 ) -> tuple[dict[str, float], list[str]]:
-    """The numbers: defaults, the call's own, memory's, varied to explore (but for those that go ``stepwise`` now), and
-    as far as the scene lets them.
+    """The numbers and notes: defaults, then the call's own, memory's effects, variation to explore (except of the
+    ``stepwise`` ones) and the scene's limits.
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     if "lift_height" in theta:
@@ -184,7 +184,7 @@ def _theta(
 
 
 def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
-    """What was done to this very thing that stays done: parameters and how much of them, as the last one tells."""
+    """The lasting effects of earlier attempts on this object, by parameter; the last one counts."""
     return {
         one.parameter: one.value
         for one in told
@@ -194,7 +194,7 @@ def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, f
 
 
 def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> FloatArray | None:
-    """(2,) where the theme's centre is to go, where that is said by a place or a direction."""
+    """(2,) the intended position of the theme's centre, if the call has a place or a direction."""
     if call.xy is not None:
         return np.asarray(call.xy, dtype=np.float64)
     if call.direction is None:

@@ -1,7 +1,7 @@
 """Chaining: which of a program's calls make one plan.
 
-What is picked up and then placed is one placing; several things that go into containers are one trajectory where that
-is short enough. All else is one call at a time, so that the robot looks again before the next.
+Picking an object up and then placing it is one placement; several placements into containers are one trajectory if it
+is short enough. Any other call is planned alone, so that the robot looks again before the next.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.meaning import meant, whole_meant
 
 MOST = 3
-"""Things in one trajectory: it has at most 20 waypoints, and each thing takes six."""
+"""Most objects in one trajectory: it has at most 20 waypoints, and each object takes six."""
 SLACK = 0.002
-"""By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
+"""Error of perceived sizes that is allowed when an object is to go through an opening, metres."""
 WIDE = 0.06
-"""A container is open by more than this at its top, metres: things are put into it side by side."""
+"""A container's opening is wider than this, metres, so that objects fit side by side."""
 INTO = ("", "on", "in", "to")
 
 
 @dataclass(frozen=True)
 class Part:
-    """Calls that make one plan, each with how many calls of the program it ``took``, and its k-th of n in its goal."""
+    """Calls that make one plan. Each call ``took`` so many calls of the program, and is the k-th of n with its goal."""
 
     calls: tuple[SkillCall, ...]
     took: tuple[int, ...]
@@ -35,7 +35,7 @@ class Part:
 
 
 def first_part(program: Sequence[SkillCall], scene: Scene) -> Part:
-    """The first part of a program whose skills and objects all exist."""
+    """The first part of a program, of which all skills and objects exist."""
     calls: list[SkillCall] = []
     took: list[int] = []
     at = 0
@@ -54,7 +54,7 @@ def first_part(program: Sequence[SkillCall], scene: Scene) -> Part:
 
 
 def _merged(rest: Sequence[SkillCall], scene: Scene) -> tuple[SkillCall, int]:
-    """The first call, with the placing of what it took hold of, where that comes next."""
+    """The first call, merged with the next if that places what the first one picks, and the number of calls used."""
     first = rest[0]
     if len(rest) < 2 or rest[1].skill != "place" or first.goal or first.xy or first.direction:
         return first, 1
@@ -69,13 +69,13 @@ def _merged(rest: Sequence[SkillCall], scene: Scene) -> tuple[SkillCall, int]:
         return first, 1
     theta = {**first.theta, **then.theta}
     if what.skill == "pick":
-        theta.pop("lift_height", None)  # it is lifted as high as carrying takes
+        theta.pop("lift_height", None)  # placing has its own lift
         return replace(then, theta=theta), 2
     return replace(then, skill=what.skill, theme=what.theme.id, theta=theta), 2
 
 
 def _goes_along(call: SkillCall, calls: Sequence[SkillCall], scene: Scene) -> bool:
-    """Whether a call can be planned without looking again: it goes into a container too, and moves another thing."""
+    """Whether a call can be planned without looking again: it fills a container, too, and moves another object."""
     themes, goals = {c.theme for c in calls}, {c.goal for c in calls}
     return _fills(call, scene) and call.theme not in themes | goals and call.goal not in themes
 
@@ -87,22 +87,22 @@ def _fills(call: SkillCall, scene: Scene) -> bool:
 
 
 def is_container(thing: SceneObject) -> bool:
-    """Whether other things are put into it: it is open at the top, and lower than wide."""
+    """Whether it is for putting things into: open at the top, and lower than wide."""
     wide = float(thing.extents[:2].min())
     whole = thing.shape != "region" and not thing.parent
     return whole and thing.opening > WIDE and thing.top - thing.bottom < wide
 
 
 def kept_out(theme: SceneObject, goal: SceneObject) -> str:
-    """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
+    """Why an object cannot go into another, by their shapes and sizes; "" if it can."""
     if goal.shape == "region" or goal.parent:
         return ""
     if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
-        return ""  # cups and bowls go into their like, as far as they do
+        return ""  # cups and bowls stack
     solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
     if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
-        return f"The {goal.label} is not seen to be open: nothing goes into it."
+        return f"The {goal.label} does not seem to be open, so nothing can go into it."
     room = goal.opening or float(np.max(goal.extents[:2]))
-    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # whichever way it is turned
+    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # in any orientation
         return f"The {theme.label} is too large to go into the {goal.label}."
     return ""

@@ -1,4 +1,4 @@
-"""Exploring: theta varied on purpose, so that episodes show memory what else works, and what does not."""
+"""Exploring: deliberate variation of theta, so that memory learns what else works and what does not."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from gvla2.planning.contracts import PlanRequest
 
 SPEEDS = ("speed", "contact_speed")
-"""Never varied: how fast the arm moves is a matter of safety."""
+"""Never varied, for safety."""
 
 LEAST, MOST = 0.5, 1.5
-"""Factors are clipped to these: beyond half as much again a parameter is another motion, not a variation."""
+"""Bounds of the factors; a larger change would be a different motion."""
 
 
 def varied(
@@ -25,11 +25,11 @@ def varied(
     theme: str,
     said: frozenset[str] = frozenset(),
 ) -> tuple[dict[str, float], list[str]]:
-    """Theta with each number but the speeds multiplied by its own log-normal factor, and one sentence a change.
+    """Theta with each number except the speeds multiplied by a log-normal factor, and one sentence for each change.
 
-    ``spread`` is the standard deviation of the factors' logarithm, 0 for none. The factors repeat for the same seed,
-    instruction, scene and ``theme`` (an id); a parameter's own does not depend on which others there are. What is 0
-    stays 0; what the instruction itself said is kept.
+    ``spread`` is the standard deviation of the factors' logarithm, 0 for no variation. The factors are the same for the
+    same seed, instruction, scene and ``theme`` (an id); each is independent of the other parameters. Numbers that are 0
+    or that the instruction ``said`` (names) are kept.
     """
     changed: dict[str, float] = dict(theta)
     notes: list[str] = []

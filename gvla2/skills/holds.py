@@ -1,7 +1,7 @@
-"""Holds: the parts of a thing that fit between the fingers of a hand that comes from above.
+"""Holds: the parts of an object that fit between the fingers of a hand from above.
 
-Either the whole thing, between two of its faces; or what is slim at its top (a nozzle, a neck, a handle), which its
-points tell; or the wall of a hollow thing, with one finger inside.
+Either the whole object, between two of its faces; or a slim upper end (a nozzle, a neck, a handle), found from its
+points; or the wall of a hollow object, with one finger inside.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from gvla2.skills.proposals import horizontal
 GRASP_PLAY = 0.004
 """The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
 SNUG = 0.008
-"""Room on each side of a hand that is not opened fully, metres."""
+"""Gap on each side if the hand is not fully opened, metres."""
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 SLIMMER = 0.012
-"""The top of a thing counts as a part of its own where it is slimmer than the whole by this much, metres."""
+"""An upper end is a hold of its own if it is slimmer than the whole by this much, metres."""
 FEWEST = 25
-"""Points of which the outline of a part is believed."""
+"""The fewest points that define a part's outline."""
 STRAYS = (0.01, 0.99)
-"""What is beyond these shares of a thing's points says nothing of how wide it is."""
+"""Quantiles of an object's points that bound its width; points beyond them are outliers."""
 SHALLOW = 0.006
-"""The least depth of the tool below the top, metres: the pads of the fingers then overlap the thing by 15 mm."""
+"""Least depth of the tool below the top, metres: the fingers' pads then overlap the object by 15 mm."""
 
 
 @dataclass(frozen=True)
 class Hold:
     """Fingers closing along ``closing`` (3,) over ``width`` metres, at ``xy`` (2,), at most ``depth`` below the top.
 
-    ``slide`` is how far along the hand's breadth it may be shifted either way; ``opening`` in [0, 1] the widest
-    that the hand may be; ``cost`` what speaks against it, in units of preference; ``part``: "" is the whole thing.
+    ``slide`` is how far it may be shifted along the hand's breadth, ``opening`` in [0, 1] the hand's greatest opening,
+    ``cost`` a deduction from the preference, ``part`` "top", "rim" or "" for the whole object.
     """
 
     closing: FloatArray
@@ -53,13 +53,13 @@ class Hold:
 
 
 def holds(theme: SceneObject, hand: Hand) -> list[Hold]:
-    """All holds that fit, the whole thing first."""
+    """All holds that fit in the hand, those of the whole object first."""
     found = [h for h in whole(theme, hand) if h.width + GRASP_PLAY <= hand.max_width]
     return [*found, *slim_top(theme, hand), *wall(theme, hand)]
 
 
 def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
-    """Around the thing, whether it fits or not: any yaw for round things, else its pairs of upright faces."""
+    """Around the whole object, even if too wide: at any yaw if it is round, else by its pairs of upright faces."""
     xy = theme.centre[:2]
     if theme.shape in ROUND:
         for k in range(YAWS):
@@ -79,7 +79,7 @@ def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
 
 
 def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
-    """Around the upper end, where that is slimmer than the whole; as deep as it stays slim enough for the hand."""
+    """Around an upper end that is slimmer than the whole, as deep as it fits in the hand."""
     if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
         return []
     top = float(np.quantile(theme.points[:, 2], 0.995))
@@ -95,7 +95,7 @@ def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
 
 
 def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> list[Hold]:
-    """Holds about points (N, 2) of an upper end that fit in the hand, square to its slimmest side first."""
+    """Holds that fit around points (N, 2) of an upper end, starting with its slimmest side."""
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
@@ -111,16 +111,16 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
             continue
         xy = closing[:2] * 0.5 * (low + high) + beside[:2] * 0.5 * (left + right)
         name = f"the slim top, {width * 1000:.0f} mm, yaw {np.degrees(yaw + np.pi * k / YAWS) % 360:.0f}°"
-        # Flat sides want flat fingers: a box that is held askew turns in the hand.
+        # A box that is held askew turns in the hand.
         found.append(Hold(closing, width, name, xy, depth, cost=0.05, part="top"))
     slimmest = min((h.width for h in found), default=0.0)
     return [h for h in found if h.width < slimmest + 0.004]
 
 
 def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
-    """By the wall of an open round thing: one finger inside, where there is room for it."""
+    """By the wall of an open round object, with one finger inside if there is room for it."""
     broad = float(theme.extents[:2].max())
-    room = theme.opening - hand.finger_thickness - 0.01  # between the inner finger and the wall across
+    room = theme.opening - hand.finger_thickness - 0.01  # between the inner finger and the opposite wall
     if theme.opening <= 0.0 or theme.shape not in ("cylinder", "other") or room < 0.01:
         return []
     thickness = max(0.002, 0.5 * (broad - theme.opening))
@@ -140,6 +140,6 @@ def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
 
 
 def spans(points: FloatArray, angles: FloatArray) -> FloatArray:
-    """(2, A) lowest and highest value but for strays of points (N, 2) along each of the level ways (A,), radians."""
+    """(2, A) lowest and highest coordinates of points (N, 2), without outliers, along directions (A,), radians."""
     ways = np.stack([np.cos(angles), np.sin(angles)])
     return np.asarray(np.quantile(ways.T @ points.T, STRAYS, axis=1))

@@ -1,7 +1,7 @@
-"""Joined: what must be one piece with a thing, though it was seen as a thing of its own.
+"""Joined: objects that perception separated but that must be one piece.
 
-Two things are never at one place, and nothing keeps standing on the end of a stick. Perception parts things by colour:
-the shaded side of a bottle, the handle at the end of a shaft. Whoever takes hold of the one takes the other along.
+Perception separates objects by colour: the shaded side of a bottle, the handle at the end of a shaft. But two objects
+cannot be in the same place, and nothing stands on the end of a stick. Whoever grasps one moves the other, too.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from gvla2.skills.parts import CLOSE
 from gvla2.skills.wholes import stick
 
 CENTRED = 0.01
-"""What is on a stick's end has its middle this near to the stick's axis, metres."""
+"""The middle of what is on a stick's end is closer than this to the stick's axis, metres."""
 SHARED = 0.5
-"""Share of a thing's box that lies in another's from which on the two are one."""
+"""Two objects are one if more than this share of one's box is inside the other's."""
 GRID = 7
 
 
 def joined(theme: SceneObject, scene: Scene) -> tuple[SceneObject, Scene]:
-    """The uppermost of all that is one piece with ``theme``, which is what can be got hold of, and the scene with the
-    rest as its parts; parts of other things stay theirs.
+    """The uppermost of the objects in one piece with ``theme``, which can be grasped, and the scene with the others as
+    its parts; the parts of other objects stay theirs.
     """
     one = {theme.id}
     grown = True
@@ -55,7 +55,7 @@ def _one_piece(thing: SceneObject, other: SceneObject) -> bool:
 
 
 def _share(one: SceneObject, other: SceneObject) -> float:
-    """Share of the box of ``one`` that lies in the box of ``other``."""
+    """Share of the box of ``one`` that is inside the box of ``other``."""
     steps = (np.arange(GRID) + 0.5) / GRID - 0.5
     grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3) * one.extents
     local = transform_points(

@@ -1,4 +1,4 @@
-"""The part of a lifted path that takes hold of something: by the nearest holds, along the points, and put down."""
+"""Lifted paths with a grasp: by the nearest grasps, along the points, and put down."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     from gvla2.skills.lifting import PathPoint
 
 NEAREST = 24
-"""So many holds, those nearest to the point where the hand closes, are weighed."""
+"""The number of grasps, nearest to the point where the hand closes, that are considered."""
 APPROACH = 0.12
-"""Points before the hand closes that are so near to it, level metres, belong to the approach."""
+"""Points within this horizontal distance of the grasp belong to its approach or retreat, metres."""
 CENTRED = 0.03
-"""A thing that is let go of so near to a goal's middle is meant to lie in its middle, metres."""
+"""An object released this close to a goal's middle is put down at the middle, metres."""
 FAR = 10.0
-"""What each metre between a hold and the point costs of the preference."""
+"""Deduction from the preference for each metre between grasp and point."""
 TURNED = 0.05
 STEEP = 0.7
-"""A move whose height changes by more than this share of its length goes up or down."""
+"""A motion is vertical if its height changes by more than this share of its length."""
 
 
 def carried(
     job: Job, points: Sequence[PathPoint], at: int, opened: int | None
 ) -> list[Proposal] | Abstention:
-    """One proposal a hold and turn: the hand closes at point ``at`` and opens at ``opened`` (None: it does not)."""
+    """One proposal for each grasp and turn: the hand closes at point ``at`` and opens at ``opened`` (None: never)."""
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
@@ -103,7 +103,7 @@ def _let_go(
     here: FloatArray,
     touching: frozenset[str],
 ) -> None:
-    """Over where it is to lie, down to what is there, open. A goal's middle is meant where the point is near it."""
+    """Go over the place, lower and open the hand; at the goal's middle if the point is close to it."""
     spot = point.array
     if job.goal is not None and float(np.linalg.norm((spot - job.goal.centre)[:2])) < CENTRED:
         spot = job.goal.centre

@@ -1,10 +1,10 @@
-"""Lifting: bare points of a hand's path become a full trajectory that a robot can carry out.
+"""Lifting: from the points of a hand's path to a full trajectory that a robot can execute.
 
-The paper's planner answers tau = {(x, y, z, g)}. What such a path means besides is read off the scene: how the hand is
-turned and centred (by the holds of what it closes on), which moves are straight, what is carried, what may be touched,
-and which things play which role. Points are rough: a hold is taken by the nearest one that fits, as deep as the point
-says and the fingers reach; what is let go of at a goal is put down there rather than dropped. Nothing else of the path
-is made up: where it leads, and in which order, is the planner's.
+The paper's planner answers tau = {(x, y, z, g)}. The rest is inferred from the scene: how the hand is oriented and
+centred (from the holds of the object where it closes), which motions are straight, what is carried, what may be
+touched, and the objects' roles. Points are rough: the hand takes the nearest grasp that fits, at the point's depth as
+far as the fingers reach, and an object released at a goal is put down instead of dropped. Where the path leads, and in
+which order, is up to the planner.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ CLOSED = 0.5
 """A hand opened by a smaller share counts as closed."""
 MOST_POINTS = 16
 NEAR = 0.04
-"""A point so near to a thing's box is at that thing, metres."""
+"""A point this close to an object's box is at that object, metres."""
 LEVEL = 0.05
-"""The closed hand pushes where it goes sideways by more than this, and down by less, metres."""
+"""A closed hand pushes if it moves sideways by more and vertically by less than this, metres."""
 
 SPREAD = 0.6
-"""The fingers push by this share of the face that they meet: two contacts carry a thing without turning it."""
+"""The fingers spread over this share of the pushed face: two contacts push an object without turning it."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class PathPoint:
 
 
 def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions | None = None) -> Plan:
-    """The plan along ``points`` for the request's scene and arm, by the first way to turn the hand that passes the
-    checks; a typed abstention where none does.
+    """The plan along ``points`` for the request's scene and arm, with the first orientation of the hand that passes the
+    checks; a typed abstention if none does.
 
     Raises :class:`PlanningError` for no points, too many, or a hand that closes or pushes where there is nothing.
     """
@@ -114,13 +114,13 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
 
 
 def told(point: PathPoint, scene: Scene) -> str:
-    """A point for a message: millimetres, height above the table."""
+    """A point for messages: millimetres, z above the table."""
     x, y, z = (1e3 * v for v in point.xyz)
     return f"({x:.0f}, {y:.0f}, {z - 1e3 * scene.table_height:.0f}) mm"
 
 
 def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions) -> Plan:
-    """A hand that takes hold of nothing: it pushes or presses, closed."""
+    """The plan of a path without a grasp: the closed hand pushes or presses."""
     scene = request.scene
     moves = [(b.array - a.array, k) for k, (a, b) in enumerate(pairwise(points))]
     low = min(points, key=lambda p: p.xyz[2])
@@ -142,13 +142,13 @@ def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOpti
 
 
 def _pushed(job: Job, begin: FloatArray, end: FloatArray) -> list[Proposal]:
-    """From ``begin`` (3,) to ``end`` (3,) along the table, the fingers across the way; one proposal a way round."""
+    """Pushes from ``begin`` (3,) to ``end`` (3,) along the table, the fingers across; one for each way round."""
     theme, hand, standoff = job.theme, job.hand, job.theta["standoff"]
     way = (end - begin) * [1.0, 1.0, 0.0]
     way = way / np.linalg.norm(way)
     across = np.array([-way[1], way[0], 0.0])
     behind = theme.centre - way * (theme.half_along(way) + 0.5 * hand.finger_breadth + standoff)
-    # Over the thing itself, or too close to it, the hand cannot come down.
+    # The hand cannot come down over the object, or too close to it.
     begin = begin - way * max(0.0, float((begin - behind) @ way))
     opening = float(np.clip(2.0 * SPREAD * theme.half_along(across) / hand.max_width, 0.0, 1.0))
     found = []
@@ -171,7 +171,7 @@ def _job(
     request: PlanRequest,
     options: SkillOptions,
 ) -> tuple[Job, list[str]]:
-    """The job that the path amounts to, its own numbers limited by memory's bounds, and a note for each limit."""
+    """The path's job, with the path's own numbers limited by memory's bounds, and a note for each limit."""
     skill = _skill(name, request)
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     ranges = {p.name: p for p in skill.parameters}
@@ -195,14 +195,14 @@ def _answer(
     options: SkillOptions,
 ) -> Plan:
     refusal = f"The path to {job.skill} the {job.theme.label} cannot be followed"
-    request = replace(request, rejections=())  # a path has one way only: nothing is to be passed over
+    request = replace(request, rejections=())  # a path has no alternatives
     return answer(job, _skill(job.skill, request), found, request, options, refusal, notes)
 
 
 def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
-    """Where the hand closes on something: after it was open; or at the first point, where it goes on to rise or open.
+    """The index where the hand grasps: where it first closes, or the first point if the hand rises or opens later.
 
-    None where the hand stays as it is: it pushes or presses.
+    None if there is no grasp: the hand pushes or presses.
     """
     for k in range(1, len(points)):
         if points[k].closed and not points[k - 1].closed:
@@ -218,7 +218,7 @@ def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
 
 
 def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:
-    """The solid thing at a point: the one that it was written for, where it is near it, else the nearest by its box."""
+    """The solid object at a point: the one the point was written for, if close, else the nearest."""
     solids = scene.obstacles()
     gaps = {o.id: float(o.distances(point.array)) for o in solids}
     if point.at in gaps and gaps[point.at] < 2 * NEAR:
@@ -228,9 +228,7 @@ def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:
 
 
 def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject | None:
-    """What lies under a point: the one that it was written for, where it is near it, else the highest thing or patch
-    there. A place beside a thing is none on it.
-    """
+    """The object or patch under a point: the one the point was written for, if close, else the highest one there."""
     if point.at and point.at not in own:
         meant = scene[point.at]
         if meant.distances(np.array([*point.xyz[:2], meant.centre[2]])) < NEAR:
@@ -240,8 +238,8 @@ def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject
 
 
 def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
-    """The first thing on the table that a straight move runs into, seen from above: the one that it was written for
-    first.
+    """The first object on the table that a straight motion hits, seen from above, or the one its start was written
+    for.
     """
     things = [o for o in scene.obstacles() if not o.parent]
     if a.at and a.at in {o.id for o in things}:

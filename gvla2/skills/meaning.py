@@ -1,8 +1,8 @@
-"""What a call means for this very thing: the skill that does it, the part or the whole that it is done to.
+"""What a call means for a given object: the skill that does it, and the part or whole that it acts on.
 
-"Open" says what is to come of it, not how: a lid on a hinge is swung, a drawer is pulled, a cap is turned. What is held
-between other things cannot be lifted, whatever was called: it is drawn out. And a lid put on its own box is closed.
-All is told from the scene's geometry.
+"Open" names the result, not the motion: a hinged lid is swung, a drawer is pulled, a cap is turned. An object held
+between others cannot be lifted, only drawn out. And placing a lid on its own box closes it. All this is inferred from
+the scene's geometry.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gvla2.skills.stuck import stuck
 from gvla2.skills.wholes import holders, inside
 
 OVER = ("on", "in", "to", "")
-"""Relations in which a ring goes over a post."""
+"""Relations by which a ring can be put over a post."""
 
 
 @dataclass(frozen=True)
 class Meant:
-    """The skill by name, and what it is done to and leads to; ``goal`` None where there is none."""
+    """The name of the skill, its theme, and its goal if it has one."""
 
     skill: str
     theme: SceneObject
@@ -32,22 +32,21 @@ class Meant:
 
 
 def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
-    """The meaning of a standard call on a thing of the scene; a refusal where the thing is not for that."""
+    """The meaning of a standard call; an abstention if the skill does not apply to the object."""
     theme = scene[call.theme]
     goal = scene[call.goal] if call.goal else None
     if call.skill == "press":
         button = button_of(theme, scene)
         if button is None:
             return Abstention(
-                "nothing_matches", f"The {theme.label} is nothing to press, and has no one button."
+                "nothing_matches",
+                f"The {theme.label} cannot be pressed and does not have exactly one button.",
             )
         return Meant("press", button)
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
     skill, theme = unscrewed(skill, theme, scene)
     if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
-        return Abstention(
-            "nothing_matches", f"The {theme.label} is no cap, and none is seen on it to unscrew."
-        )
+        return Abstention("nothing_matches", f"The {theme.label} is not a cap, and no cap is visible on it.")
     if goal is not None:
         skill = fitted(skill, theme, goal, call.relation, scene)
         if skill == "close":
@@ -56,14 +55,14 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
 
 
 def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False) -> str:
-    """The skill that does to ``theme`` what ``skill`` asks for; the same one where the scene does not tell.
+    """The skill that does to ``theme`` what ``skill`` asks for; ``skill`` itself if the scene suggests no other.
 
-    ``aimed``: it is to end somewhere else, so it is no part that stays where it is, whatever it looks like.
+    ``aimed``: the object is to end elsewhere, so it is not a part that stays in place.
     """
     if aimed and skill == "pull" and stuck(theme, scene) is not None:
         return "draw"
     if skill == "pull" and any(inside(theme, holder) for holder in holders(theme, scene)):
-        return "pick"  # up, out of what it stands in, also where it has a handle
+        return "pick"  # up, out of what it stands in, even if it has a handle
     if skill in ("open", "pull"):
         if (hinge := hinge_for(theme, scene)) is not None and (skill == "open" or theme.id == hinge.lid.id):
             return "open"
@@ -82,7 +81,7 @@ def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False)
 
 
 def unscrewed(skill: str, theme: SceneObject, scene: Scene) -> tuple[str, SceneObject]:
-    """Twisting, and the cap, where something is opened that has one, or where a cap is to be taken away."""
+    """Twisting and the cap, if something closed by a cap is opened, or if a cap is taken away; else the arguments."""
     if skill in ("open", "twist") and (cap := cap_of(theme, scene)) is not None:
         return "twist", cap
     if skill in ("pick", "place", "pull", "draw") and closed_by(theme, scene) is not None:
@@ -91,8 +90,8 @@ def unscrewed(skill: str, theme: SceneObject, scene: Scene) -> tuple[str, SceneO
 
 
 def fitted(skill: str, theme: SceneObject, goal: SceneObject, relation: str, scene: Scene) -> str:
-    """Inserting, where something with a hole goes to what fits through it; closing, where a hinged lid goes to its
-    box; else the skill itself.
+    """Inserting, if the theme has a hole that fits over the goal; closing, if a hinged lid is put on its box; else the
+    skill itself.
     """
     if skill not in ("place", "push"):
         return skill
@@ -103,13 +102,13 @@ def fitted(skill: str, theme: SceneObject, goal: SceneObject, relation: str, sce
 
 
 def threaded(theme: SceneObject, scene: Scene) -> bool:
-    """A round lid or cap, or what one is on."""
+    """Whether it is a round lid or cap, or has one."""
     caps = [o for o in scene.objects if o.shape in ("cylinder", "disc") and is_lid(o, scene)]
     return any(theme.id in (cap.id, cap.parent) for cap in caps)
 
 
 def workable(scene: Scene) -> tuple[list[SceneObject], list[SceneObject]]:
-    """The whole things of the scene that have something to be worked, and their parts that are worked."""
+    """The wholes that have a lid, a drawer or a cap, and the parts that are moved then."""
     wholes: dict[str, SceneObject] = {}
     parts: dict[str, SceneObject] = {}
     for hinge in hinges(scene):
@@ -128,7 +127,7 @@ def workable(scene: Scene) -> tuple[list[SceneObject], list[SceneObject]]:
 
 
 def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:
-    """The whole that is moved when a part is named that cannot be moved by itself; what only stands in it can."""
+    """The whole that moves if a part is named; the part itself if it only stands in the whole."""
     above = scene.whole_of(theme)
     if above is None or (inside(theme, above) and above in holders(theme, scene)):
         return theme

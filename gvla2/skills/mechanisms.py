@@ -1,8 +1,8 @@
-"""Mechanisms: hinged lids and sliding drawers, told from what is seen of a thing and its parts.
+"""Mechanisms: hinged lids and sliding drawers, inferred from an object's parts.
 
-What a thing is for shows in its geometry: a flat part over a hollow one turns about one of its edges, and what has a
-handle before an upright face slides along that face's normal. Where a closed lid looks the same from all sides, it is
-taken to open towards the robot, as things are put before somebody who is to open them.
+A flat part over a hollow one turns about one of its edges, and a part with a handle in front of an upright face slides
+along that face's normal. If nothing shows where a closed lid's hinge is, it is assumed to open towards the robot, as
+boxes are placed for someone who is to open them.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from gvla2.skills.parts import is_handle, is_lid
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006
-"""A lid that stands out over one side by this much more than over the others is opened there, metres."""
+"""A lid opens at the side where it projects by this much more than at the others, metres."""
 OVERHANG = 0.15
-"""A lid stands out by less than this share of its length: where it seems to by more, the wall was not seen."""
+"""A lid projects by less than this share of its length; if it seems to by more, the wall was not seen."""
 FEWEST, STRAYS = 50, 6
-"""Points that outline a thing, and how many of them may lie astray."""
+"""The fewest points that define an outline, and the number of outliers that are ignored."""
 SLIM = 0.02
-"""A handle is no thicker than fingers close around with ease, metres."""
+"""Greatest thickness of a handle, metres."""
 BEFORE = 0.10
-"""A handle stands at most this far before the face that it belongs to, metres."""
+"""Greatest gap between a handle and the face that it belongs to, metres."""
 CLOSED = 0.15
-"""A lid is closed when it is tilted by less, radians."""
+"""A lid tilted by less is closed, radians."""
 
 
 @dataclass(frozen=True)
 class Hinge:
     """A lid that turns about a level edge.
 
-    ``origin`` (3,) middle of the hinge; ``level`` (3,) unit, from the hinge over the box, where the free edge is when
-    closed; ``angle`` by which it is open, radians; ``reach`` from hinge to free edge, ``breadth`` along the hinge and
-    ``thickness``, metres. ``guessed``: nothing tells which edge the hinge is at.
+    ``origin`` (3,) is the middle of the hinge; ``level`` (3,) the unit vector from the hinge to the free edge when the
+    lid is closed; ``angle`` is how far it is open, radians; ``reach`` from hinge to free edge, ``breadth`` along the
+    hinge and ``thickness`` are in metres. ``guessed``: the hinge's edge could not be inferred.
     """
 
     body: SceneObject | None
@@ -52,19 +52,19 @@ class Hinge:
 
     @cached_property
     def axis(self) -> FloatArray:
-        """(3,) unit; a right-hand turn about it opens the lid."""
+        """(3,) unit; a right-handed rotation about it opens the lid."""
         return np.cross(self.level, UP)
 
     def out(self, angle: float) -> FloatArray:
-        """(3,) unit, along the lid from the hinge when it is open by ``angle``."""
+        """(3,) unit, from the hinge along the lid when it is open by ``angle``."""
         return np.asarray(np.cos(angle) * self.level + np.sin(angle) * UP)
 
     def normal(self, angle: float) -> FloatArray:
-        """(3,) unit, the way the free edge goes while the lid opens."""
+        """(3,) unit, the direction of the free edge's motion while the lid opens."""
         return np.asarray(np.cos(angle) * UP - np.sin(angle) * self.level)
 
     def edge(self, angle: float, inside: float = 0.0) -> FloatArray:
-        """(3,) middle of the free edge, or a point ``inside`` metres nearer to the hinge."""
+        """(3,) middle of the free edge, or the point ``inside`` metres closer to the hinge."""
         return self.origin + (self.reach - inside) * self.out(angle)
 
     @property
@@ -90,18 +90,18 @@ class Slide:
 
 
 def hinges(scene: Scene) -> list[Hinge]:
-    """Every lid that seems hinged, with the box under it."""
+    """All lids that seem hinged, with the boxes under them."""
     found = []
     for lid in scene.objects:
         body = scene.whole_of(lid)
-        turns = body is not None and body.shape in ROUND  # what is on a round thing does not swing
+        turns = body is not None and body.shape in ROUND  # a lid on a round object turns
         if lid.shape in ("plate", "box") and is_lid(lid, scene) and not turns:
             found.append(hinge_of(lid, body, scene))
     return found
 
 
 def slides(scene: Scene) -> list[Slide]:
-    """Every handle with the front that it pulls."""
+    """All handles with the fronts that they pull."""
     found = []
     for handle in scene.objects:
         if handle.extents.min() > SLIM or not is_handle(handle):
@@ -117,7 +117,7 @@ def slides(scene: Scene) -> list[Slide]:
 
 
 def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
-    """Where a lid's hinge is, from how it lies on its box or stands open on it."""
+    """A lid's hinge, inferred from the lid's pose on its box."""
     axes, extents = lid.world_from_object[:3, :3], lid.extents
     thin = int(np.argmin(extents))
     sides = [i for i in range(3) if i != thin]
@@ -144,7 +144,7 @@ def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
 def _lip(
     lid: SceneObject, body: SceneObject | None, sides: list[int], scene: Scene
 ) -> tuple[FloatArray, float, bool]:
-    """Direction (3,) from the hinge to the free edge of a closed lid, its length, and whether that is a guess."""
+    """Direction (3,) from the hinge to the free edge of a closed lid, the lid's length, and whether that is a guess."""
     axes = lid.world_from_object[:3, :3]
     ways = [(sign * _flat(axes[:, i]), float(lid.extents[i])) for i in sides for sign in (1.0, -1.0)]
     if body is not None:
@@ -153,7 +153,7 @@ def _lip(
         order = sorted(told, key=lambda k: -stands_out[k])
         if len(order) > 1 and stands_out[order[0]] - stands_out[order[1]] > LIP:
             return (*ways[order[0]], False)
-        # A wall that no camera sees may be in the shadow of the lip; one that is flush with the lid is not.
+        # An unseen wall may be hidden by the lip; a wall flush with the lid is not.
         ways = [way for k, way in enumerate(ways) if k not in told] or ways
     near = np.array([scene.workspace.low[0], 0.5 * (scene.workspace.low[1] + scene.workspace.high[1])])
     to_robot = np.array([*(near - lid.centre[:2]), 0.0])
@@ -162,14 +162,14 @@ def _lip(
 
 
 def _outward(handle: SceneObject, ref: SceneObject) -> FloatArray | None:
-    """(3,) the normal of the upright face of ``ref`` that the handle stands before; None when before none."""
+    """(3,) the normal of the upright face of ``ref`` behind the handle; None if it has no upright face."""
     shift = handle.centre - ref.centre
     faces = ref.upright_faces()
     return max(faces, key=lambda way: float(shift @ way) - ref.half_along(way), default=None)
 
 
 def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
-    """The thing with an upright face right behind a handle that is not known to be a part."""
+    """The object with an upright face right behind a handle that is not known to be a part."""
     best, nearest = None, BEFORE
     for thing in scene.obstacles(frozenset({handle.id})):
         way = _outward(handle, thing)
@@ -185,17 +185,17 @@ def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
 
 
 def hinge_for(thing: SceneObject, scene: Scene) -> Hinge | None:
-    """The hinge that a lid, or the thing under it, is a part of."""
+    """The hinge of a lid, or of the object under it; None if there is none."""
     return next((h for h in hinges(scene) if thing.id in h.parts), None)
 
 
 def slide_for(thing: SceneObject, scene: Scene) -> Slide | None:
-    """The slide that a handle, a front or what it slides in is a part of."""
+    """The slide of a handle, a front or the body around it; None if there is none."""
     return next((s for s in slides(scene) if thing.id in s.parts), None)
 
 
 def _reach(thing: SceneObject, way: FloatArray) -> float:
-    """How far a thing goes along a unit vector, metres from the world's origin: by its points, where it has some."""
+    """An object's greatest coordinate along a unit vector, metres; from its points if there are enough."""
     if len(thing.points) < FEWEST:
         return float(thing.centre @ way) + thing.half_along(way)
     return float(np.sort(thing.points @ way)[-STRAYS])

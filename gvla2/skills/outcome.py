@@ -1,4 +1,4 @@
-"""What came of carrying out a skill, as plain data: what a skill's own diagnosis is told, and what it answers."""
+"""The outcome of an executed skill, and the signal that the skill's diagnosis finds in it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Waypoint
 
 EMPTY = 0.001
-"""Fingers that are no further apart hold nothing, metres."""
+"""Fingers this close hold nothing, metres."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One diagnosed cause: a stable ``kind``, words that hold for any such episode, and an effect where one follows."""
+    """One diagnosed cause: a stable ``kind``, ``words`` that are true of any such episode, and its effect, if any."""
 
     kind: str
     words: str
@@ -25,8 +25,8 @@ class Signal:
 
 @dataclass(frozen=True)
 class Reached:
-    """One executed waypoint: its ``stage``, the fingers' gap in metres at its end, whether a guard
-    ended it, and by how much the tool missed its target, metres.
+    """One executed waypoint: its ``stage``, the fingers' gap at its end in metres, whether a guard ended it, and the
+    tool's distance from its target, metres.
     """
 
     index: int
@@ -38,10 +38,10 @@ class Reached:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A plan that was executed: to its end, or until the object ``slipped`` or held the hand back.
+    """A plan that was executed to its end, or until the object ``slipped`` or resisted.
 
-    ``theme`` is what was handled, as perceived ``before``; ``later(id)`` is the same object as perceived afterwards,
-    None where it was not found. ``after`` is all that was perceived then.
+    ``theme`` is the handled object as perceived ``before``; ``later(id)`` is an object as perceived afterwards, None if
+    it was not found; ``after`` is the whole scene perceived then.
     """
 
     plan: Plan
@@ -58,12 +58,12 @@ class Outcome:
         return self.plan.trajectory.waypoints if self.plan.trajectory else ()
 
     def gripped(self) -> bool:
-        """Whether the fingers had something between them on all the way that the plan has them carry it."""
+        """Whether the fingers held something wherever the plan carries it."""
         carrying = [r.gripper_width for r, w in self._followed() if w.carries and w.gripper < 0.1]
         return bool(carrying) and min(carrying) > EMPTY
 
     def held_back(self) -> bool:
-        """Whether the thing did not come along: the hand was stopped on the way, or what it held was drawn from it."""
+        """Whether the hand closed on something and began to carry it, so that the object must have resisted."""
         closed = any(r.stage == "close" and r.gripper_width > EMPTY for r in self.reached)
         return closed and any(w.carries for _, w in self._followed())
 
@@ -71,16 +71,16 @@ class Outcome:
         return [(r, self.waypoints[r.index]) for r in self.reached if r.index < len(self.waypoints)]
 
     def stopped(self, stage: str, short: float) -> bool:
-        """Whether the hand met a stop in a motion of this stage: a guard ended it, or it ended ``short`` metres off."""
+        """Whether a guard ended a motion of this stage, or it ended more than ``short`` metres off its target."""
         return any(r.guarded or r.error > short for r in self.reached if r.stage == stage)
 
     def went(self, stage: str, name: str) -> float:
-        """How far of the depth that the parameter asks for the hand got in the motion of this stage, metres."""
+        """The value of a parameter that the motions of this stage reached, metres."""
         missed = max((r.error for r in self.reached if r.stage == stage), default=0.0)
         return self.plan.parameters.get(name, 0.0) - missed
 
     def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
-        """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""
+        """The bound at ``by`` more (or less) than the used value of a parameter; None if the parameter was not used."""
         used = self.plan.parameters.get(name)
         if used is None:
             return None

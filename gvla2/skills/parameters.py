@@ -1,10 +1,9 @@
-"""The numbers theta that shape a motion: defaults from the gripper's and the object's geometry, SI units.
+"""The parameters theta of a motion: defaults from the gripper's and the object's geometry, SI units.
 
-They are what is asked for. The motion stops short where it must: the fingertips stay 4 mm above the table whatever
-``grasp_depth`` says, and a press ends before what the button stands on (:func:`limited`). None is tuned to a task;
-the derivations stand at each function. Memory changes them by :func:`gvla2.planning.effects.apply_effects`; what it
-learns of those that go with a side of the object it keeps as shares of that side, of all others in SI units. What each
-means, and its unit, stands in :mod:`gvla2.skills.table`.
+They are targets. A motion stops short if it must: the fingertips stay 4 mm above the table whatever ``grasp_depth``
+says, and a press ends above what the button stands on (:func:`limited`). None is tuned to a task; each function derives
+its own. Memory changes them by :func:`gvla2.planning.effects.apply_effects`: it stores those that scale with a side of
+the object as shares of that side, and all others in SI units. Meanings and units are in :mod:`gvla2.skills.table`.
 """
 
 from __future__ import annotations
@@ -17,50 +16,50 @@ from gvla2.planning.effects import Scale
 from gvla2.planning.scene import Scene, SceneObject
 
 TABLE_GAP = 0.004
-"""The fingertips' end stays this far above the table, metres: about twice what depth cameras err by."""
+"""Least height of the fingertips above the table, metres: about twice a depth camera's error."""
 
 PALM_GAP = 0.005
-"""The palm stays this far above what the fingers reach around, metres."""
+"""Least gap between the palm and what is between the fingers, metres."""
 
 PRESS_GAP = 0.0012
-"""The fingertips' end stays this far above what a button stands on, metres: hardly more than the 1 mm that the checks
-want on straight moves, since a button may travel nearly all of its height."""
+"""Least height of the fingertips above what a button stands on, metres: hardly more than the 1 mm that the checks
+require on straight motions, since a button may travel nearly its whole height."""
 
 PRESS_DEPTH = 0.010
-"""How deep a button is pressed as a rule, metres: few travel further."""
+"""Usual depth of a press, metres: few buttons travel further."""
 
 LEAN_OVER = 0.25
-"""A lid that is this far past the vertical stays open or falls open, radians: its weight carries it on."""
+"""A lid this far past the vertical stays open, radians: its weight holds it."""
 
 LEAST_SIDE = 0.002
-"""Perceived sides that are shorter tell nothing, metres."""
+"""Shorter perceived sides are unreliable, metres."""
 
 
 def deepest(hand: Hand) -> float:
-    """The greatest depth of the tool below the top of what the fingers reach around, metres; the palm stays clear."""
+    """Greatest depth of the tool below the top of what is grasped, metres: the palm stays above it."""
     return hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
 
 
 def of_pick(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Grasped, and lifted as high as the options say."""
+    """Grasp, and the options' lift height."""
     return {**_grasp(theme, hand), "lift_height": options.lift_height, **speeds(options)}
 
 
 def of_place(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Grasped, carried over everything, put down."""
+    """Grasp, carry over everything, put down."""
     return {**_grasp(theme, hand), **_carry(), **speeds(options)}
 
 
 def speeds(options: SkillOptions) -> dict[str, float]:
-    """Of the tool in the open, and where it touches."""
+    """Speeds of the tool in free space and in contact."""
     return {"speed": options.speed, "contact_speed": options.contact_speed}
 
 
 def _grasp(theme: SceneObject, hand: Hand) -> dict[str, float]:
-    """Grasp at half height, where a squeezed object does not tip; less deep when the palm would touch its top.
+    """Grasp at half height, where a squeezed object does not tip; less deep if the palm would touch its top.
 
-    The standoff is a finger's length: the last, straight part then starts with the whole fingers above the object,
-    and sideways errors of the planned part cannot knock it over.
+    The standoff is a finger's length: the last, straight part then starts with the fingers above the object, and
+    sideways errors of the planned part cannot knock it over.
     """
     return {
         "standoff": hand.finger_length,
@@ -71,20 +70,19 @@ def _grasp(theme: SceneObject, hand: Hand) -> dict[str, float]:
 
 
 def _carry() -> dict[str, float]:
-    """5 cm above the highest thing: the motion planner's margin, the perceived heights' errors and some swing.
+    """5 cm above the highest object: the motion planner's margin, errors of perceived heights and some swing.
 
-    5 mm above the support: twice the depth cameras' error, so that nothing is pressed into the support, and too
-    little for the object to bounce.
+    5 mm above the support: twice the depth camera's error, so that the object is not pressed into the support, and too
+    little for it to bounce.
     """
     return {"transit_clearance": 0.05, "place_height": 0.005}
 
 
 def of_twist(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Fingertips just below a cap's underside, where their pads meet all of its side, and a turn of 165 degrees.
+    """Fingertips at 80 % of the cap's height, so that the pads touch its whole side, and a turn of 165 degrees.
 
-    A cap comes loose within half a turn; the wrist makes nearly two, but the hand must also get there and away. Seen
-    from above it turns against the clock, as right-handed threads open. Lifted by its own breadth and a finger's length
-    it is clear of what it closed.
+    A cap comes loose within half a turn; the wrist can make nearly two, but the hand must also get there and away. It
+    turns counterclockwise seen from above, as right-handed threads open. The lift clears what the cap closed.
     """
     return {
         **_grasp(theme, hand),
@@ -97,8 +95,8 @@ def of_twist(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str,
 
 
 def of_insert(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """As low as the table lets the hand; let go where the hole is two thicknesses down the post, so that what slides
-    the rest of the way by its weight cannot cant on the post's end.
+    """Grasp as low as the table allows; release with the hole two thicknesses down the post, so that the object slides
+    the rest of the way by its weight without jamming on the post's end.
     """
     height = theme.top - theme.bottom
     return {
@@ -113,8 +111,8 @@ def of_insert(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str
 def of_push(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
     """Push low, so that friction under the object does not tip it, but with the palm above its top.
 
-    The palm is deeper than the fingers. Coming down behind the object it must pass by, 15 mm away; while
-    pushing, the fingers go as low as lets it pass over the top, never above half height.
+    The palm is deeper than the fingers. On the way down behind the object it must pass 15 mm away; while pushing, it
+    must pass over the top, with the fingers as low as that allows and never above half height.
     """
     height = theme.top - theme.bottom
     over_top = height - hand.finger_length + PALM_GAP
@@ -127,9 +125,9 @@ def of_push(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, 
 
 
 def of_press(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Buttons travel a centimetre at most: 10 mm below the top presses any of them home, where they are high enough.
+    """10 mm below the top: buttons travel a centimetre at most. Few must be held down.
 
-    Beyond its stop a button does not yield; the arm's compliance takes up the rest. Few have to be held down.
+    A button does not yield beyond its stop; the arm's compliance takes up the rest.
     """
     del theme
     return {
@@ -141,8 +139,8 @@ def of_press(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str,
 
 
 def of_open(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Grasp the lip with half of the finger pads, so that the tips end before the wall that the lip stands out over;
-    swing past the vertical.
+    """Grasp the lip with half of the finger pads, so that the tips end before the wall under it; swing past the
+    vertical.
     """
     return {
         "standoff": hand.finger_length,
@@ -153,12 +151,12 @@ def of_open(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, 
 
 
 def of_close(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Hook a pad's length below the edge; from a radian on a lid's weight is well past the hinge."""
+    """Hook a pad's length below the edge; a lid open by a radian falls shut by its weight."""
     return {"standoff": hand.finger_length, "hook_depth": 0.012, "let_go_angle": 1.0, **speeds(options)}
 
 
 def of_pull(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """15 cm: a drawer is open when a hand gets into it, and few are less deep. Few have a catch to be lifted."""
+    """15 cm: a hand fits into the open drawer, and few are shorter. Few have a catch."""
     return {
         "standoff": hand.finger_length,
         "grasp_depth": 0.006,
@@ -169,7 +167,7 @@ def of_pull(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, 
 
 
 def of_draw(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """Held two fingers' breadths from its free end at most, at half its height; drawn out 2 cm beyond being free."""
+    """Grasp a finger's breadth from the free end, at half height; draw out 2 cm beyond what holds it."""
     return {
         "standoff": hand.finger_length,
         "grasp_depth": min(0.5 * (theme.top - theme.bottom), deepest(hand)),
@@ -184,7 +182,7 @@ def of_draw(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, 
 def scales(
     scaled: Mapping[str, str], theta: Mapping[str, float], lengths: Mapping[str, float]
 ) -> dict[str, Scale]:
-    """The side of the object that each parameter goes with, as the skill says, and its length."""
+    """The side of the object that each parameter scales with, and that side's length."""
     return {
         name: (side, lengths[side])
         for name, side in scaled.items()
@@ -195,8 +193,8 @@ def scales(
 def limited(theta: dict[str, float], theme: SceneObject, scene: Scene) -> tuple[dict[str, float], list[str]]:
     """Theta limited to what the scene allows, and a sentence for each change.
 
-    The fingers are wider than a button: pressed lower than its height they would meet what it stands on, which is
-    the thing that it is a part of, or whatever its own lower side rests on.
+    The fingers are wider than a button: deeper than its height they would touch what it stands on, its whole or
+    whatever is under it.
     """
     if "press_depth" not in theta:
         return theta, []

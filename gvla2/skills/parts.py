@@ -1,8 +1,8 @@
 """Parts: lids, caps, handles and buttons, recognised by how a part sits on its whole, or else by its name.
 
-Geometry comes first. A flat part that covers its whole's top is a lid, a level bar before an upright face a handle, a
-small flat round thing a button. What was seen badly, or stands open, may only be known by what its perceiver calls it:
-:data:`NAMED` is all of words that the skills know, and it is about labels, never about an instruction.
+Geometry comes first. A flat part that covers the top of its whole is a lid, a level bar in front of an upright face a
+handle, a small flat round part a button. A part that was seen badly, or stands open, may be recognised only by its
+label: :data:`NAMED` are the only words in the skills, and they are about labels, never about an instruction.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ NAMED = {
     "handle": frozenset(["handle", "grip", "haft"]),
     "button": frozenset(["button", "switch", "pushbutton", "knob"]),
 }
-"""What perceivers call a part that opens, that is pulled, and that is pressed."""
+"""Labels of parts that open, that are pulled and that are pressed."""
 
 CLOSE = 0.012
-"""Things whose gap in height is smaller may touch, metres: perceived heights err by some millimetres each."""
+"""Objects with a smaller vertical gap may touch, metres: perceived heights are off by a few millimetres."""
 CENTRED = 0.012
 """The horizontal distance between the middles of a cap and of what it closes is less than this, metres."""
 THIN = 0.25
@@ -29,11 +29,11 @@ THIN = 0.25
 COVERING = 0.6
 """A lid is at least this share as long and as broad as what it covers."""
 BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
-"""A round thing no wider, whose top is no higher above the table, may be a button, metres."""
+"""Greatest width of a button, and greatest height of its top above the table, metres."""
 
 
 def is_lid(thing: SceneObject, scene: Scene) -> bool:
-    """Whether it opens something: a flat part that lies on its whole, or what is called a lid."""
+    """Whether it is a lid: a flat part that lies on its whole, or labelled as one."""
     if called(thing, "lid"):
         return True
     body = scene.whole_of(thing)
@@ -48,7 +48,7 @@ def is_lid(thing: SceneObject, scene: Scene) -> bool:
 
 
 def is_handle(thing: SceneObject) -> bool:
-    """Whether something is pulled by it: a level bar that is a part, or what is called a handle."""
+    """Whether it is a handle: a level bar that is a part, or labelled as one."""
     if called(thing, "handle"):
         return True
     level = abs(float(thing.world_from_object[2, int(thing.extents.argmax())])) < 0.3
@@ -56,7 +56,7 @@ def is_handle(thing: SceneObject) -> bool:
 
 
 def is_button(thing: SceneObject, scene: Scene) -> bool:
-    """Whether it can be pressed: small, round, low and flat (or on something), or called a button."""
+    """Whether it is a button: small, round, low and flat (or a part), or labelled as one."""
     if called(thing, "button"):
         return True
     small = thing.extents[:2].max() <= BUTTON_WIDTH and thing.top - scene.table_height <= BUTTON_TOP
@@ -65,7 +65,7 @@ def is_button(thing: SceneObject, scene: Scene) -> bool:
 
 
 def button_of(thing: SceneObject, scene: Scene) -> SceneObject | None:
-    """The button that a thing is, or the one that is a part of it; None where it has none, or several."""
+    """The object itself if it is a button, or its only button; None if it has none, or several."""
     if is_button(thing, scene):
         return thing
     buttons = [part for part in scene.parts_of(thing.id) if is_button(part, scene)]
@@ -87,14 +87,14 @@ def closed_by(cap: SceneObject, scene: Scene) -> SceneObject | None:
 
 
 def cap_of(thing: SceneObject, scene: Scene) -> SceneObject | None:
-    """The cap that a thing is, or the cap that closes it."""
+    """The object itself if it is a cap, or the cap that closes it."""
     if closed_by(thing, scene) is not None:
         return thing
     return next((o for o in scene.objects if o.parent == thing.id and closed_by(o, scene) is not None), None)
 
 
 def root_of(thing: SceneObject, scene: Scene) -> SceneObject:
-    """The whole that it is a part of in the end; itself where it is none."""
+    """The outermost whole that it is a part of; the object itself if it is no part."""
     for _ in scene.objects:
         above = scene.whole_of(thing)
         if above is None:
@@ -104,5 +104,5 @@ def root_of(thing: SceneObject, scene: Scene) -> SceneObject:
 
 
 def called(thing: SceneObject, part: str) -> bool:
-    """Whether a perceiver calls it a lid, a handle or a button."""
+    """Whether its label is one of a ``part``: "lid", "handle" or "button"."""
     return bool(NAMED[part] & set(re.findall(r"[a-z]+", thing.label.lower())))

@@ -1,4 +1,4 @@
-"""What a schema makes: proposed trajectories, written stage by stage."""
+"""Jobs, the trajectories proposed for them, and paths, which write trajectories stage by stage."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from gvla2.skills.parameters import TABLE_GAP
 from gvla2.skills.wholes import holders, rise, way_out
 
 LONGEST_LINE = 0.5
-"""Longer straight moves are written as several, metres."""
+"""Longer straight motions are split, metres."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One grounded request. ``goal`` is the object that the theme goes to, or None; ``target`` (2,) where the theme's
-    centre is to be, world metres, where the sentence says so by a direction. ``relation`` is the goal's.
-    ``share``: it is the k-th of n things that go there. ``done``: so much of a parameter was done to the theme before.
+    """One grounded request. ``goal`` is the object that the theme goes to, or None, and ``relation`` how it should lie
+    there; ``target`` (2,) is the intended position of the theme's centre, world metres, if there is no goal. ``share``:
+    the theme is the k-th (from 0) of n objects that go there. ``done`` is the amount by parameter that earlier attempts
+    did to the theme.
     """
 
     skill: str
@@ -40,29 +41,29 @@ class Job:
     done: Mapping[str, float] = field(default_factory=dict)
 
     def own(self) -> frozenset[str]:
-        """Ids of the theme and its parts: what the hand that takes hold of it may touch."""
+        """Ids of the theme and its parts, which a hand that grasps it may touch."""
         return self._own
 
     def resting(self) -> frozenset[str]:
-        """Ids of what the theme stands in or on, with their parts, and the table: it touches them until lifted."""
+        """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
         return self._resting
 
     @cached_property
     def rise(self) -> float:
-        """How far the theme is to be lifted to be clear of what it stands in, metres."""
+        """Height by which the theme must be lifted to leave what it stands in, metres."""
         return rise(self.theme, self.scene)
 
     @cached_property
     def way_out(self) -> FloatArray:
-        """(3,) unit: the way by which the theme leaves what it stands in."""
+        """(3,) unit: the direction in which the theme leaves what it stands in."""
         return way_out(self.theme, self.scene)
 
     @cached_property
     def highest(self) -> float:
-        """Height of the highest thing but the theme and its parts, or of the table, metres."""
+        """Height of the highest object except the theme and its parts, or of the table, metres."""
         return max((o.top for o in self.scene.obstacles(self._own)), default=self.scene.table_height)
 
-    # Dozens of proposals ask one job for the same.
+    # Cached: dozens of proposals ask for the same.
     @cached_property
     def _own(self) -> frozenset[str]:
         return self.scene.family(self.theme.id)
@@ -73,25 +74,24 @@ class Job:
         return frozenset({"table"}).union(*held)
 
     def lowest_tcp(self) -> float:
-        """The lowest height of the tool, pointing down, that keeps the fingertips off the table."""
+        """The lowest height of the tool, pointing down, with the fingertips above the table, metres."""
         return self.scene.table_height + TABLE_GAP + self.hand.tip_beyond_tcp
 
     def outward(self) -> FloatArray:
-        """(3,) from where the arm stands, at the middle of the workspace's near side, to the theme; level."""
+        """(3,) level vector from the arm's foot, at the middle of the workspace's near side, to the theme."""
         stands = np.array([self.workspace.low[0], 0.5 * (self.workspace.low[1] + self.workspace.high[1])])
         return np.array([*(self.theme.centre[:2] - stands), 0.0])
 
     def ceiling(self) -> float:
-        """The highest the tool may go."""
+        """The greatest height of the tool, metres."""
         return float(min(self.workspace.high[2], self.scene.workspace.high[2]))
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """One way to do it. ``approaches`` are the names by which memory may forbid it ("approach:top");
-    ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked. One in ``reserve`` is looked
-    at only when all others failed. ``way`` is the trajectory, or what writes it: of dozens of proposals the arm is
-    asked about a few.
+    """One way to do a job. ``approaches`` are the names by which memory may forbid it ("approach:top");
+    ``preference`` in [0, 1] rates its geometry, without regard to the arm. Proposals in ``reserve`` are considered only
+    if all others failed. ``way`` is the trajectory, or a function that writes it: only a few of dozens are needed.
     """
 
     description: str
@@ -103,13 +103,13 @@ class Proposal:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The trajectory, written when it is first asked for."""
+        """The trajectory, written on first use."""
         return self.way if isinstance(self.way, Trajectory) else self.way()
 
 
 @dataclass
 class Path:
-    """Writes waypoints one after the other; what is carried and may be touched stays until it is changed."""
+    """Writes waypoints one by one; the attributes apply to the next ones until they are changed."""
 
     speed: float
     contact_speed: float
@@ -127,7 +127,7 @@ class Path:
         gripper: float | None = None,
         allowed: frozenset[str] = frozenset(),
     ) -> Path:
-        """A planned move around obstacles."""
+        """A planned motion around obstacles."""
         return self._add(stage, xyz, "free", self.speed, gripper, allowed)
 
     def line(
@@ -141,9 +141,7 @@ class Path:
         guard: Guard | None = None,
         dwell: float = 0.0,
     ) -> Path:
-        """A straight move, in parts where it is long, and ``dwell`` seconds there; with a ``guard`` it ends where that
-        stops it.
-        """
+        """A straight motion, split if it is long, then ``dwell`` seconds of rest; a ``guard`` may end it early."""
         speed = self.contact_speed if slow else self.speed
         if self.waypoints:
             begin = np.asarray(self.waypoints[-1].xyz)
@@ -153,7 +151,7 @@ class Path:
         return self._add(stage, xyz, "linear", speed, gripper, allowed, guard, dwell)
 
     def trajectory(self) -> Trajectory:
-        """All that was written."""
+        """The trajectory of all waypoints so far."""
         return Trajectory(tuple(self.waypoints))
 
     def _add(
@@ -188,7 +186,7 @@ class Path:
 
 
 def pointing(closing: FloatArray, approach: FloatArray | None = None) -> Orientation:
-    """The hand with its fingers closing along ``closing`` (3,), pointing along ``approach`` (3,), down by default."""
+    """The hand's orientation with fingers closing along ``closing`` (3,), pointing along ``approach`` (3,) or down."""
     down = np.array([0.0, 0.0, -1.0]) if approach is None else approach
     vector, along = (tuple(float(v) for v in a) for a in (down, closing))
     return Orientation("grasp", vector, along)  # type: ignore[arg-type]

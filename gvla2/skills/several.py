@@ -1,4 +1,4 @@
-"""Several things one after the other: the scene that one leaves for the next, and waypoints short enough for all."""
+"""One plan for several calls: the scene after each, and few enough waypoints for all."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 
 
 def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
-    """One plan for the calls of a part; the first refusal of ``plan_one`` is the refusal of all.
+    """One plan for the calls of a part; a refusal by ``plan_one`` refuses all.
 
-    What is beyond the longest trajectory, or can be done only from where the arm begins, is left out: the plan's
-    ``calls`` say how many there are in it.
+    Calls that do not fit in the longest trajectory, or that are feasible only from the arm's first pose, are left out:
+    the plan's ``calls`` are those in it.
     """
     waypoints: list[Waypoint] = []
     now, last, done = request, Plan(None), 0
@@ -54,10 +54,7 @@ def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
 
 
 def brief(trajectory: Trajectory) -> list[Waypoint]:
-    """The waypoints with the hand closing or opening as it arrives, not at a stop of its own.
-
-    A stop that only opens or closes the hand takes over the way to where it is.
-    """
+    """The waypoints with the hand closing or opening on arrival instead of at a separate waypoint."""
     kept: list[Waypoint] = []
     for waypoint in trajectory:
         before = kept[-1] if kept else None
@@ -75,7 +72,7 @@ def brief(trajectory: Trajectory) -> list[Waypoint]:
 
 
 def after(thing: SceneObject, trajectory: Trajectory, request: PlanRequest) -> PlanRequest:
-    """The request as it stands when the trajectory was followed: the thing moved, the arm where it ended."""
+    """The request after the trajectory: the object moved, the arm at the end."""
     legs = resolve_motion(trajectory, request.scene, request.arm, request.start, request.joints)
     held = [leg for leg in legs if leg.waypoint.carries == thing.id]
     if not held:

@@ -1,8 +1,8 @@
-"""What went wrong with a skill of our own, by the scenes before and after: too far, or not far enough.
+"""What went wrong with a standard skill, from the scenes before and after: too far, or not far enough.
 
-Each rule asks that the motion ran to its end with what it was to hold in the hand, so that the distance missed is the
-parameter's fault and not that of a slip or of an abort. Two slips are told here: of a cap that is still in its place
-though it was held while it was turned, and of a drawer that came most of the way.
+The rules require that the motion ended with the object in the hand, so that a parameter is at fault and not a slip or
+an abort. Two slips are diagnosed here: a cap that is still in place though it was held while turning, and a drawer
+that came most of the way.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ from gvla2.skills.outcome import EMPTY, Outcome, Signal
 from gvla2.skills.parameters import PRESS_DEPTH
 
 STAYS_OPEN = 1.45
-"""A lid that is found open by less did not stay open, radians."""
+"""A lid open by less afterwards did not stay open, radians."""
 SWING_MARGIN = 0.2
-"""Radians to swing a lid further by, or to take it further over before it is let go."""
+"""Change of the angle to which a lid is swung open, or at which it is released, radians."""
 TURN_MARGIN = 0.785
-"""Radians to turn a cap further by: 45 degrees, one step of the wrist."""
+"""Change of a cap's turn, radians: 45 degrees, one step of the wrist."""
 HALF_TURN = np.pi
-"""No more than this is asked for the other way, radians: any wrist gets so far from one of a square cap's faces."""
+"""Largest turn in the other direction, radians: any wrist can do it, from one of a square cap's faces."""
 FORCED = 0.002
-"""Fingers whose gap changes by so much while they turn went round what they held, metres."""
+"""Fingers whose gap changes by more while they turn slid around what they held, metres."""
 PRESS_MARGIN = 0.003
-"""Metres to press a button deeper by, or less deep."""
+"""Change of the depth of a press, metres."""
 PRESS_SHORT, GAVE_WAY = 0.0003, 0.002
-"""A press that ends so far short of its target met a stop, and so did a lifted handle, in fingers that give way; m."""
+"""A press, or a lifted handle in compliant fingers, that ends this far short of its target met a stop, metres."""
 PRESS_LONGER, LONG_PRESS = 1.5, 3.0
-"""Seconds to hold a button down longer by, and from which it was held as long as any needs."""
+"""Change of the time that a button is held down, and the time that is enough for any button, seconds."""
 CATCH_MARGIN = 0.008
-"""Metres to lift a handle further by before it is pulled, or less far."""
+"""Change of the lift of a handle before it is pulled, metres."""
 HOOK_MARGIN = 0.005
-"""Metres to hook deeper by."""
+"""Change of the depth of a hook, metres."""
 PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
-"""Metres short that are no error of a pull; the most that one failure adds to it."""
+"""Tolerance of a pull, and the largest change of its distance after one failure, metres."""
 IN_PLACE = 0.02
-"""What is found this near to where it was has not moved, metres."""
+"""An object found this close to its earlier place has not moved, metres."""
 HELD_FAST = 0.01
-"""What came by less though it was pulled did not come at all, metres."""
+"""A pulled object that moved by less did not move at all, metres."""
 PUSH_TOLERANCE = 0.01
-"""Metres off the goal's centre that are no error of the push."""
+"""Tolerance of a push, metres from the goal's centre."""
 
 
 def _opening(outcome: Outcome) -> tuple[float, float | None]:
-    """How far the lid was open before, and afterwards, radians; None where it was not found."""
+    """How far the lid was open before and afterwards, radians; None if it was not found."""
     lid, body = hinged(outcome.theme, outcome.before.objects)
     later = outcome.later(lid.id) if lid is not None else None
     if lid is None or later is None:
@@ -55,7 +55,7 @@ def _opening(outcome: Outcome) -> tuple[float, float | None]:
 
 
 def of_open(outcome: Outcome) -> Signal | None:
-    """A lid that did not stay open, or was never taken along."""
+    """A lid that did not stay open, or that the fingers missed."""
     _, angle = _opening(outcome)
     if angle is None or angle >= STAYS_OPEN:
         return None
@@ -67,7 +67,7 @@ def of_open(outcome: Outcome) -> Signal | None:
 
 
 def of_close(outcome: Outcome) -> Signal | None:
-    """A lid that the fingers passed, or that was let go too early."""
+    """A lid that the fingers missed, or that was released too early."""
     was, angle = _opening(outcome)
     if angle is None or angle < FLAT:
         return None
@@ -79,7 +79,7 @@ def of_close(outcome: Outcome) -> Signal | None:
 
 
 def of_pull(outcome: Outcome) -> Signal | None:
-    """A drawer that did not come as far as the hand went, or was pulled on when it had come all the way."""
+    """A drawer that moved less than the hand, or that was pulled beyond its end."""
     waypoints = outcome.waypoints
     carried = [i for i, w in enumerate(waypoints) if w.carries and i > 0]
     if not carried or "pull_distance" not in outcome.plan.parameters:
@@ -112,10 +112,9 @@ def of_pull(outcome: Outcome) -> Signal | None:
 
 
 def of_twist(outcome: Outcome) -> Signal | None:
-    """A cap that was held all the while it was turned, and sits where it sat.
+    """A cap that was held while it was turned, and is still in place.
 
-    Where its corners forced the fingers apart, or let them close between them, it stood still while they went round
-    it: its thread turns the other way.
+    If the fingers' gap changed, they slid around its corners while it stood still: its thread turns the other way.
     """
     turning = [r for r in outcome.reached if r.stage == "turn"]
     if not turning or any(r.gripper_width <= EMPTY for r in turning) or not _in_place(outcome):
@@ -131,7 +130,7 @@ def of_twist(outcome: Outcome) -> Signal | None:
 
 
 def _in_place(outcome: Outcome) -> bool:
-    """Whether the theme is where it was; or, where it was not seen again, anything else of its height is."""
+    """Whether the theme is where it was, or, if it was not seen again, something else of its height is there."""
     later, was = outcome.later(outcome.theme.id), outcome.theme
     if later is not None:
         return float(np.linalg.norm(later.centre - was.centre)) <= IN_PLACE
@@ -141,10 +140,10 @@ def _in_place(outcome: Outcome) -> bool:
 
 
 def of_press(outcome: Outcome) -> Signal | None:
-    """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop.
+    """A lamp that stayed dark after its button was pressed, to its stop or not.
 
-    A stop that lies deeper than a press usually goes cannot be why usual presses fail: such a button is to be held. One
-    that was held as long as any needs was rammed after all.
+    A stop deeper than a usual press cannot be why usual presses fail: such a button must be held down. If it was held
+    long enough for any button, it was pressed too deep after all.
     """
     if outcome.after is None or shines(outcome.theme, outcome.before, outcome.after) is not False:
         return None
@@ -160,7 +159,7 @@ def of_press(outcome: Outcome) -> Signal | None:
 
 
 def of_insert(outcome: Outcome) -> Signal | None:
-    """A ring that rests on the post's end."""
+    """A ring that rests on the end of the post."""
     post = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
     later = outcome.later(outcome.theme.id)
     if later is None or post is None:
@@ -173,7 +172,7 @@ def of_insert(outcome: Outcome) -> Signal | None:
 
 
 def of_push(outcome: Outcome) -> Signal | None:
-    """Pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
+    """An object that was pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
     goal = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
     later = outcome.later(outcome.theme.id)
     if goal is None or later is None:

@@ -1,4 +1,4 @@
-"""What a skill is: its roles, its numbers and how it is carried out. Standard skills and third parties' alike."""
+"""What a skill is: its roles, its parameters and how it is carried out. For standard and third-party skills."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ RoleName = Literal["theme", "goal", "part"]
 
 @dataclass(frozen=True)
 class Role:
-    """An object that a skill is about: ``theme`` is what is handled, ``goal`` where that leads.
+    """The role of an object: ``theme`` is the object that is handled, ``goal`` is where it goes.
 
-    A ``part`` is said of a plan only: the part of the theme that was worked.
+    ``part`` is for plans only: the part of the theme that was used.
 
-    ``relations`` are those of the goal that the skill knows, the one that is meant unless another is said first. A
-    goal that is ``required`` may be given as a place or a direction instead, where the skill takes these.
+    ``relations`` are those that the skill supports for its goal, the default one first. A place or a direction can take
+    the place of a ``required`` goal if the skill allows it.
     """
 
     name: RoleName
@@ -35,7 +35,7 @@ class Role:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number theta of a skill: its unit ("m", "rad", "s", "m/s", "" for a share), meaning and sensible range."""
+    """One parameter of a skill: its unit ("m", "rad", "s", "m/s", "" for a share), meaning and sensible range."""
 
     name: str
     unit: str
@@ -46,8 +46,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Example:
-    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, what was
-    wished for, and the ``call`` that does it.
+    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, the
+    ``wish`` and the ``call`` that fulfils it.
     """
 
     things: str
@@ -57,22 +57,21 @@ class Example:
 
 @dataclass(frozen=True)
 class Skill:
-    """One thing that a hand can do, as any planner calls it and memory learns of it.
+    """One thing that a hand can do, called by planners and learnt about by memory.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
-    proposed trajectories, or says why there is none; ``defaults`` gives theta before memory speaks, for the theme, the
-    hand and the options. ``roles`` has a ``theme`` always.
+    proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand
+    and the options. ``roles`` always has a ``theme``.
 
-    ``amount`` names the parameter that a call's amount sets, "" where the skill takes none. ``free`` skills can go to
-    a place (x, y) or in a direction instead of to a goal. ``whole``: only a whole thing can be done it to, so that
-    naming a part means the whole. ``words`` is how lessons name the skill ("Pick up (grasp, lift)"), so that other
-    wordings of an instruction find them; ``key`` are the parameters that decide most, which successes teach;
-    ``scaled`` names those that go with a side of the theme ("height"). ``held_back``: what it moves may hold the hand
-    back, so that a slip is a matter of theta. ``lasting`` are parameters of which a failed attempt's share stays done.
-    ``diagnose`` tells from an outcome what went wrong, with what to change.
-    ``fits`` tells whether the skill can be done to a thing of a scene at all (None: to anything), and ``examples`` show
-    a language model how it is called. An ``implied`` skill is what others turn into where the scene asks for it, so
-    prompts leave it out.
+    ``amount`` names the parameter that a call's amount sets, "" if the skill takes none. ``free`` skills can go to a
+    place (x, y) or in a direction instead of to a goal. ``whole``: the skill applies only to whole objects, so that a
+    named part means its whole. ``words`` is the skill's name in lessons ("Pick up (grasp, lift)"), so that other
+    wordings of an instruction find them; ``key`` are the most important parameters, which successes teach; ``scaled``
+    names those that scale with a side of the theme ("height"). ``held_back``: the moved object may resist, so that a
+    slip is due to theta. ``lasting`` are the parameters of which a failed attempt's share stays done. ``diagnose``
+    finds what went wrong in an outcome, and what to change. ``fits`` is whether the skill applies to an object at all
+    (None: to any), and ``examples`` show a language model how it is called. ``implied`` skills are left out of prompts:
+    others turn into them if the scene requires it.
     """
 
     name: str
@@ -95,12 +94,12 @@ class Skill:
     implied: bool = False
 
     def role(self, name: RoleName) -> Role | None:
-        """The role of that name, None where the skill has none."""
+        """The role of that name; None if the skill has none."""
         return next((r for r in self.roles if r.name == name), None)
 
     @property
     def aimed(self) -> bool:
-        """Whether it leads somewhere that has to be said: a goal, a place or a direction."""
+        """Whether a call must say where the theme goes: a goal, a place or a direction."""
         goal = self.role("goal")
         return goal is not None and goal.required
 
@@ -123,7 +122,7 @@ class Skill:
 
 
 def fault_of(offered: object) -> str:
-    """Why what a plugin offers is no skill that a program can call, or ""; nobody has checked it before."""
+    """Why a plugin's offer, of any type, is no skill that a program can call; "" if it is one."""
     if not isinstance(offered, Skill):
         return f"returned {offered!r:.200}, which is not a Skill."
     name: Any = offered.name
@@ -131,7 +130,7 @@ def fault_of(offered: object) -> str:
         return f"the name {name!r:.200} cannot be called in a program; use small letters, digits and '_'."
     for what, value, kind in (("role", offered.roles, Role), ("parameter", offered.parameters, Parameter)):
         if not isinstance(value, Sequence) or not all(isinstance(v, kind) for v in value):
-            return f"'{name}' has {what}s that are no sequence of {kind.__name__}: {value!r:.200}."
+            return f"'{name}' has {what}s that are not a sequence of {kind.__name__}: {value!r:.200}."
     if offered.role("theme") is None:
         return f"'{name}' has no role 'theme': every skill handles something."
     for what in ("propose", "defaults"):
@@ -142,7 +141,7 @@ def fault_of(offered: object) -> str:
         n for n in (*offered.key, *offered.scaled, *offered.lasting, offered.amount) if n and n not in known
     ]
     if strange:
-        return f"'{name}' speaks of '{strange[0]}', which is none of its parameters: {', '.join(known) or 'none'}."
+        return f"'{name}' refers to '{strange[0]}', which is not among its parameters: {', '.join(known) or 'none'}."
     if not offered.description:
         return f"'{name}' has no description, which is how planners learn of it."
     return ""

@@ -1,4 +1,4 @@
-"""Soundness: what is wrong with calls before anything is planned, in words that help whoever wrote them."""
+"""Soundness: errors in calls, found before planning, with messages that help their author."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gvla2.skills.skill import Skill
 
 
 def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
-    """A skill or an object that there is not, with what there is."""
+    """The refusal of an unknown skill or object, with those that exist; None if all exist."""
     if not calls:
-        return Abstention("other", "The program has no call: there is nothing to do.")
+        return Abstention("other", "The program has no calls, so there is nothing to do.")
     ids = {o.id for o in scene.objects}
     for call in calls:
         if call.skill not in skills:
@@ -33,10 +33,12 @@ def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill
 
 
 def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
-    """A call that cannot mean anything, whatever the thing is, by a table that has its skill."""
+    """The refusal of a call that is meaningless for any object; its skill must be in ``skills``."""
     theme, goal = scene[call.theme], scene[call.goal] if call.goal else None
     if theme.shape == "region":
-        return Abstention("other", f"The {theme.label} is painted on the table: nobody can {call.skill} it.")
+        return Abstention(
+            "other", f"The {theme.label} is painted on the table; '{call.skill}' does not apply to it."
+        )
     if goal is not None:
         if goal.id == theme.id:
             return Abstention("other", f"The {theme.label} cannot be its own goal.")
@@ -48,7 +50,7 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
 
 
 def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
-    """A goal too few, too many, or of a wrong kind; ``skill`` is the one that the call turned out to mean."""
+    """The refusal of a missing, superfluous or wrong goal; ``skill`` is what the call means for its theme."""
     label = scene[call.theme].label
     role = skill.role("goal")
     given = [bool(call.goal), call.xy is not None, call.direction is not None]
@@ -56,34 +58,36 @@ def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
         if any(given):
             aimed = "a goal" if call.goal else "a place" if call.xy is not None else "a direction"
             return Abstention(
-                "other", f"To {skill.name} takes no such thing as {aimed}: it is called {skill.signature()}."
+                "other", f"'{skill.name}' does not take {aimed}; its signature is {skill.signature()}."
             )
         if role is None:
             return None
     if sum(given) > 1:
-        return Abstention("other", f"Of goal, place and direction, one only can be where the {label} goes.")
+        return Abstention("other", f"Only one of goal, place and direction can say where the {label} goes.")
     if role.required and not any(given):
         example = "name a goal or a direction, such as 'onto the red square' or '10 cm to the left'"
         return Abstention("no_goal", f"Where to {skill.name} the {label} is not said; {example}.")
     if call.relation and not call.goal:
-        return Abstention("other", f"'{call.relation}' what? Without a goal it says nothing.")
+        return Abstention("other", f"The relation '{call.relation}' needs a goal.")
     if call.relation and role.relations and call.relation not in role.relations:
         there = ", ".join(role.relations)
-        return Abstention("other", f"To {skill.name} knows no '{call.relation}'; there are {there}.")
+        return Abstention(
+            "other", f"'{skill.name}' does not have the relation '{call.relation}'; it has {there}."
+        )
     return None
 
 
 def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
-    """Theta may be that of another skill: opening a drawer turns out to be pulling it."""
+    """Theta may be another skill's: opening a drawer means pulling it."""
     if call.amount is not None and call.amount <= 0.0:
-        return Abstention("other", f"An amount is more than nothing; {call.amount:g} m was asked for.")
+        return Abstention("other", f"An amount must be positive; {call.amount:g} m was asked for.")
     if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:
-        return Abstention("other", "A direction of no length leads nowhere.")
+        return Abstention("other", "A direction must not be (0, 0).")
     own = {p.name: p for p in skills[call.skill].parameters}
     ranges = {p.name: p for skill in skills.values() for p in skill.parameters} | own
     for name, value in call.theta.items():
         if name not in ranges:
-            return Abstention("other", f"To {call.skill} has no parameter '{name}'; it has {', '.join(own)}.")
+            return Abstention("other", f"'{call.skill}' has no parameter '{name}'; it has {', '.join(own)}.")
         least, most = ranges[name].least, ranges[name].most
         if not least <= value <= most:
             unit = f" {ranges[name].unit}" if ranges[name].unit else ""

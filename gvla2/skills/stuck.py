@@ -1,4 +1,4 @@
-"""Stuck: what is held between other things and sticks out sideways, and which way it comes out."""
+"""Stuck: objects held between others that stick out sideways, and the direction in which they come out."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.scene import Scene, SceneObject
 
 TOUCHING = 0.012
-"""Gap below which two things may touch, metres: perceived faces err by some millimetres each."""
+"""Two objects with a smaller gap may touch, metres: perceived faces are off by a few millimetres."""
 SAMPLES = 41
 
 
 @dataclass(frozen=True)
 class Stuck:
-    """``theme`` with the part of it that is hidden added, as far as can be told; ``way`` (3,) level unit, out of what
-    holds it; ``exposed`` metres of it stick out; ``hidden`` metres are held, at most.
+    """``theme`` is the object with its likely hidden part; ``way`` (3,) the level unit vector out of its ``holders``
+    (ids); ``exposed`` the length that sticks out and ``hidden`` the greatest length that is held, metres.
     """
 
     theme: SceneObject
@@ -33,7 +33,7 @@ class Stuck:
 
 
 def stuck(theme: SceneObject, scene: Scene) -> Stuck | None:
-    """How a thing is held sideways, or None when it is not: nothing lies on it, or something carries its middle."""
+    """How an object is held sideways; None if it is not."""
     if theme.shape == "region" or theme.bottom < scene.table_height + 0.01:
         return None
     others = [o for o in scene.obstacles(frozenset({theme.id})) if o.parent != theme.id]
@@ -41,7 +41,7 @@ def stuck(theme: SceneObject, scene: Scene) -> Stuck | None:
 
 
 def _covered(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
-    """Part of it has something right above and right below, the other part has not."""
+    """Held between something right above and right below a part of it."""
     above = [o for o in others if -TOUCHING < o.bottom - theme.top < TOUCHING]
     below = [o for o in others if -TOUCHING < theme.bottom - o.top < TOUCHING]
     if not above or not below:
@@ -61,7 +61,7 @@ def _covered(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
 
 
 def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
-    """It hangs in the air before the upright face of something bigger: the rest of it is inside."""
+    """In the air in front of an upright face of something bigger: the rest of it is inside."""
     below = [o for o in others if theme.bottom - TOUCHING < o.top < theme.centre[2]]
     if any(o.covers(theme.centre) for o in below):
         return None
@@ -72,7 +72,7 @@ def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
             shift = theme.centre - other.centre
             gap = float(shift @ way) - other.half_along(way) - theme.half_along(way)
             aside = np.array([-way[1], way[0], 0.0])
-            # What seems to reach into the other errs by both and by how they are turned: it is in it all the same.
+            # A seeming overlap may be twice as large: both faces and their directions are inexact.
             if -2 * TOUCHING < gap < TOUCHING and abs(float(shift @ aside)) < other.half_along(aside):
                 exposed, depth = 2 * theme.half_along(way), 2 * other.half_along(way)
                 return Stuck(_prolonged(theme, way, 0.5 * depth), way, exposed, depth, frozenset({other.id}))
@@ -80,7 +80,7 @@ def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
 
 
 def _prolonged(theme: SceneObject, way: FloatArray, by: float) -> SceneObject:
-    """The thing, ``by`` metres longer on the side away from ``way``: half of what may be hidden is likely."""
+    """The object, ``by`` metres longer at the end opposite to ``way``."""
     axes = theme.world_from_object[:3, :3]
     axis = int(np.argmax(np.abs(way @ axes)))
     extents = theme.extents.copy()

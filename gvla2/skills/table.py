@@ -1,6 +1,6 @@
-"""The standard skills, as one table, and the table as text for prompts, grammars and docs.
+"""The table of standard skills, and its text for prompts and docs.
 
-Nothing heavy is imported before a skill is carried out: ``gvla2 plugins`` shows the table at once.
+Nothing heavy is imported before a skill is used: ``gvla2 plugins`` shows the table at once.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         )
     }
 )
-"""Every number of the standard skills, by name."""
+"""All parameters of the standard skills, by name."""
 
 _GRASP = ("standoff", "approach_tilt", "grasp_depth", "grasp_fraction")
 _CARRY = ("transit_clearance", "place_height")
 
 
 def _later(module: str, name: str) -> Callable[..., Any]:
-    """The function of a module of this package, imported when it is first called."""
+    """A function of a module of this package, imported when it is called."""
 
     def call(*arguments: Any) -> Any:
         return getattr(import_module(f"gvla2.skills.{module}"), name)(*arguments)
@@ -186,11 +186,11 @@ _SKILLS = (
 )  # fmt: skip
 
 STANDARD: Mapping[str, Skill] = MappingProxyType({skill.name: skill for skill in _SKILLS})
-"""The standard skills by name; what a request without a table of its own may call."""
+"""The standard skills by name: the default table of a request."""
 
 
 def describe(skills: Mapping[str, Skill] = STANDARD, *, numbers: bool = False) -> str:
-    """The table as text, a skill a line: how it is called and what it does; with ``numbers``, theta and its units."""
+    """The table as text, one line per skill: its signature and description; with ``numbers``, theta and its units."""
     lines = []
     for skill in skills.values():
         line = f"{skill.signature()}: {skill.description}"

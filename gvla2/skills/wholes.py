@@ -1,4 +1,4 @@
-"""Wholes: a thing with the parts that perception tells apart, and what it stands in."""
+"""Wholes: an object together with its perceived parts, and what it stands in."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from gvla2.planning.scene import ROUND, Scene, SceneObject
 from gvla2.skills.parts import CLOSE
 
 SLIM, UPRIGHT = 0.03, 0.95
-"""What is slimmer both ways than this, metres, and is upright by this cosine, is a stick."""
+"""A stick is slimmer than this in both directions, metres, and upright by this cosine."""
 
 CLEAR = 0.03
-"""What is drawn out of something ends this far above it, metres."""
+"""An object drawn out of something ends this far above it, metres."""
 
 
 def assembled(thing: SceneObject, scene: Scene) -> SceneObject:
-    """The thing with its parts as one: their points, and a box about all that is still upright on its own middle."""
+    """The object and its parts as one object: all their points, and one box around the same vertical axis."""
     parts = [p for p in scene.parts_of(thing.id) if p.shape != "region"]
     if not parts:
         return to_its_end(thing, scene)
@@ -39,7 +39,7 @@ def assembled(thing: SceneObject, scene: Scene) -> SceneObject:
 
 
 def holders(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
-    """What the thing stands in or on: its foot is over their footprint, at a height where they meet."""
+    """What the object stands in or on: its foot is within their footprint, at a height where they touch."""
     return tuple(
         o for o in scene.obstacles(frozenset({thing.id}))
         if o.top > thing.bottom - CLOSE and o.bottom < thing.bottom + CLOSE and _over(thing, o) and o.top < thing.top
@@ -47,9 +47,9 @@ def holders(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
 
 
 def inside(thing: SceneObject, holder: SceneObject) -> bool:
-    """Whether the thing goes down into the holder instead of resting on its top.
+    """Whether the object reaches down into the holder instead of resting on its top.
 
-    What is slim and upright does not stand on its end for long: where it seems to, it is stuck in what is below.
+    A stick cannot stand on its end: if it seems to, it is stuck in what is below.
     """
     at_top = holder.top > thing.bottom - CLOSE
     return holder.top > thing.bottom + CLOSE or (at_top and (holder.opening > 0.0 or stick(thing)))
@@ -64,7 +64,7 @@ def stick(thing: SceneObject) -> bool:
 
 
 def to_its_end(thing: SceneObject, scene: Scene) -> SceneObject:
-    """A stick with its box drawn out along itself to the floor of what it is stuck in: its end may be there."""
+    """A stick with its box extended to the bottom of what it is stuck in, since its end is hidden there."""
     depth = max(
         (thing.bottom - h.bottom for h in holders(thing, scene) if stick(thing) and inside(thing, h)),
         default=0.0,
@@ -80,7 +80,7 @@ def to_its_end(thing: SceneObject, scene: Scene) -> SceneObject:
 
 
 def way_out(thing: SceneObject, scene: Scene) -> FloatArray:
-    """(3,) unit: the way by which a thing leaves what it stands in: along itself where it is a stick, else up."""
+    """(3,) unit: the direction in which an object leaves what it stands in: along itself for a stick, else up."""
     tall = int(np.argmax(thing.extents))
     along = thing.world_from_object[:3, tall]
     if not stick(thing) or not any(inside(thing, h) for h in holders(thing, scene)):
@@ -89,9 +89,9 @@ def way_out(thing: SceneObject, scene: Scene) -> FloatArray:
 
 
 def rise(thing: SceneObject, scene: Scene) -> float:
-    """How far the thing is to be lifted to be clear of what it stands in, metres; 0 where it stands in nothing.
+    """Height by which the object must be lifted to leave what it stands in, metres; 0 if it stands in nothing.
 
-    What stands in something is taken to go down to its floor: that end of it is not seen.
+    Its hidden end is assumed to reach the bottom of what it stands in.
     """
     about = [h for h in holders(thing, scene) if inside(thing, h)]
     return max((h.top - min(h.bottom, thing.bottom) for h in about), default=0.0)

@@ -1,8 +1,8 @@
-"""Wording: a wish in the words that perception has for what is there.
+"""Wording: a wish in the words of the scene's labels.
 
-Perception calls things by their shape, people by their use: what it sees as a cylinder is somebody's mug, tin or
-candle. Where a noun is none of the scene's own, and what it is said of looks like one kind of thing there, that kind's
-word takes its place, and the scene's colour word that of a colour. What looks like nothing there stays as it is.
+Perception names objects by their shape, people by their use: what it calls a cylinder is somebody's mug, tin or candle.
+A noun that is in no label, but may stand for exactly one kind of object in the scene, is replaced by that kind's label,
+and a colour by the scene's word for it. Other words stay as they are.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ LOOKS: dict[str, frozenset[str]] = {
         "drawer cabinet": "cupboard dresser chest unit cabinet box",
     }.items()
 }
-"""What perception calls things of a shape, and what people may call such a thing."""
+"""Labels of perception, and what people may call such an object."""
 
 
 def in_scene_words(wish: str, scene: Scene) -> str:
-    """The wish with the scene's words for what it names otherwise; the wish itself where there is nothing to change."""
+    """The wish with the scene's words for objects that it names otherwise; unchanged if there are none."""
     words = list(re.finditer(r"[A-Za-z]+|[,.;:!?]", wish))
     plain = [w.group().lower() for w in words]
     own = {word for o in scene.objects for word in _kind(o).split()}
@@ -78,7 +78,7 @@ def in_scene_words(wish: str, scene: Scene) -> str:
         if begin is None:
             continue
         at, colour = _colour(plain[begin:i], scene)
-        if at and not colour:  # of a colour that is not there
+        if at and not colour:  # of a colour that the scene lacks
             continue
         noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
         if noun and noun != word:
@@ -94,7 +94,7 @@ def in_scene_words(wish: str, scene: Scene) -> str:
 
 
 def _noun_phrase(words: Sequence[str], i: int) -> int | None:
-    """Where the phrase begins whose noun may be the word at ``i``: after an article, with few words between."""
+    """The beginning of the phrase whose noun may be the word at ``i``: after a determiner, a few words before."""
     for begin in range(i - 1, max(-1, i - 6), -1):
         if words[begin] in PLACES or not words[begin].isalpha():
             return None
@@ -106,7 +106,7 @@ def _noun_phrase(words: Sequence[str], i: int) -> int | None:
 
 
 def _colour(words: Sequence[str], scene: Scene) -> tuple[tuple[int, int] | None, str]:
-    """Where the words of a phrase say a colour, and the colour of the scene that is meant; "" where none is."""
+    """The span of a colour in the words of a phrase, and the scene's colour that it means; "" for none."""
     plain = [SYNONYMS.get(w, w) if w not in FAMILIES else w for w in words]
     present = [o.colour for o in scene.objects if o.colour]
     for width in (2, 1):
@@ -118,7 +118,7 @@ def _colour(words: Sequence[str], scene: Scene) -> tuple[tuple[int, int] | None,
 
 
 def _seen_as(word: str, colour: str, scene: Scene) -> str:
-    """The scene's one word for what a noun may be said of, "" where there is none or more than one."""
+    """The only kind of object in the scene that a noun may stand for; "" if there is none, or several."""
     forms = {word, word.removesuffix("s"), word.removesuffix("es")}
     alike = [o for o in scene.objects if forms & LOOKS.get(_kind(o), frozenset())]
     alike = [o for o in alike if not colour or colour in (o.colour, root_of(o, scene).colour)]

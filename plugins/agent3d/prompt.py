@@ -15,8 +15,7 @@ from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import remembered, told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.asked_paths import instruction_in
-from gvla2.skills.faithful import may_mean
-from gvla2.skills.mentions import roles_said
+from gvla2.skills.mentions import may_mean, roles_said
 
 EXAMPLE_THINGS = {
     False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",

@@ -1,4 +1,4 @@
-"""What the model is told, and the grammar that its programs are held to: only skills and things that fit here."""
+"""The prompt: the skills that fit here, examples of calls, what was remembered and the objects."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import remembered, told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.asked_paths import instruction_in
-from gvla2.skills.examples import EXAMPLES
-from gvla2.skills.program_grammar import Fitting
 from gvla2.skills.skill import Skill
+from gvla2_plugins.code_policies.examples import EXAMPLES
+from gvla2_plugins.code_policies.program_grammar import Fitting
 
 BEGIN = "You write the program of a robot hand. It can call:"
 END = """\

@@ -5,8 +5,6 @@ from dataclasses import replace
 import pytest
 
 from gvla2.skills.affordances import goals, themes
-from gvla2.skills.examples import EXAMPLES
-from gvla2.skills.program import ProgramInterpreter
 from gvla2.skills.table import STANDARD
 from tests.skills import scenes
 
@@ -53,10 +51,3 @@ def test_a_skill_of_ones_own_brings_its_own_rule():
 def test_every_standard_skill_has_a_rule(skill):
     thing, scene = THINGS[0], REQUEST.scene
     assert skill.fits(thing, scene, REQUEST.arm.hand) in (True, False)
-
-
-@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
-def test_examples_can_be_read(skill, example):
-    names = {line.partition(" ")[0] for line in example.things.splitlines()}
-    (call,) = ProgramInterpreter(REQUEST.scene, {n: n for n in names}, STANDARD).run(example.call)
-    assert call.skill == skill

@@ -1,1 +1,1 @@
-"""The staged schemas, one file a way to move: from objects and theta to proposed trajectories."""
+"""Motion schemas, one file each: from objects and theta to proposed trajectories."""

@@ -1,7 +1,7 @@
-"""Hinge: a lid swung open by its lip, or drawn shut by a hook behind its free edge.
+"""Hinge: swing a lid open by its lip, or push it shut from behind its free edge.
 
-The free edge moves on a circle about the hinge. The hand follows it through a handful of points: between two of them,
-``STEP`` radians apart, the straight way leaves the circle by 2 mm at most for lids of everyday size.
+The free edge moves on a circle about the hinge. The hand follows it through points ``STEP`` radians apart: for lids of
+everyday size, the straight lines between them are within 2 mm of the circle.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from gvla2.skills.schemas.pick import Grasp, let_go, take
 HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]
 STEP = 0.22
 GRIP_OPENING = 0.6
-"""Of the hand before a lip is grasped: the fingers then fit between the lip and what stands near it."""
+"""The hand's opening before it grasps a lip: the fingers then fit between the lip and what is close to it."""
 GIVE = 0.02
-"""Tolerance along the arc, metres: the hinge decides where the edge goes, the arm yields."""
+"""Tolerance along the arc, metres: the hinge guides the edge, and the arm yields."""
 FALLS = 1.0
-"""Seconds in which a lid that does not stay open falls: what is seen then is what it came to."""
+"""Time for a lid to fall if it does not stay open, seconds, before the robot looks again."""
 TURNED = (0.0, 0.2, -0.2)
-"""The hand may point this much up (or down) from along the lid when it grasps the lip, radians."""
+"""Pitches of the hand, relative to the lid, when it grasps the lip, radians."""
 YAWS = (0.35, -0.35)
-"""How far the hand may come from beside straight when it grasps the lip, in the lid's plane, radians."""
+"""Yaws of the hand, in the lid's plane, when it grasps the lip, radians."""
 SHIFTS = (0.0, 0.25, -0.25, 0.4, -0.4)
-"""Where along the free edge the hand may take hold, as shares of its length from the middle."""
+"""Places along the free edge to grasp, as shares of its length from the middle."""
 
 
 def propose_open(job: Job) -> list[Proposal] | Abstention:
-    """Grasp the lip, fingers above and below, go round the hinge with it, let go."""
+    """Grasp the lip, fingers above and below, swing it about the hinge, let go."""
     hinge = hinge_for(job.theme, job.scene)
     if hinge is None:
         return Abstention("unknown_skill", f"No lid is seen on the {job.theme.label}: it cannot be opened.")
@@ -60,13 +60,13 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
 
 
 def _hand_at(hinge: Hinge, angle: float, lean: float, yaw: float) -> tuple[FloatArray, FloatArray]:
-    """Approach and closing direction, (3,) each, of a hand that holds the lip of a lid open by ``angle``."""
+    """Approach and closing direction, (3,) each, of a hand on the lip of a lid open by ``angle``."""
     tilt = Rotation.from_rotvec(lean * hinge.axis) * Rotation.from_rotvec(yaw * hinge.normal(angle))
     return tilt.apply(-hinge.out(angle)), tilt.apply(hinge.normal(angle))
 
 
 def _angles(begin: float, end: float) -> FloatArray:
-    """From one opening of the lid to another, in steps of :data:`STEP` at most."""
+    """Opening angles of the lid from ``begin`` to ``end``, in steps of :data:`STEP` at most, radians."""
     return np.linspace(begin, end, max(2, int(np.ceil(abs(end - begin) / STEP)) + 1))
 
 
@@ -112,16 +112,16 @@ def _open(
 
 
 BESIDE = (0.75, 0.55)
-"""How far out along the lid the fingers push that reach behind it from beside, as shares of its length."""
+"""Where along the lid the fingers push if they reach behind it from one side, as shares of its length."""
 ROLLS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
-"""About its own direction a hand that only pushes may be turned any way, radians."""
+"""Rolls of a hand that only pushes, radians."""
 INTO = 0.025
-"""How far fingers reach behind a lid from beside it, metres."""
+"""Distance that the fingers reach behind a lid from one side, metres."""
 
 
 def propose_close(job: Job) -> list[Proposal] | Abstention:
-    """Closed fingers behind the free edge, over the hinge with it; it falls the rest of the way. Or, where that edge
-    is too far off, with the hand level beside the lid and its fingers behind it.
+    """Move the lid with closed fingers behind its free edge until it falls by itself; or, if that edge is too far away,
+    with the hand level at one side of the lid and the fingers behind it.
     """
     hinge = hinge_for(job.theme, job.scene)
     if hinge is None:
@@ -144,7 +144,7 @@ def propose_close(job: Job) -> list[Proposal] | Abstention:
 
 
 def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Proposal:
-    """The hand points down, its fingertips leaning by ``lean`` away from the box (negative: towards it), radians."""
+    """The hand points down, its fingertips tilted by ``lean`` radians away from the box (negative: towards it)."""
 
     def way() -> Trajectory:
         theta = job.theta
@@ -172,7 +172,7 @@ def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Pr
 
 
 def _close_beside(job: Job, hinge: Hinge, side: float, roll: float, share: float) -> Proposal:
-    """The hand points along the hinge, from one side of the lid; its closed fingers push the lid's back."""
+    """The hand points along the hinge, from one side of the lid; its closed fingers push the lid's outside."""
 
     def way() -> Trajectory:
         theta, hand = job.theta, job.hand
@@ -205,7 +205,7 @@ def _let_go_angle(job: Job, hinge: Hinge) -> float:
 
 
 def _drive(job: Job, hinge: Hinge, path: Path, stage: str, hand: Callable[[float], FloatArray]) -> FloatArray:
-    """Take the lid along, with the tool at ``hand(angle)`` (3,), until it falls by itself; where the tool is then."""
+    """Move the lid, the tool at ``hand(angle)`` (3,), until it falls by itself; returns the tool's last position."""
     path.tolerance = GIVE
     for angle in _angles(hinge.angle, _let_go_angle(job, hinge)):
         path.line(stage, hand(float(angle)), allowed=hinge.parts, slow=True)

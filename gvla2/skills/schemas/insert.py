@@ -1,6 +1,6 @@
-"""Insert: a thing with a hole over something that sticks up: line up, lower it around the end, let go.
+"""Insert: put an object with a hole over a post: align, lower, let go.
 
-The fingers close on two opposite sides, which brings the hole to the middle of the hand across them.
+The fingers close on two opposite sides, which centres the hole between them.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from gvla2.skills.schemas.pick import Grasp, grasps, let_go
 from gvla2.skills.schemas.place import brought
 
 LEAST_ROOM = 0.001
-"""The hole is wider than what goes through by this much at least, metres, for a fit to be believed."""
+"""A hole that fits is wider than the post by this much at least, metres."""
 BOTTOM = Guard(force=20.0)
-"""Lowering ends where the thing meets the bottom, or the post's end beside the hole: pressed on, it would cant."""
+"""Lowering ends on contact with the bottom, or with the post's end beside the hole: more force would jam it."""
 FREE_TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
 
 
 def fits_over(thing: SceneObject, post: SceneObject) -> bool:
-    """Whether a flat thing's hole is wider than something that stands up, and that is taller than it."""
+    """Whether a flat object's hole is wider than a post that is taller than the object."""
     flat = thing.extents[2] < 0.6 * float(thing.extents[:2].min())
     slim = float(np.sort(post.extents[:2])[1]) + LEAST_ROOM < thing.opening
     return flat and thing.opening > 0.0 and slim and post.extents[2] > thing.extents[2]
 
 
 def propose_insert(job: Job) -> list[Proposal] | Abstention:
-    """Each upright grasp with each turn that lines the hole up with the post."""
+    """Each grasp from above with each turn that aligns the hole with the post."""
     if job.goal is None or not fits_over(job.theme, job.goal):
-        what = "nothing" if job.goal is None else f"the {job.goal.label}"
-        return Abstention("other", f"The {job.theme.label} has no hole that goes over {what}.")
+        what = "anything" if job.goal is None else f"the {job.goal.label}"
+        return Abstention("other", f"The {job.theme.label} has no hole that fits over {what}.")
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
@@ -42,7 +42,7 @@ def propose_insert(job: Job) -> list[Proposal] | Abstention:
 
 
 def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
-    """Turns about up, radians, by which the hole's sides come parallel to the post's; the smallest first."""
+    """Turns about the vertical, radians, that make the hole's sides parallel to the post's; smallest first."""
     if post.shape in ROUND or theme.shape in ROUND:
         return list(FREE_TURNS)
     (a, b) = (float(np.arctan2(o.world_from_object[1, 0], o.world_from_object[0, 0])) for o in (theme, post))
@@ -62,7 +62,7 @@ def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
 
 
 def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
-    """From above (3,) the goal, a post, with the theme's hole over it: align, lower, let go, retreat."""
+    """From ``above`` (3,), with the theme's hole over the goal, a post: align, lower, let go, retreat."""
     theme, post = job.theme, job.goal
     assert post is not None
     hangs = grasp.centre[2] - theme.bottom

@@ -15,16 +15,16 @@ from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.wholes import CLEAR, holders, inside
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
-"""Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
-the side, which is no longer from the top."""
+"""Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, and
+enough to come from the side."""
 STEEP = 0.7
-"""A hand whose pointing direction goes down by less than this share comes from the side."""
+"""A hand whose unit approach has a smaller downward component comes from the side."""
 LEANING = 0.03
-"""What leans by less of its length is lifted straight up."""
+"""A stuck object that leans by a smaller share of its length is lifted straight up."""
 BENT = 0.15
-"""What a lift that is not straight costs of the preference: more time with the object in the air."""
+"""Deduction from the preference for a lift that is not straight: it takes longer."""
 FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}
-"""A hand that leans needs room beside a part: beside a wall there is none."""
+"""Families of approaches for each part: a leaning hand needs room that there is none of beside a wall."""
 WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
 
 
@@ -58,7 +58,7 @@ class Grasp:
 
 
 def propose_pick(job: Job) -> list[Proposal] | Abstention:
-    """One proposal a grasp; ``too_wide`` when the hand does not fit around the object anywhere."""
+    """Proposals for each grasp; ``too_wide`` if the hand does not fit around the object anywhere."""
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
@@ -66,11 +66,11 @@ def propose_pick(job: Job) -> list[Proposal] | Abstention:
 
 
 def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
-    """Lifted in one straight move; or, close to the arm's foot where such a line is short, out straight and then
-    by a planned move.
+    """Lift in one ``straight`` motion; or, where the arm cannot go straight up far, a short straight motion and then a
+    planned one.
     """
     free_at = job.rise + CLEAR
-    drawn = free_at > CLEAR  # out of something: no higher than that takes, it starts high enough
+    drawn = free_at > CLEAR  # out of something: no higher than needed
     lift = min(job.theta["lift_height"], free_at) if drawn else job.theta["lift_height"]
     wanted = grasp.centre[2] + lift
     height = min(wanted, job.ceiling())
@@ -97,7 +97,7 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: 
     default the theme and its parts; ``stage`` names the last motion before the hand closes.
     """
     theta, theme = job.theta, job.own() if touching is None else touching
-    # So far back along the approach that the fingertips' end is a standoff above the object's top.
+    # At this distance along the approach the fingertips are a standoff away from the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
     path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
@@ -124,7 +124,7 @@ def let_go(
 
 
 def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
-    """Where the tool is (3,) when the theme has left what it is stuck in, by a straight move along itself."""
+    """Draw the theme straight out of what it is stuck in; returns the tool's position (3,) then."""
     way, far = job.way_out, job.rise
     if far == 0.0 or np.hypot(*way[:2]) < LEANING:
         return grasp.centre
@@ -134,7 +134,7 @@ def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
 
 
 def grasps(job: Job) -> list[Grasp] | Abstention:
-    """Grasps from above by every hold of the thing; leaning ones where nothing of it is in the way."""
+    """Grasps by every hold from above, leaning or from the side, and by the surface, that the seen points allow."""
     found = []
     for hold in holds(job.theme, job.hand):
         snug = min(hold.opening, (hold.width + 2 * SNUG) / job.hand.max_width)
@@ -156,13 +156,13 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
 
 
 SQUARE = 0.9
-"""Of a can too wide for the hand the surface offers chords, of a box its corners, which squeeze it out: the sides must
-be square to them. Of a plate, its box tells next to nothing of the outline."""
+"""Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
+hand, and corners of a box, would squeeze it out. Plates are exempt: their boxes say little about their outlines."""
 
 
 def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
-    """The box's grasps that the thing's surface does not contradict; where the box tells little of where the thing can
-    be held, or its surface leaves none of them, also those by its surface.
+    """The box's grasps that agree with the object's surface. Irregular objects, and those for which none agrees, also
+    have grasps by their surface.
     """
     found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
     if irregular:
@@ -171,7 +171,7 @@ def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
 
 
 def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
-    """The box's grasps that, by the thing's surface, have something between the fingers and nothing in them."""
+    """The box's grasps with some of the object's surface between the fingers and none in their way."""
     skin = skin_of(job.theme)
     if skin is None:
         return found
@@ -184,7 +184,7 @@ def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
 
 
 def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
-    """Grasps of the thing's surface, either way round, whose sides face the fingers by this cosine at least."""
+    """Grasps by the object's surface, either way round, whose sides face the fingers by this cosine at least."""
     hand, found = job.hand, []
     for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward()):
         if grasp.facing < square:

@@ -15,17 +15,17 @@ from gvla2.skills.proposals import Job, Path, Proposal
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, let_go, take
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
-"""The object may be put down turned by a quarter: what is out of the wrist's reach one way is in reach the other."""
+"""Turns of the object on its way, radians: one may be within the wrist's limits if another is not."""
 FLOOR = 0.01
-"""The floor of an open thing is taken to be so thick where it is not seen, metres."""
+"""Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
-"""A thing whose longer side is less than this times the shorter one lies as well either way."""
+"""An object whose sides differ by less than this factor may lie either way."""
 SIDE_GAP = 0.03
-"""Gap between things put beside one another, metres: room for a finger."""
+"""Gap between objects put beside one another, metres: room for a finger."""
 
 
 def propose_place(job: Job) -> list[Proposal] | Abstention:
-    """Each grasp with each spot and each turn of the object at the goal."""
+    """Each grasp with each spot and turn of the object at the goal."""
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
@@ -34,8 +34,8 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
 
 
 def _turns(job: Job) -> list[float]:
-    """Turns of the theme on its way, radians. Where it shares the goal with others it lies across the line on which
-    they stand side by side, which leaves them the most room.
+    """Turns of the theme on its way, radians. If it shares the goal with others, it lies across the row that they stand
+    in, which leaves them the most room.
     """
     theme, goal = job.theme, job.goal
     if theme.shape in ROUND:
@@ -52,7 +52,7 @@ def _turns(job: Job) -> list[float]:
 
 
 def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
-    """Where the theme's centre may go (x, y, and the support's height z), with a word for each, best first."""
+    """Spots for the theme's centre (x, y, and the support's height z), each with its description, best first."""
     table = job.scene.table_height
     if job.target is not None:
         return [(np.array([*job.target, table]), "there")]
@@ -69,7 +69,7 @@ def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
     spots = []
     for side in sides:
         way = np.array([*ways[side], 0.0])
-        # Half the diagonal of the theme: it may come turned.
+        # Half the diagonal of the theme, since it may be turned.
         reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
         spot = goal.centre + way * (reach + SIDE_GAP)
         spots.append((np.array([*spot[:2], table]), f"at its {side} side"))
@@ -77,14 +77,14 @@ def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
 
 
 def _share(job: Job, goal: SceneObject) -> FloatArray:
-    """(3,) from the goal's middle to where in it there is room for the k-th of several things."""
+    """(3,) from the goal's middle to the place of the k-th of several objects in it."""
     rank, count = job.share
     along = 0.44 * (rank - 0.5 * (count - 1)) * (goal.opening or float(goal.extents[:2].min()))
     return np.asarray(along * goal.world_from_object[:3, 0])
 
 
 def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
-    """The height at which the theme comes to stand at the spot: in something open, as far down as the hand fits."""
+    """The height of the theme's support at the spot: inside a container, as low as the hand fits."""
     goal, theme, hand = job.goal, job.theme, job.hand
     if goal is None or spot[2] < goal.top - 1e-6 or theme.extents[:2].max() > goal.opening:
         return float(spot[2])
@@ -109,7 +109,7 @@ def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) ->
 
     how = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     preference = grasp.preference - 0.05 * (turn != 0.0)
-    if job.share[1] > 1 and job.goal is not None:  # fingers between the things would want room of their own
+    if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
     return Proposal(how, grasp.approaches, preference, way)
@@ -137,7 +137,7 @@ def over_spot(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> Grasp:
 
 
 def carry(path: Path, over: Grasp) -> None:
-    """Turn the hand as it is to be at the goal, and go over it."""
+    """Turn the hand to its orientation at the goal, and go over it."""
     path.orientation = over.orientation
     path.go("transit", over.centre)
 

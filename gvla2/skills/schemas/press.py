@@ -1,4 +1,4 @@
-"""Press: closed fingers straight down on a button, stay, and back up."""
+"""Press: closed fingers straight down on a button, wait, and back up."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
 YAWS = 8
 
 STOP = Guard(force=25.0)
-"""A press ends at a button's stop: switches and buttons give way at a few newtons, their stops do not."""
+"""A press ends at a button's stop: buttons yield to a few newtons, their stops do not."""
 
 
 def propose_press(job: Job) -> list[Proposal]:
-    """One proposal a yaw of the closed hand, without and with touching what the button stands on."""
+    """One proposal for each yaw of the closed hand, with and without contact with what the button stands on."""
     proposals = [_press(job, np.pi * k / YAWS, False) for k in range(2 * YAWS)]
     if job.theme.parent:
         proposals += [_press(job, np.pi * k / YAWS, True) for k in range(2 * YAWS)]

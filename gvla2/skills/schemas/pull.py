@@ -1,4 +1,4 @@
-"""Pull: a handle between the fingers, drawn straight out along the normal of the face that it stands before."""
+"""Pull: grasp a handle and pull it straight out along the normal of the face behind it."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from gvla2.skills.proposals import Job, Proposal
 from gvla2.skills.schemas.pick import Grasp, let_go, take
 
 PLAY = 0.006
-"""The opened hand must be wider than the bar by this much, metres."""
+"""The open hand must be wider than the bar by this much, metres."""
 ROOM = 0.004
-"""Between a finger and the front that it reaches down before, metres."""
+"""Gap between a finger and the front behind it, metres."""
 GIVE = 0.02
-"""Tolerance while pulling, metres: the drawer decides where the handle goes, the arm yields."""
+"""Tolerance while pulling, metres: the drawer guides the handle, and the arm yields."""
 BACK = 0.03
-"""How far the hand backs off from what it let go, metres: its fingertips are then clear of the bar."""
+"""Distance of the retreat, metres: the fingertips are then clear of the bar."""
 LEANS = (0.0, 0.3, 0.6)
-"""How far down the hand may point when it comes from the front, radians: near the table its body needs the room."""
+"""Downward tilts of a hand from the front, radians: near the table its body needs room."""
 SIDE = 0.25
-"""Where along the handle, as shares of its length from the middle, the hand may take hold too."""
+"""Further places to grasp along the handle, as a share of its length from the middle, either side."""
 YAWS = (0.0, 0.35, -0.35)
-"""How far the hand may come from beside straight before a level bar, radians: its fingers are above and below it."""
+"""Yaws of the hand in front of a level bar, radians: the fingers are above and below it."""
 STOP = Guard(force=15.0)
-"""A handle is lifted no further than its stop: its spring gives way at a few newtons."""
+"""The lift of a handle ends at its stop: its spring yields to a few newtons."""
 LESS = 0.8
-"""Share of the distance that is pulled where the arm cannot get as far."""
+"""Share of the distance to pull if the arm cannot reach as far."""
 
 
 def propose_pull(job: Job) -> list[Proposal] | Abstention:
@@ -39,7 +39,7 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
     slide = slide_for(job.theme, job.scene)
     if slide is None:
         return Abstention(
-            "unknown_skill", f"The {job.theme.label} has no handle that can be seen and is stuck in nothing."
+            "unknown_skill", f"The {job.theme.label} has no visible handle and is not stuck in anything."
         )
     handle = slide.handle
     axes, extents = handle.world_from_object[:3, :3], handle.extents
@@ -68,7 +68,9 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
             for sign in (1.0, -1.0):
                 grasp = Grasp(how + aside, "handle", sign * closing, approach, at, 1.0, preference, depth)
                 found.append(_pull(job, slide, grasp, less, reserve=bool(yaw) or less < 1.0))
-        behind = _behind(slide, at) - job.hand.finger_thickness - ROOM  # for the finger between bar and front
+        behind = (
+            _behind(slide, at) - job.hand.finger_thickness - ROOM
+        )  # room for the finger between bar and front
         if level and 2 * behind > width + PLAY:
             opening, preference = min(1.0, 2 * behind / job.hand.max_width), 0.6 - 0.1 * bool(shift)
             for sign in (1.0, -1.0):
@@ -79,20 +81,20 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
 
 
 def _behind(slide: Slide, at: FloatArray) -> float:
-    """From a point (3,) on the bar to the face behind it, metres."""
+    """Distance from a point (3,) on the bar to the face behind it, metres."""
     things = [t for t in (slide.front, slide.body) if t is not None]
     return float(at @ slide.out) - max(float(t.centre @ slide.out) + t.half_along(slide.out) for t in things)
 
 
 def _grip_point(slide: Slide, width: float, depth: float) -> FloatArray:
-    """(3,) on the bar itself, which is as deep as it is wide, not on the posts that carry it."""
+    """(3,) a point on the bar itself, assumed as deep as it is wide, not on the posts that hold it."""
     handle = slide.handle
     reach = handle.half_along(slide.out)
     return np.asarray(handle.centre + slide.out * (reach - min(depth, reach, max(0.5 * width, 0.003))))
 
 
 def _pull(job: Job, slide: Slide, grasp: Grasp, less: float = 1.0, *, reserve: bool = False) -> Proposal:
-    """By a share ``less`` of the distance."""
+    """Pull by a share ``less`` of the distance."""
     theta, near = job.theta, slide.parts
     distance = less * theta["pull_distance"]
     lifted = grasp.centre + UP * theta["unlatch_lift"]

@@ -1,4 +1,4 @@
-"""Pull out: a thing that is held between others is taken by its free end, drawn out level, and put down."""
+"""Pull out: grasp an object that is held between others by its free end, draw it out level, and put it down."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from gvla2.skills.stuck import Stuck, stuck
 
 PLAY = 0.006
 LEANS = (0.0, 0.3, 0.6)
-"""How far the hand may lean away from what holds the thing, radians: its palm then stays clear of it."""
+"""Tilts of the hand away from what holds the object, radians, to keep the palm clear of it."""
 ROOM = 0.004
 
 
 def propose_draw(job: Job) -> list[Proposal] | Abstention:
-    """Each lean of the hand and each way round, with each turn of the thing at the goal."""
+    """Each tilt of the hand and each way round, with each turn of the object at the goal."""
     held = stuck(job.theme, job.scene)
     if held is None:
-        return Abstention("other", f"The {job.theme.label} is stuck in nothing.")
+        return Abstention("other", f"The {job.theme.label} is not stuck in anything.")
     across = np.cross(UP, held.way)
     width = 2 * held.theme.half_along(across)
     if width + PLAY > job.hand.max_width:
@@ -32,7 +32,7 @@ def propose_draw(job: Job) -> list[Proposal] | Abstention:
             f"The {job.theme.label} is {width * 1000:.0f} mm wide; the hand opens {job.hand.max_width * 1000:.0f} mm.",
         )
     if held.exposed < 0.5 * job.hand.finger_breadth + ROOM:
-        return Abstention("other", f"Too little of the {job.theme.label} sticks out to take hold of it.")
+        return Abstention("other", f"Too little of the {job.theme.label} sticks out to grasp it.")
     snug = min(1.0, (width + 0.016) / job.hand.max_width)
     grasps = [
         _by_its_end(job, held, lean, sign * across, opening)

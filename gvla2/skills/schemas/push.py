@@ -1,9 +1,9 @@
 """Push: closed or spread fingers against a face, a straight stroke, back off.
 
-Two contacts on one face carry the object stably (Lynch and Mason, "Stable pushing", 1996): it sticks to the fingers,
-also when the stroke is not square to the face, as long as the line through its middle along the stroke meets
-the face between the contacts. So the hand is turned to the face, not to the stroke, and shifted to where that line
-comes out. Where a single stroke is too oblique, two strokes along the normals of two faces do it.
+Two contacts on one face push the object stably (Lynch and Mason, "Stable pushing", 1996): it sticks to the fingers,
+even if the stroke is not square to the face, as long as the line through its middle along the stroke meets the face
+between the contacts. So the hand is square to the face, not to the stroke, and centred on that line. If a single stroke
+would be too oblique, there are two, along the normals of two faces.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.schemas.place import goal_spots
 
 EDGE = 0.006
-"""The line of the push meets the face at least this far from its edge, metres: the perceived box is not exact."""
+"""The line of the push meets the face at least this far from its edge, metres: perceived boxes are inexact."""
 SHORT = 0.006
-"""A second stroke shorter than this is left out, metres: perception is hardly better."""
+"""Shorter strokes are left out, metres: perception is hardly more accurate."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class PushStroke:
 
 
 def propose_push(job: Job) -> list[Proposal] | Abstention:
-    """Strokes square to a face or a little oblique, two strokes by way of a corner, and the hand behind the corner."""
+    """One stroke on a face, square or slightly oblique; two strokes on two faces; or one stroke on a corner."""
     goal = push_goal(job)
     shift = goal - job.theme.centre
     length = float(np.linalg.norm(shift))
@@ -60,13 +60,13 @@ def propose_push(job: Job) -> list[Proposal] | Abstention:
 
 
 def push_goal(job: Job) -> FloatArray:
-    """(3,) where the theme's centre is to end, at its own height."""
+    """(3,) the intended final position of the theme's centre, at its present height."""
     theme, height = job.theme, job.theme.centre[2]
     if job.goal is None or job.relation not in ("on", "in", "to") or job.goal.shape == "region":
         spots = goal_spots(job)
         nearest = min(spots, key=lambda s: float(np.linalg.norm(s[0][:2] - theme.centre[:2])))
         return np.array([*nearest[0][:2], height])
-    # To a solid thing: until they touch.
+    # To a solid object: until they touch.
     level = (job.goal.centre - theme.centre) * [1.0, 1.0, 0.0]
     way = level / max(float(np.linalg.norm(level)), 1e-9)
     touching = job.goal.half_along(way)
@@ -75,7 +75,7 @@ def push_goal(job: Job) -> FloatArray:
 
 
 def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str, str, float]]:
-    """Strokes, wording, family and preference of each way to push."""
+    """Strokes, description, family and preference of each way to push."""
     theme = job.theme
     shift = goal - theme.centre
     way = shift / np.linalg.norm(shift)
@@ -114,13 +114,13 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str
 
 
 def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> PushStroke:
-    """Push on the face opposite to ``normal``: the fingers spread as far as the face is wide, about the push's line."""
+    """A push on the face opposite to ``normal``, with the fingers as far apart as fits, centred on the push's line."""
     theme, hand = job.theme, job.hand
     way = (end - begin) / np.linalg.norm(end - begin)
     across = np.array([-normal[1], normal[0], 0.0])
     depth = theme.half_along(normal)
     half_face = theme.half_along(across)
-    # Where the line through the middle along the push comes out of the rear face.
+    # Where the line of the push through the middle meets the rear face.
     aside = -depth * float(way @ across) / float(way @ normal)
     spread = 2 * (half_face - abs(aside)) - 2 * hand.finger_thickness
     opening = float(np.clip(spread / hand.max_width, 0.0, 1.0))
@@ -129,7 +129,7 @@ def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign
 
 
 def _contact_depth(job: Job) -> float:
-    """From the hand's middle to what touches first: the fingers, or the palm where the object rises to it."""
+    """Distance from the hand's middle to what touches first: the fingers, or the palm if the object is that tall."""
     palm = job.theme.top - job.scene.table_height > job.theta["push_height"] + job.hand.finger_length
     return 0.5 * (job.hand.palm_depth if palm else job.hand.finger_breadth)
 
@@ -137,7 +137,7 @@ def _contact_depth(job: Job) -> float:
 def _round(
     begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job
 ) -> Iterator[PushStroke]:
-    """Two fingers behind a round thing, opened to its radius: they hold it like a cradle."""
+    """Two fingers behind a round object, opened to its radius: they cradle it."""
     hand = job.hand
     opening = float(np.clip(radius / hand.max_width, 0.0, 1.0))
     inner = 0.5 * opening * hand.max_width
@@ -149,12 +149,12 @@ def _round(
 
 
 def _corner_radius(job: Job) -> float:
-    """Radius of the circle about the middle that touches the nearer faces, as far as the hand opens."""
+    """Radius of the inscribed circle, but no more than the hand opens."""
     return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
 
 
 def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference: float) -> Proposal:
-    """Behind it, down, push, back off, up; again for a second stroke."""
+    """Go behind the object, down, push, back off and up; likewise for a second stroke."""
     theta, theme = job.theta, frozenset({job.theme.id})
     tcp = max(job.scene.table_height + theta["push_height"] + job.hand.tip_beyond_tcp, job.lowest_tcp())
     above = min(job.theme.top + 0.02 + job.hand.tip_beyond_tcp, job.ceiling())
@@ -170,7 +170,7 @@ def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference:
         over = np.array([*start[:2], above])
         if k == 0:
             path.go("approach", over, gripper=stroke.opening)
-        else:  # the object is no longer where it was seen: straight over it, at a height that clears it
+        else:  # straight over the object, which is no longer where it was seen
             path.line(f"approach{part}", over, gripper=stroke.opening, allowed=touched)
         path.line(f"lower{part}", start, allowed=touched)
         touched = theme
@@ -182,7 +182,7 @@ def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference:
 
 
 def _in_the_way(job: Job, strokes: list[PushStroke]) -> SceneObject | None:
-    """The first thing that the pushed object would run into."""
+    """The first object that the pushed one would hit."""
     theme = job.theme
     half = 0.5 * theme.extents[:2]
     ignored = frozenset({theme.id} | ({job.goal.id} if job.goal is not None else set()))

@@ -1,4 +1,4 @@
-"""Twist: take hold of a cap from above, turn it with the wrist until it is loose, lift it; put it down where asked."""
+"""Twist: grasp a cap from above, turn it with the wrist until it is loose, lift it, and put it down if asked."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gvla2.skills.schemas.pick import Grasp, grasps, take
 from gvla2.skills.schemas.place import carry, goal_spots, over_spot, put_down
 
 STEP = np.deg2rad(45.0)
-"""The wrist turns in steps of this much at most, so that each way round is told."""
+"""Largest step of the wrist, so that the direction of the turn is unambiguous."""
 ASKEW = 8.0
-"""What each metre that a cap is broader than at its slimmest costs of the preference: fingers want flats."""
+"""Deduction from the preference for each metre beyond the cap's least width: fingers hold flats best."""
 SIDES = 12
 
 
 def propose_twist(job: Job) -> list[Proposal] | Abstention:
-    """Each yaw of the hand that fits around the cap; with a goal, each spot and turn there."""
+    """Each yaw of the hand that fits around the cap; with a goal, each spot and turn there, too."""
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
@@ -40,7 +40,7 @@ def propose_twist(job: Job) -> list[Proposal] | Abstention:
 
 
 def _yaws(job: Job, found: list[Grasp]) -> list[Grasp]:
-    """A box is held by its faces; about what passes for round the hand is turned in finer steps, square to it."""
+    """The grasps of a box; for any other shape grasps at finer yaws, best at the least width."""
     if job.theme.shape == "box" or not found:
         return found
     axes, points = job.theme.world_from_object, job.theme.points[:, :2]
@@ -66,7 +66,7 @@ def _twist(
     def way() -> Trajectory:
         touching = job.own() | job.resting() | ({theme.parent} - {""})
         path = take(job, grasp, touching)
-        path.carries = ""  # it stays where it is until it is loose
+        path.carries = ""  # it stays in place until it is loose
         steps = int(np.ceil(abs(rest) / STEP - 1e-9))
         closing = grasp.closing
         for k in range(1, steps + 1):

@@ -12,8 +12,10 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mentions import acting, asked, mentions, misread, noun_of, onto_itself, undoable
+from gvla2.skills.mentions import ACTS, PUT, asked, mentions, noun_of
 from gvla2.skills.parts import root_of
+from gvla2_plugins.code_policies.misreading import misread, onto_itself
+from gvla2_plugins.code_policies.wishes import acting, undoable
 
 SELECTING = frozenset(
     "left right leftmost rightmost middle centre center near nearest far farthest furthest close closest front back "
@@ -35,20 +37,6 @@ HARMLESS = re.compile(
 """Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
 LIFTED = frozenset(("pick", "draw", "pull", "open", "twist"))
-PUT = ("place", "insert", "push", "twist", "close", "draw")
-ACTS = {
-    "push": ("push", "press"),
-    "slide": ("push", "insert", "pull", "draw"),
-    "shove": ("push",),
-    "press": ("press",),
-    "unscrew": ("twist", "open"),
-    "twist": ("twist",),
-    "close": ("close",),
-    "shut": ("close",),
-    "open": ("open", "twist", "pull"),
-    **dict.fromkeys(("put", "place", "lay", "set", "stack", "belongs"), PUT),
-}
-"""Verbs that say by which skill, where a program might do the like by another."""
 SPEAKERS = re.compile(r"\bmy (?:\w+ )?(?:left|right|side|end)\b")
 """Places as the speaker sees them, who may stand anywhere."""
 RAISED = re.compile(
@@ -150,12 +138,6 @@ def colour_absent(instruction: str, scene: Scene) -> str:
         if not shades and not re.search(rf"\b{re.escape(word)}\b", labels):
             return word
     return ""
-
-
-def may_mean(skill: str, instruction: str) -> bool:
-    """Whether the verbs of a wish leave room for a skill; they do where none of them says by which."""
-    said = [acts for verb, acts in ACTS.items() if verb in asked(instruction).split()]
-    return all(skill in acts for acts in said)
 
 
 def ruled_out(instruction: str) -> str:

@@ -1,4 +1,4 @@
-"""The small language of programs: a part of Python's syntax, parsed and interpreted here; nothing is executed.
+"""The language of programs: a subset of Python's syntax, parsed and interpreted here; no Python is executed.
 
 Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names
 of things, numbers, strings, flat lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of
@@ -14,26 +14,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.planning.calls import RELATIONS, SkillCall
+from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.skill import Skill
 
 DECLINE = "decline"
-"""The call by which a program says that the wish is not for this scene: ``decline(absent)``, and why."""
+"""The call by which a program refuses the wish, with a reason: ``decline(absent)``."""
 WHY: Mapping[str, tuple[str, str]] = {
     "absent": ("nothing_matches", "What the wish is about is not there."),
     "unclear": ("ambiguous", "It is not clear which thing is meant."),
     "impossible": ("other", "No skill does what the wish asks for."),
 }
-"""Reasons to decline, each with the kind and the words of an abstention."""
+"""Reasons to decline, each with the kind and message of an abstention."""
 MOST_STEPS, MOST_CALLS, LONGEST = 400, 12, 4000
-"""Statements carried out, calls made, and characters of a program."""
+"""Most statements executed, calls made and characters of a program."""
 LARGEST = 1e4
-"""No number of a program is larger: millimetres."""
-WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
-"""Directions as unit vectors (x, y), seen from the robot."""
+"""The largest number in a program, millimetres."""
 _IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
-"""The relation, which Python's syntax keeps for itself."""
+"""The relation ``in``, a keyword of Python."""
 _COMPARE: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
     ast.GtE: operator.ge, ast.In: lambda a, b: a in b, ast.NotIn: lambda a, b: a not in b,
@@ -50,7 +48,7 @@ class Declined(Exception):  # noqa: N818 - an answer, not an error
 
 @dataclass
 class ProgramInterpreter:
-    """Reads one program for a scene. ``ids`` are the scene's ids by name; :meth:`run` gives the calls it makes."""
+    """Interprets one program for a scene. ``ids`` are the scene's ids by name; :meth:`run` returns its calls."""
 
     scene: Scene
     ids: Mapping[str, str]
@@ -60,8 +58,8 @@ class ProgramInterpreter:
     steps: int = 0
 
     def run(self, text: str) -> tuple[SkillCall, ...]:
-        """The calls that the program makes. Raises :class:`ValueError` with a sentence for its author, and
-        :class:`Declined` where the program says that there is nothing to do.
+        """The program's calls. Raises :class:`ValueError` with a sentence for its author, and :class:`Declined` if the
+        program declines.
         """
         source = _IN.sub("'in'", code_in(text))
         try:
@@ -132,7 +130,7 @@ class ProgramInterpreter:
                 fields["amount"] = 1e-3 * value
             else:
                 raise ValueError(
-                    f"In {skill}(...) '{value}' is nothing that is there: {', '.join(self.ids)}."
+                    f"In {skill}(...) '{value}' is not among the objects: {', '.join(self.ids)}."
                 )
         for key, value in named.items():
             word = value if isinstance(value, str) else ""
@@ -145,7 +143,7 @@ class ProgramInterpreter:
             elif key in ("amount", "by") and _is_number(value):
                 fields["amount"] = 1e-3 * value
             else:
-                raise ValueError(f"{skill}(... {key}={value!r}) is not known.")
+                raise ValueError(f"{skill}(...) does not take {key}={value!r}.")
         if not 1 <= len(things) <= 2:
             raise ValueError(
                 f"{skill} takes one thing, and a goal where it leads somewhere; it got {len(things)}."
@@ -197,7 +195,7 @@ class ProgramInterpreter:
             raise ValueError(f"'{left}' and '{right}' cannot be compared.") from None
 
     def _true(self, node: ast.expr) -> bool:
-        """Only what is true or false: a name that nothing bears would otherwise pass for true."""
+        """The value of a condition, which must be a bool: an unknown name would otherwise count as true."""
         value = self._value(node)
         if not isinstance(value, bool):
             raise ValueError(f"'{ast.unparse(node)[:80]}' is neither true nor false.")
@@ -217,7 +215,7 @@ class ProgramInterpreter:
 
 
 def code_in(text: str) -> str:
-    """The program of an answer: what a code fence holds, else all of it. Raises :class:`ValueError` when endless."""
+    """The program in an answer: its code fence's content, else all of it. Raises :class:`ValueError` if too long."""
     if len(text) > LONGEST:
         raise ValueError(f"It has {len(text)} characters; {LONGEST} are enough for any program.")
     fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
@@ -225,25 +223,10 @@ def code_in(text: str) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """The lines of a sound program without its comments, one form for all: as memory keeps it."""
+    """The lines of a valid program without comments, in one canonical form, for memory."""
     tree = ast.parse(_IN.sub("'in'", code_in(text)))
     tree.body = [s for s in tree.body if not isinstance(s, ast.Expr) or isinstance(s.value, ast.Call)]
     return ast.unparse(tree).replace("'in'", "in").splitlines()
-
-
-def written(call: SkillCall, names: Mapping[str, str]) -> str:
-    """The line of a program that makes the call, with names by id; "" where the language has no words for it.
-
-    Parameters that the call sets are left out: memory teaches them by themselves.
-    """
-    ways = [way for way, vector in WAYS.items() if vector == call.direction]
-    if call.xy is not None or (call.direction is not None and not ways):
-        return ""
-    parts = [names[i] for i in (call.theme, call.goal) if i]
-    parts += [call.relation] if call.relation else []
-    parts += ways
-    parts += [f"{1e3 * call.amount:.0f}"] if call.amount is not None else []
-    return f"{call.skill}({', '.join(parts)})"
 
 
 def _is_number(value: Any) -> bool:
@@ -251,7 +234,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _inside(thing: SceneObject, other: SceneObject) -> bool:
-    """Whether its middle is over the other's footprint."""
+    """Whether its middle is above the other's footprint."""
     return bool((abs(thing.centre[:2] - other.centre[:2]) < 0.5 * other.extents[:2]).all())
 
 
@@ -264,4 +247,4 @@ QUESTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
     "colour": (1, lambda thing: thing.colour),
     "is_on": (2, _inside),
 }
-"""Functions about so many things: millimetres, a colour word, whether one is on or in another."""
+"""Functions and their number of objects: millimetres, a colour word, or whether one is on or in the other."""

@@ -6,11 +6,13 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.scene_brief import scene_brief
-from gvla2.skills.faithful import named_things
-from gvla2.skills.program_grammar import fitting, grammar
 from gvla2.skills.table import STANDARD
-from gvla2.skills.waypoints import grammar as waypoint_grammar
 from gvla2.testing import inputs
+from gvla2_plugins.agent3d.waypoints import grammar as waypoint_grammar
+from gvla2_plugins.code_policies.examples import EXAMPLES
+from gvla2_plugins.code_policies.faithful import named_things
+from gvla2_plugins.code_policies.program import ProgramInterpreter
+from gvla2_plugins.code_policies.program_grammar import fitting, grammar
 
 REQUEST = inputs.plan_request()
 BRIEF = scene_brief(REQUEST.scene)
@@ -66,3 +68,10 @@ def test_the_first_call_is_about_what_is_named():
 def test_nothing_fits_in_an_empty_scene():
     empty = replace(REQUEST, scene=replace(REQUEST.scene, objects=()))
     assert fitting(empty, STANDARD, scene_brief(empty.scene)) == {}
+
+
+@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
+def test_examples_can_be_read(skill, example):
+    names = {line.partition(" ")[0] for line in example.things.splitlines()}
+    (call,) = ProgramInterpreter(REQUEST.scene, {n: n for n in names}, STANDARD).run(example.call)
+    assert call.skill == skill
