@@ -53,9 +53,8 @@ def assemble(
 
 def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
     """The things without scraps: small pieces that lie on, and look like, a solid that is already found."""
-    ordered = sorted(things, key=lambda t: -len(t.members))
     kept: list[Thing] = []
-    for thing in ordered:
+    for thing in sorted(things, key=lambda t: -len(t.members)):
         look = np.median(pixels.look[thing.members], axis=0)
         for k, other in enumerate(kept):
             if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:

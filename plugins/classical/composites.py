@@ -22,10 +22,7 @@ class SceneDraft:
 
     def left(self) -> list[int]:
         """Indices of the things that are still there and painted plainly."""
-        return [k for k in self._there() if not self.things[k].textured]
-
-    def _there(self) -> list[int]:
-        return [k for k in range(len(self.things)) if self._into[k] == k]
+        return [k for k, into in enumerate(self._into) if into == k and not self.things[k].textured]
 
     def now(self, k: int) -> int:
         """Where a thing has gone to: itself while it is there."""
@@ -46,7 +43,7 @@ class SceneDraft:
 
     def finished(self) -> list[Thing]:
         """What is left, with its places among what is left."""
-        left = self._there()
+        left = [k for k, into in enumerate(self._into) if into == k]
         place = {k: i for i, k in enumerate(left)} | {-1: -1}
         done = []
         for k in left:
