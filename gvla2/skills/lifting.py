@@ -209,12 +209,12 @@ def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
             return k
     if not points[0].closed or len(points) < 2:
         return None
-    at_thing = _thing_at(points[0], scene) is not None
+    thing = _thing_at(points[0], scene)
+    if thing is None or button_of(thing, scene) is not None:
+        return None
     opens = any(not p.closed for p in points)
     rises = all(p.xyz[2] > points[0].xyz[2] + LEVEL for p in points[1:])
-    thing = _thing_at(points[0], scene)
-    button = thing is not None and button_of(thing, scene) is not None
-    return 0 if at_thing and not button and (opens or rises) else None
+    return 0 if opens or rises else None
 
 
 def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:

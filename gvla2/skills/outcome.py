@@ -53,6 +53,11 @@ class Outcome:
     after: Scene | None = None
 
     @property
+    def goal(self) -> SceneObject | None:
+        """The plan's goal, as perceived before; None if it has none."""
+        return next((o for o in self.before.objects if o.id == self.plan.roles.get("goal")), None)
+
+    @property
     def waypoints(self) -> tuple[Waypoint, ...]:
         """The plan's waypoints; () if it has no trajectory."""
         return self.plan.trajectory.waypoints if self.plan.trajectory else ()

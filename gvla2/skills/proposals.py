@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -158,7 +159,7 @@ class Path:
         self,
         stage: str,
         xyz: FloatArray,
-        motion: str,
+        motion: Literal["free", "linear"],
         speed: float,
         gripper: float | None,
         allowed: frozenset[str],
@@ -167,21 +168,8 @@ class Path:
     ) -> Path:
         self.gripper = self.gripper if gripper is None else gripper
         x, y, z = (float(v) for v in xyz)
-        self.waypoints.append(
-            Waypoint(
-                (x, y, z),
-                self.gripper,
-                stage,
-                self.orientation,
-                "linear" if motion == "linear" else "free",
-                speed,
-                allowed,
-                self.carries,
-                self.tolerance,
-                guard=guard,
-                dwell=dwell,
-            )
-        )
+        how = (self.gripper, stage, self.orientation, motion, speed, allowed, self.carries, self.tolerance)
+        self.waypoints.append(Waypoint((x, y, z), *how, guard=guard, dwell=dwell))
         return self
 
 

@@ -160,8 +160,7 @@ def of_press(outcome: Outcome) -> Signal | None:
 
 def of_insert(outcome: Outcome) -> Signal | None:
     """A ring that rests on the end of the post."""
-    post = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
-    later = outcome.later(outcome.theme.id)
+    post, later = outcome.goal, outcome.later(outcome.theme.id)
     if later is None or post is None:
         return None
     beside = float(np.linalg.norm((later.centre - post.centre)[:2]))
@@ -173,8 +172,7 @@ def of_insert(outcome: Outcome) -> Signal | None:
 
 def of_push(outcome: Outcome) -> Signal | None:
     """An object that was pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
-    goal = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
-    later = outcome.later(outcome.theme.id)
+    goal, later = outcome.goal, outcome.later(outcome.theme.id)
     if goal is None or later is None:
         return None
     way = (goal.centre - outcome.theme.centre)[:2]

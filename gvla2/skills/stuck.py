@@ -46,7 +46,7 @@ def _covered(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
     below = [o for o in others if -TOUCHING < theme.bottom - o.top < TOUCHING]
     if not above or not below:
         return None
-    best: Stuck | None = None
+    found = []
     for way in theme.upright_faces():
         half = theme.half_along(way)
         line = theme.centre + np.linspace(half, -half, SAMPLES)[:, None] * way
@@ -54,10 +54,9 @@ def _covered(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
         if not held.any() or held[0]:
             continue
         exposed = 2 * half * float(np.argmax(held)) / (SAMPLES - 1)
-        if best is None or exposed > best.exposed:
-            holding = frozenset(o.id for o in others if _near(theme, o))
-            best = Stuck(theme, way, exposed, 2 * half - exposed, holding)
-    return best
+        holding = frozenset(o.id for o in others if _near(theme, o))
+        found.append(Stuck(theme, way, exposed, 2 * half - exposed, holding))
+    return max(found, key=lambda s: s.exposed, default=None)
 
 
 def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:

@@ -1,4 +1,4 @@
-"""What the model writes: waypoints as JSON, their grammar and schema, and what they mean in the world."""
+"""The model's answer: waypoints as JSON, their grammar and schema, and their positions in the world."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gvla2.planning.scene import Scene
 from gvla2.skills.lifting import MOST_POINTS, PathPoint
 
 FARTHEST = 1000.0
-"""No offset is longer, millimetres."""
+"""The largest offset, millimetres."""
 Step = list[Any]
 
 
 def read_steps(text: str, ids: Mapping[str, str], *, bare: bool) -> list[Step]:
-    """The waypoints of an answer, names as written. Raises :class:`ValueError` with a sentence for the model."""
+    """The waypoints of an answer, with names as written. Raises :class:`ValueError` with a sentence for the model."""
     found = json_in(text)
     if isinstance(found, dict):
         found = next((v for v in found.values() if isinstance(v, list)), None)
@@ -50,7 +50,7 @@ def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene, *, bare
 
 
 def with_ids(steps: Sequence[Step], ids: Mapping[str, str]) -> list[Step]:
-    """The steps with scene ids for names."""
+    """The steps with scene ids instead of names."""
     return [[ids[part] if isinstance(part, str) else part for part in step] for step in steps]
 
 
@@ -78,8 +78,8 @@ def schema(names: Sequence[str], *, bare: bool) -> dict[str, Any]:
 
 
 def grammar(names: Sequence[str], *, bare: bool, first: Sequence[str] = (), most: int = MOST_POINTS) -> str:
-    """llama.cpp's grammar of an answer: a bare list, which takes the fewest tokens. The first waypoint is about one
-    of ``first``, where there are any; there are ``most`` waypoints.
+    """llama.cpp's grammar of an answer: a plain list, which takes the fewest tokens, of at most ``most`` waypoints. The
+    first is relative to one of ``first``, if given.
     """
     name, begin = (" | ".join(json.dumps(json.dumps(n)) for n in some) for some in (names, first or names))
     rest = '((int "," int) | (name "," int)) "," int "," [01] "]"'

@@ -1,4 +1,4 @@
-"""Worked examples of the standard skills, for prompts: things that no task of ours has, a wish, the call."""
+"""Worked examples of the standard skills for prompts, with objects that are in no task: a wish and its call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faithfulness: where a program and the words of its wish go apart. Doubts are reasons to ask the model again."""
+"""Faithfulness: differences between a program and the words of its wish, as reasons to ask the model again."""
 
 # ruff: noqa: SIM905 - word lists read best as words
 
@@ -23,37 +23,37 @@ SELECTING = frozenset(
     "smallest tall taller tallest short shorter shortest high higher highest low lower lowest any either both all each "
     "every one top bottom outer inner".split()
 )
-"""Words that may tell things of one kind apart, or say that it does not matter."""
+"""Words that may distinguish objects of one kind, or say that any will do."""
 OTHER = re.compile(r"\b(?:the other|another|that|this) one\b")
 EXCLUDING = frozenset(
     "except excluding not dont don doesn didn shouldn mustn without neither nor unless never only but leave keep "
     "instead rather if".split()
 )
-"""Words by which a wish rules something out or makes it depend, which small models read past."""
+"""Words of exclusions and conditions, which small models overlook."""
 HARMLESS = re.compile(
     r"\bif (?:you (?:can|could|would|don't mind|please|like|want)|possible|needed)\b|\bwithout \w+ing\b"
     r"|\b(?:leave|keep) (?:it|them) (?:on|in|at|up|there|beside|next|onto|into|inside|behind)\b|\bif i may\b"
 )
-"""Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
+"""Phrases with such words that exclude nothing, or something that the checks prevent anyway."""
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
 LIFTED = frozenset(("pick", "draw", "pull", "open", "twist"))
 SPEAKERS = re.compile(r"\bmy (?:\w+ )?(?:left|right|side|end)\b")
-"""Places as the speaker sees them, who may stand anywhere."""
+"""Places relative to the speaker, whose position is unknown."""
 RAISED = re.compile(
     r"^(?!.*\b(?:on|onto|on to|in|into|over|beside|next to)\b).*\b(?:lift|raise|hoist|heave)\b"
 )
-"""A wish to lift that names no place to put it."""
+"""A wish to lift without a place to put the object."""
 TAKEN_THERE = re.compile(r"\b(?:move|bring|carry|transfer|take|get)\b[^.;]*\b(?:onto|into)\b")
 NEAR = 0.015
-"""Things whose boxes are no farther apart touch, metres."""
+"""Objects whose boxes are closer touch, metres."""
 
 
 @dataclass(frozen=True)
 class Named:
     """Something that a wish names.
 
-    The ``reason`` why a program without it is doubtful, and the names of the scene that would be ``about`` it.
-    ``handled``: one of them is what is to be moved. ``skills``: an act was named, by any of these.
+    ``reason`` is why a program without it is doubtful, ``about`` are the scene's names of the objects that it may mean.
+    ``handled``: one of them must be moved. ``skills``: any of these fulfils a named act.
     """
 
     reason: str
@@ -62,7 +62,7 @@ class Named:
     skills: frozenset[str] = frozenset()
 
     def met(self, calls: Sequence[SkillCall], names: Mapping[str, str]) -> bool:
-        """Whether one of the calls is about it."""
+        """Whether one of the calls has it."""
         if self.skills:
             return any(c.skill in self.skills for c in calls)
         return any(
@@ -71,7 +71,7 @@ class Named:
 
 
 def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> list[Named]:
-    """The colours, parts and things that the words of a wish name; a thing stands for its parts and its whole."""
+    """The acts, colours, parts and objects that a wish names; an object stands for its parts and its whole."""
     words = set(re.findall(r"[a-z]+", asked(instruction)))
     found = [
         Named(f"The task says to {verb}.", frozenset(), skills=frozenset(acts))
@@ -101,13 +101,9 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
 def doubts(
     calls: Sequence[SkillCall], instruction: str, scene: Scene, names: Mapping[str, str]
 ) -> list[Named]:
-    """What the wish names and no call is about, but for where the thing is taken from; and, last, that something else
-    is moved than what the wish speaks of as moved.
-    """
+    """What the wish names and no call has, except where the object is taken from; last, if a wrong object is moved."""
     about = {names[i] for call in calls for i in _beside(call.theme, scene)}
-    if RAISED.search(
-        asked(instruction)
-    ):  # what is only spoken of after a preposition tells where the thing is
+    if RAISED.search(asked(instruction)):  # objects after a preposition only say where the thing is
         told = [m for m in mentions(instruction, scene) if m.after]
         about |= {names[o.id] for m in told for o in scene.objects if root_of(o, scene).id in m.roots}
     found = [
@@ -121,13 +117,13 @@ def doubts(
 
 
 def theme_held(call: SkillCall, scene: Scene, names: Mapping[str, str]) -> Named:
-    """What keeps the thing that is moved, its parts and its whole, where only the rest of a program is doubtful."""
+    """The object that a call moves, its parts and its whole, to be kept if only the rest of a program is doubtful."""
     return Named("", _kin([scene[call.theme]], scene, names), handled=True)
 
 
 def colour_absent(instruction: str, scene: Scene) -> str:
-    """A colour that the wish names and nothing in the scene can mean; "" where there is none, or a thing's colour is
-    not known. What a label says ("orange juice") is there.
+    """A colour in the wish that no object has; "" if there is none, or if some object's colour is unknown. Colours in
+    labels ("orange juice") count.
     """
     if not all(o.colour for o in scene.objects):
         return ""
@@ -141,14 +137,14 @@ def colour_absent(instruction: str, scene: Scene) -> str:
 
 
 def ruled_out(instruction: str) -> str:
-    """The first word of a wish that rules something out, "" where there is none."""
+    """The first word of a wish that excludes something; "" if there is none."""
     words = re.findall(r"[a-z]+", HARMLESS.sub(" ", instruction.casefold()))
     return next((w for w in words if w in EXCLUDING), "")
 
 
 def beyond(instruction: str, scene: Scene) -> Abstention | None:
-    """Why a small model had better not be asked: words that it reads past, a colour that is not there, a verb that no
-    skill is for.
+    """Why a small model should not be asked: words that it overlooks, a colour that no object has, or a verb without a
+    skill; None if it may be asked.
     """
     if SPEAKERS.search(instruction.casefold()):
         return Abstention("ambiguous", "Where the speaker stands is not known.")
@@ -171,8 +167,10 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
 def unclear(
     calls: Sequence[SkillCall], instruction: str, scene: Scene, able: Container[str] | None = None
 ) -> str:
-    """Why it is not clear which of several things a wish means: it names their kind and nothing that tells them apart;
-    "" where it is clear, or names no kind. ``able``: the ids of what can be acted on so, where that is known.
+    """Why it is unclear which of several objects a wish means: it names their kind but nothing that distinguishes them.
+
+    "" if it is clear, or if the wish names no kind. ``able`` are the ids of the objects that the skill applies to, if
+    known.
     """
     words = set(re.findall(r"[a-z]+", instruction.casefold()))
     if len(calls) != 1:
@@ -188,7 +186,7 @@ def unclear(
         if noun_of(thing) not in words:
             continue
         alike = [o for o in scene.objects if noun_of(o) == noun_of(thing) and o.shape == thing.shape]
-        own = said.keys() & _colours(thing, scene)  # told apart by its colour, or by having none that is said
+        own = said.keys() & _colours(thing, scene)  # distinguished by its colour, or by lacking those named
         told = [
             o for o in alike if (own & _colours(o, scene) if own else not said.keys() & _colours(o, scene))
         ]
@@ -201,7 +199,7 @@ def unclear(
 
 
 def _meant(instruction: str, scene: Scene) -> dict[str, None]:
-    """The colours of the scene that the wish means, in its order: "blue" is the azure thing where none is blue."""
+    """The colours of the scene that the wish means, in its order: "blue" is an azure object if none is blue."""
     present = [o.colour for o in scene.objects if o.colour]
     return dict.fromkeys(c for word in colour_words(asked(instruction)) if (c := meant_by(word, present)))
 
@@ -212,7 +210,7 @@ def _colours(thing: SceneObject, scene: Scene) -> set[str]:
 
 
 def _beside(object_id: str, scene: Scene) -> list[str]:
-    """Other whole things that touch it: it may be taken from there."""
+    """Other whole objects that touch it: it may be taken from there."""
     own = root_of(scene[object_id], scene).id
     return [
         o.id for o in scene.obstacles(frozenset({own})) if not o.parent and _touching(o, scene[object_id])

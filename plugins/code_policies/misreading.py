@@ -1,4 +1,4 @@
-"""Misreading: calls that act on something else than what the wish speaks of as acted on."""
+"""Misreading: calls that act on other objects than the wish says."""
 
 # ruff: noqa: SIM905 - word lists read best as words
 
@@ -19,9 +19,7 @@ IT = re.compile(r"\b(?:it|its)\b")
 
 
 def onto_itself(wish: str, scene: Scene) -> str:
-    """The label of a whole thing that a wish speaks of as moved and as where it goes, so that another like it is
-    missing here; "" where there is none.
-    """
+    """The label of an object that is the wish's theme and its goal, because a second one is missing; "" if none is."""
     roles = roles_said(wish, scene)
     if len(roles) == 2 and roles["theme"] == roles["goal"] and len(roles["theme"]) == 1:
         return scene[next(iter(roles["theme"]))].label
@@ -29,9 +27,7 @@ def onto_itself(wish: str, scene: Scene) -> str:
 
 
 def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, frozenset[str]]:
-    """Why calls do not act on what the wish speaks of as acted on, "" where they do; and the ids of whole things that
-    they are to act on.
-    """
+    """Why calls act on a wrong object, "" if they do not; and the ids of the whole objects that they should act on."""
     said = mentions(wish, scene)
     acted = acted_on(said, scene)
     themes = {root_of(scene[c.theme], scene).id for c in calls}

@@ -1,6 +1,6 @@
-"""The grammar that a language model's program is held to: only skills and things that fit here.
+"""The grammar of a language model's program: only skills and objects that fit here, in llama.cpp's form.
 
-A small model that may write nothing else is wrong far less often. The form is llama.cpp's.
+A small model that can write nothing else is wrong far less often.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from gvla2.skills.skill import Skill
 from gvla2_plugins.code_policies.faithful import Named
 
 LAST = ("pick",)
-"""Skills named last, which small models else begin everything with."""
+"""Skills listed last; otherwise small models start every program with them."""
 ONTO = ("on", "in")
 SIDES = re.compile(r"\b(left|right|behind|front|beside|besides|next|near|nearer|side|by|close|closer)\b")
-"""Words of a wish that may speak of a goal's sides."""
+"""Words of a wish that may mean a side of the goal."""
 WAYS_SAID = re.compile(
     r"\b(left|right|forward|forwards|back|backwards?|away|towards?|cm|mm|centimet\w+|millimet\w+|inch\w*)\b"
 )
-"""Words of a wish that may say in which direction, or how far."""
+"""Words of a wish that may mean a direction or a distance."""
 Fitting = Mapping[str, Mapping[str, Sequence[str]]]
-"""By skill, the names of the things that it can be done to here, each with those of the goals that it can lead to."""
+"""By skill, the names of its possible themes, each with the names of its possible goals."""
 
 
 def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief) -> Fitting:
-    """The skills that fit something in the scene; those that others turn into by themselves are left out."""
+    """The skills with a possible theme in the scene, except implied ones."""
     scene, hand, names = request.scene, request.arm.hand, brief.names
     found: dict[str, dict[str, list[str]]] = {}
     for name in sorted((s for s in skills if not skills[s].implied), key=lambda s: s in LAST):
@@ -47,10 +47,10 @@ def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief
 def grammar(
     skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequence[Named] = (), *, most: int = 6
 ) -> str:
-    """llama.cpp's grammar of a program: calls by line, each skill with what it fits.
+    """llama.cpp's grammar of a program of at most ``most`` calls, one per line, each skill with what it fits.
 
-    Sides of a goal are there where the wish speaks of sides, directions where it says one. The first call is about all
-    that is ``named``, as far as there is such a call. A program has ``most`` calls.
+    Sides of a goal, and directions, are allowed if the wish mentions any. The first call has all that is ``named``, as
+    far as such a call exists.
     """
     sides, ways = (bool(words.search(wish.casefold())) for words in (SIDES, WAYS_SAID))
     calls = [
@@ -81,7 +81,7 @@ def grammar(
 
 
 def _about(skill: str, theme: str, to: Sequence[str], named: Sequence[Named]) -> Sequence[str] | None:
-    """The goals with which a call on the theme is about all that is named; None where it is not."""
+    """The goals with which a call on the theme has all that is named; None if there is no such call."""
     for one in named:
         if one.skills:
             if skill not in one.skills:
@@ -96,8 +96,8 @@ def _about(skill: str, theme: str, to: Sequence[str], named: Sequence[Named]) ->
 
 
 def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool, ways: bool, *, led: bool = False) -> str:
-    """One skill on one theme, with the goals that it may have; "" where it has to lead somewhere and can't. ``led``:
-    one of the goals is named, so that it has to be there.
+    """One skill on one theme with its possible goals; "" if it needs a goal and has none. ``led``: the goal is not
+    optional, because the wish names it.
     """
     goal, aims = skill.role("goal"), []
     if to and goal is not None:

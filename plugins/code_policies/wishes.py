@@ -1,4 +1,4 @@
-"""Wishes as a whole: whether some skill may do what is asked for, and by how many calls at most."""
+"""Wishes as a whole: whether some skill can fulfil them, and how many calls they need at most."""
 
 # ruff: noqa: SIM905 - word lists read best as words
 
@@ -20,7 +20,7 @@ UNDOABLE = frozenset(
     "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix lock unlock change charge scrub wrap "
     "crumple sell buy".split()
 )
-"""What no hand does here by any skill; a model that may only call skills would do another thing instead."""
+"""Verbs without a skill: a model that can only call skills would do something else instead."""
 ACTING = frozenset(
     "pick lift raise hoist snatch hold heave scoop gather bring move grab grasp seize grip clutch get take fetch "
     "collect retrieve obtain give pass hand reach put set lay place drop deposit stack rest position deliver "
@@ -30,26 +30,26 @@ ACTING = frozenset(
     "remove ease wiggle unscrew twist untwist uncap unseal rotate uncork loosen undo unfasten spin close shut "
     "seal cover belong go want need build tidy clear sit look off onto into up out down".split()
 )
-"""Words of acts that some skill may do; a wish without any of them is for another kind of robot."""
+"""Words for what some skill may do; a wish without any of them is for another kind of robot."""
 TOGETHER = re.compile(
     r"\b(?:both|two|all|every|each)\b.*\b(?:at the same time|simultaneously|together in the air)\b"
 )
-"""What one hand cannot do."""
+"""Wishes that need two hands."""
 NO_SKILL = re.compile(
     r"\b(?:turn|switch|power|put)\b(?=[^.,;]*\boff\b)[^.,;]*\b(?:light|lamp)s?\b"
     r"|\bin(?:to)? (?:two |equal |small )*(?:half|halves|pieces|slices)\b"
 )
-"""What no skill is for: switching off, and making several things of one."""
+"""Further wishes without a skill: switching a lamp off, and dividing an object."""
 JOINTS = re.compile(r"[,;.:](?=\s*\w)|\b(?:and|then|after|afterwards|before|first|once|while)\b")
 MANY = re.compile(
     r"\b(?:all|both|each|every|everything|them|others|rest|things|items|objects|pieces|toys|ones)\b"
 )
 MOST = 6
-"""Calls of a program that a small model may write, however much is wished for."""
+"""Most calls in a small model's program, whatever the wish."""
 
 
 def undoable(wish: str) -> str:
-    """The verb of a clause that no skill does, or words that ask for two hands; "" where there is neither."""
+    """The verb of a clause without a skill, or words that ask for two hands; "" if there are none."""
     if together := TOGETHER.search(wish.casefold()):
         return together.group()
     for clause in re.split(r"[,;.:!?]|\b(?:and|then)\b", wish.casefold()):
@@ -61,7 +61,7 @@ def undoable(wish: str) -> str:
 
 
 def acting(wish: str) -> bool:
-    """Whether some word of a wish says an act that a skill may do, in any form of it."""
+    """Whether a word of a wish, in any inflection, is an act that some skill may do."""
     endings = ("", "s", "es", "d", "ed", "ing")
     for word in re.findall(r"[a-z]+", wish.casefold()):
         stems = {word.removesuffix(end) for end in endings}
@@ -72,7 +72,7 @@ def acting(wish: str) -> bool:
 
 
 def most_calls(wish: str, scene: Scene) -> int:
-    """So many calls at most are what a wish can ask for: one more than it has joints, unless it is about many."""
+    """The most calls that a wish can need: one more than it has joints, unless it is about many objects."""
     said = asked(wish)
     nouns = {noun_of(o) for o in scene.objects}
     if MANY.search(said) or any(w.endswith("s") and w[:-1] in nouns for w in re.findall(r"[a-z]+", said)):

@@ -65,9 +65,9 @@ doubling = "a = [0, 0]\nb = [0, 0]\n" + "a = [a, a]\nb = [b, b]\n" * 60 + "if a 
         ("place(red, blue, red)", "got 3"), ("push(red, up)", "not among the objects"), ("height(red, blue)", "."),
         ("x = height(red, blue)", "about 1 thing"), ("x = is_on(red)", "about 2 things"),
         ("x = height([red])", "nothing"),
-        ("pick(red, amount=True)", "not known"), ("push(red, left, 1e300)", "larger"),
+        ("pick(red, amount=True)", "does not take"), ("push(red, left, 1e300)", "larger"),
         ("pick(*things)", "cannot be used"),
-        ("pick(**things)", "not known"), ("x = 1 + 1", "cannot be used"), ("x = red.label", "cannot be used"),
+        ("pick(**things)", "does not take"), ("x = 1 + 1", "cannot be used"), ("x = red.label", "cannot be used"),
         ("x = f'{red}'", "cannot be used"), ("def f():\n    pick(red)", "cannot be used"), ("x = 'a' < 3", "compared"),
     ],
 )  # fmt: skip
