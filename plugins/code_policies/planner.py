@@ -11,17 +11,17 @@ from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.programs.faithful import Named, beyond, doubts, named_things, theme_held, unclear
+from gvla2.programs.grammar import Fitting, fitting, grammar
+from gvla2.programs.interpreter import WHY, Declined, ProgramInterpreter, lines_of
+from gvla2.programs.wishes import MOST, most_calls
 from gvla2.skills.asked_paths import last_answer, nothing_to_ask
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.code_policies import CodePoliciesConfig
-from gvla2_plugins.code_policies.faithful import Named, beyond, doubts, named_things, theme_held, unclear
-from gvla2_plugins.code_policies.program import WHY, Declined, ProgramInterpreter, lines_of
-from gvla2_plugins.code_policies.program_grammar import Fitting, fitting, grammar
 from gvla2_plugins.code_policies.prompt import correction, messages
-from gvla2_plugins.code_policies.wishes import MOST, most_calls
 
 BACK = 2
 """So often the reasons why a program cannot be carried out go back to the model."""

@@ -8,10 +8,10 @@ from gvla2.language import Message
 from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import remembered, told
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.programs.examples import EXAMPLES
+from gvla2.programs.grammar import Fitting
 from gvla2.skills.asked_paths import instruction_in
 from gvla2.skills.skill import Skill
-from gvla2_plugins.code_policies.examples import EXAMPLES
-from gvla2_plugins.code_policies.program_grammar import Fitting
 
 BEGIN = "You write the program of a robot hand. It can call:"
 END = """\

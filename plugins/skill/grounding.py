@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from gvla2.planning.colours import COLOURS, FAMILIES, meant_by, naming_distance, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.selecting import extreme, located
 from gvla2.skills.meaning import workable
 from gvla2.skills.parts import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
-from gvla2_plugins.skill.selecting import extreme, located
 from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
 
 TIE = 0.9

@@ -14,8 +14,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.programs.array_expressions import Interpreter, Value
 from gvla2.skills.asked_paths import check_lengths
-from gvla2_plugins.voxposer.array_expressions import Interpreter, Value
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10

@@ -16,10 +16,10 @@ from gvla2.planning.pixels import object_at
 from gvla2.planning.scene import Box
 from gvla2.planning.scene_brief import LEGEND, scene_brief
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
 from gvla2.skills.lifting import PathPoint
 from gvla2_plugins.voxposer.maps import MapProgram, MapVocabulary, check_units, read_program
-from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig

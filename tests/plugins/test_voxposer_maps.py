@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
+from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.testing import inputs
 from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapVocabulary, check_units, read_program
-from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 SCENE = inputs.scene()
 IDS = {o.id: o.id for o in SCENE.objects}

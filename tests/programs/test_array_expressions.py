@@ -5,7 +5,7 @@ import ast
 import numpy as np
 import pytest
 
-from gvla2_plugins.voxposer.array_expressions import Interpreter
+from gvla2.programs.array_expressions import Interpreter
 
 
 class Words:

@@ -12,10 +12,10 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.programs.misreading import misread, onto_itself
+from gvla2.programs.wishes import acting, undoable
 from gvla2.skills.mentions import ACTS, PUT, asked, mentions, noun_of
 from gvla2.skills.parts import root_of
-from gvla2_plugins.code_policies.misreading import misread, onto_itself
-from gvla2_plugins.code_policies.wishes import acting, undoable
 
 SELECTING = frozenset(
     "left right leftmost rightmost middle centre center near nearest far farthest furthest close closest front back "

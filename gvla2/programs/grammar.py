@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 
 from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.programs.faithful import Named
 from gvla2.skills.affordances import goals, themes
 from gvla2.skills.skill import Skill
-from gvla2_plugins.code_policies.faithful import Named
 
 LAST = ("pick",)
 """Skills listed last; otherwise small models start every program with them."""

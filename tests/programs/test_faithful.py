@@ -6,8 +6,8 @@ import pytest
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.scene_brief import unique_names
+from gvla2.programs.faithful import beyond, colour_absent, doubts, ruled_out, unclear
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.faithful import beyond, colour_absent, doubts, ruled_out, unclear
 
 SCENE = inputs.scene()
 RED, BLUE = SCENE.objects

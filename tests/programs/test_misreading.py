@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.calls import SkillCall
+from gvla2.programs.misreading import misread, onto_itself
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.misreading import misread, onto_itself
 
 SCENE = inputs.scene()
 RED, BLUE = SCENE.objects

@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.scene_brief import scene_brief
+from gvla2.programs.examples import EXAMPLES
+from gvla2.programs.faithful import named_things
+from gvla2.programs.grammar import fitting, grammar
+from gvla2.programs.interpreter import ProgramInterpreter
+from gvla2.programs.waypoints import grammar as waypoint_grammar
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.agent3d.waypoints import grammar as waypoint_grammar
-from gvla2_plugins.code_policies.examples import EXAMPLES
-from gvla2_plugins.code_policies.faithful import named_things
-from gvla2_plugins.code_policies.program import ProgramInterpreter
-from gvla2_plugins.code_policies.program_grammar import fitting, grammar
 
 REQUEST = inputs.plan_request()
 BRIEF = scene_brief(REQUEST.scene)

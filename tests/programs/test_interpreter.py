@@ -5,9 +5,9 @@ import time
 import pytest
 
 from gvla2.planning.calls import SkillCall, written
+from gvla2.programs.interpreter import Declined, ProgramInterpreter, lines_of
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.program import Declined, ProgramInterpreter, lines_of
 
 SCENE = inputs.scene()
 IDS = {"red": "red_cube", "blue": "blue_cube"}

@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2_plugins.skill.selecting import SELECTORS, extreme, located
+from gvla2.planning.selecting import SELECTORS, extreme, located
 
 
 def thing(name, xy, size=(0.05, 0.05, 0.05), parent=""):

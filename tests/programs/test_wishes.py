@@ -2,8 +2,8 @@
 
 import pytest
 
+from gvla2.programs.wishes import MOST, acting, most_calls, undoable
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.wishes import MOST, acting, most_calls, undoable
 
 SCENE = inputs.scene()
 

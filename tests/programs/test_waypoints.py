@@ -2,8 +2,8 @@
 
 from gvla2.planning.relative import relative_steps
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.programs.waypoints import path_of
 from gvla2.testing import inputs
-from gvla2_plugins.agent3d.waypoints import path_of
 
 SCENE = inputs.scene()
 RED, BLUE = SCENE.objects
