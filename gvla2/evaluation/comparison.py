@@ -8,7 +8,7 @@ from statistics import fmean
 from typing import Literal
 
 from gvla2.evaluation.results import Cell, grouped, latest
-from gvla2.evaluation.sheets import NONE, Exhibit, Gallery, Sheet, SheetCell, SheetRow, Tone, runs_of
+from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
 FEWEST = 5
@@ -185,7 +185,7 @@ def _remarks(table: Table) -> str:
     return " ".join(told)
 
 
-def _gallery(table: Table) -> Gallery | None:
+def _gallery(table: Table) -> Exhibits | None:
     """One exhibit per object: the first picture of each row, in the order of the rows."""
     layout, found = table.layout, []
     order = [row.name for row in table.rows]
@@ -194,7 +194,7 @@ def _gallery(table: Table) -> Gallery | None:
         first = {row: str(some[0].notes["picture"]) for (row,), some in grouped(cells, layout.row).items()}
         found.append(Exhibit(name, tuple(first[row] for row in sorted(first, key=order.index))))
     heading = "Pictures: a held-out view, the baseline, the branch's output"
-    return Gallery(heading, "pictures", tuple(found)) if found else None
+    return Exhibits(heading, "pictures", tuple(found)) if found else None
 
 
 def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> TableRow:

@@ -7,7 +7,7 @@ from itertools import groupby
 from statistics import median
 
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.sheets import NONE, Gallery, Sheet, SheetCell, SheetRow, film, runs_of
+from gvla2.evaluation.sheets import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of
 from gvla2.evaluation.statistics import wilson_interval
 
 SUITE = "run"
@@ -55,7 +55,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
         f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
-        gallery=Gallery("Jobs", "films", tuple(jobs)),
+        gallery=Exhibits("Jobs", "films", tuple(jobs)),
     )
 
 

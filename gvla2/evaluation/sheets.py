@@ -43,7 +43,7 @@ class Exhibit:
 
 
 @dataclass(frozen=True)
-class Gallery:
+class Exhibits:
     """Exhibits below a table; ``style`` is how a page lays them out."""
 
     heading: str
@@ -66,7 +66,7 @@ class Sheet:
     runs: tuple[int, ...]
     explanation: str
     remarks: str = ""
-    gallery: Gallery | None = None
+    gallery: Exhibits | None = None
 
     @property
     def footnote(self) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from gvla2.evaluation.results import Cell, grouped, latest
-from gvla2.evaluation.sheets import Exhibit, Gallery, Sheet, SheetCell, SheetRow, runs_of
+from gvla2.evaluation.sheets import Exhibit, Exhibits, Sheet, SheetCell, SheetRow, runs_of
 
 GROUPS = ("robot", "perceiver", "depth_noise", "scale")
 SCENE = "scene"
@@ -67,11 +67,11 @@ def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
     return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION, gallery=gallery)
 
 
-def _gallery(cells: Sequence[Cell]) -> Gallery | None:
+def _gallery(cells: Sequence[Cell]) -> Exhibits | None:
     paths = {str(c.factors["task"]): str(c.notes["picture"]) for c in cells if c.notes.get("picture")}
     exhibits = tuple(Exhibit(task, (path,)) for task, path in sorted(paths.items()))
     heading = "True outlines (white: found, red: missed) and perceived boxes"
-    return Gallery(heading, "overlays", exhibits) if exhibits else None
+    return Exhibits(heading, "overlays", exhibits) if exhibits else None
 
 
 def _is_scene(cell: Cell) -> bool:

@@ -21,7 +21,7 @@ from gvla2.evaluation.robot.planners import (
     success_lines,
     unmeasured,
 )
-from gvla2.evaluation.sheets import NONE, Exhibit, Gallery, Sheet, SheetCell, SheetRow, Tone, film, runs_of
+from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, film, runs_of
 from gvla2.evaluation.statistics import mean_and_deviation
 
 HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
@@ -80,7 +80,7 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
         own = ordered([str(cell.factors["task"]) for cell in found])
         sheets += _of_planner(found, own, bool(sheets))
     films = tuple(shown for cell in cells if (shown := _film(cell)) is not None)
-    last = replace(sheets[-1], gallery=Gallery("Failures to look at", "films", films) if films else None)
+    last = replace(sheets[-1], gallery=Exhibits("Failures to look at", "films", films) if films else None)
     runs = runs_of(cells)
     return [replace(sheet, runs=runs) for sheet in (*sheets[:-1], last)]
 

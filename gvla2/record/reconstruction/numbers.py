@@ -40,7 +40,7 @@ _STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 
 @dataclass(frozen=True)
-class Compared:
+class BeforeAfter:
     """A number before and after the branch."""
 
     style: NumberStyle
@@ -69,10 +69,10 @@ class Compared:
         return after if self.change is None else f"{fixed(self.before, self.style.digits)} → {after}"
 
 
-def compared(record: ReconstructionRecord, group: str, name: str) -> Compared | None:
+def compared(record: ReconstructionRecord, group: str, name: str) -> BeforeAfter | None:
     """A number of the record; None when it was not measured."""
     before, after = record.measures.groups.get(group, ({}, {})) if record.measures else ({}, {})
     if name not in after:
         return None
     style = MEASURES.get(name, NumberStyle(name.replace("_", " "), 4, "", True))
-    return Compared(style, before.get(name, float("nan")), after[name])
+    return BeforeAfter(style, before.get(name, float("nan")), after[name])
