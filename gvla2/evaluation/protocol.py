@@ -25,7 +25,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
 from gvla2.writing import cache_folder, write_whole
 
-VERSION = "gso30-views-1"
+VERSION = "gso30-views-2"
 """Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""
 CAMERAS = 25
 INPUTS = tuple(range(5))
