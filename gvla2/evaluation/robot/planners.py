@@ -69,11 +69,6 @@ def of_profile(columns: Columns, profile: str) -> tuple[Columns, Columns]:
     return found, {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
 
 
-def line(label: str, tell: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:
-    """A row that tells one thing of each column's cells."""
-    return SheetRow(label, tuple(SheetCell((tell(some),)) for some in columns.values()))
-
-
 def planner_sheet(
     columns: Columns, tasks: Sequence[str], profile: str, title: str, costs: bool = True
 ) -> Sheet:
@@ -93,9 +88,9 @@ def planner_sheet(
     if _fallbacks(everything):
         told["episodes with the fallback"] = lambda some: f"{_fallbacks(some)} of {len(some)}"
     told["episodes"] = lambda some: str(len(some))
-    rows += [
-        line(label, lambda some, tell=tell: tell(some) if some else "", sound) for label, tell in told.items()
-    ]
+    for label, tell in told.items():
+        cells = (SheetCell((tell(some) if some else "",)) for some in sound.values())
+        rows.append(SheetRow(label, tuple(cells)))
     models = sorted({model for (model,) in grouped(everything, "model")} - {""})
     asked = f"; language model {', '.join(models)}" if models else ""
     return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks{asked}", (), PLANNERS)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from statistics import fmean, median
 from textwrap import shorten
 
@@ -15,7 +16,6 @@ from gvla2.evaluation.robot.planners import (
     Columns,
     arms_of,
     columns_of,
-    line,
     of_profile,
     planner_sheet,
     seed_rates,
@@ -205,16 +205,20 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
 def _failures(columns: Columns, tasks: Sequence[str], title: str) -> Sheet:
     found, sound = of_profile(columns, "eased")
     kinds = sorted({_failure(cell) for some in sound.values() for cell in some} - {""})
-    rows = [
-        line(kind.replace("_", " "), lambda some, kind=kind: str([*map(_failure, some)].count(kind)), sound)
-        for kind in kinds
-    ]
-    rows.append(line("episodes", lambda some: str(len(some)), sound))
+    rows = [_line(kind.replace("_", " "), partial(_failed, kind), sound) for kind in kinds]
+    rows.append(_line("episodes", lambda some: str(len(some)), sound))
     if any(unmeasured(cell) for some in found.values() for cell in some):
-        rows.append(line("not measured", lambda some: str(sum(map(unmeasured, some))), found))
-    rows.append(line("verifier agrees", _agreement, sound))
-    rows.append(line("seconds, median", _median, sound))
+        rows.append(_line("not measured", lambda some: str(sum(map(unmeasured, some))), found))
+    rows += [_line("verifier agrees", _agreement, sound), _line("seconds, median", _median, sound)]
     return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks", (), FAILURES)
+
+
+def _line(label: str, tell: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:
+    return SheetRow(label, tuple(SheetCell((tell(some),)) for some in columns.values()))
+
+
+def _failed(kind: str, cells: Sequence[Cell]) -> str:
+    return str(sum(_failure(cell) == kind for cell in cells))
 
 
 def _failure(cell: Cell) -> str:
