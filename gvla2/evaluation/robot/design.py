@@ -73,8 +73,13 @@ def ordered(tasks: Sequence[str]) -> list[str]:
     return [name for name in PAPER if name in chosen] + [name for name in chosen if name not in PAPER]
 
 
+def stand_in(task: str, tasks: Sequence[str]) -> str:
+    """The task whose memories ``shuffled`` gives to ``task``: the next one of those chosen, or of the paper's."""
+    return others_of(task, tasks)[0]
+
+
 def others_of(task: str, tasks: Sequence[str]) -> list[str]:
-    """The tasks whose memories ``shuffled`` could give to ``task``, the next one first: those chosen, or the paper's."""
+    """The tasks that could stand in for ``task``, the next one first, never itself."""
     circle = list(tasks) if len(tasks) > 1 else [task, *(name for name in PAPER if name != task)]
     place = circle.index(task)
     return circle[place + 1 :] + circle[:place]
