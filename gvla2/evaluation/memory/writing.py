@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -93,8 +92,9 @@ def _rate(
     work: Callable[[Sequence[Thing]], object], things: Sequence[Thing], batch: int, patience: float = math.inf
 ) -> tuple[float, int]:
     """How many a second ``work`` takes in batches, and how many it got before ``patience`` seconds were over."""
-    done, began = 0, time.perf_counter()
-    while done < len(things) and time.perf_counter() - began < patience:
-        work(things[done : done + batch])
-        done = min(done + batch, len(things))
-    return done / (time.perf_counter() - began), done
+    done, seconds = 0, 0.0
+    while done < len(things) and seconds < patience:
+        part = things[done : done + batch]
+        seconds += once(partial(work, part))
+        done += len(part)
+    return done / seconds, done
