@@ -114,7 +114,7 @@ def test_what_is_finished_survives_an_interruption(
             raise KeyboardInterrupt
         return {"second": Figure(2.0)}
 
-    monkeypatch.setattr(suite, "all_tests", lambda: (fake("first", first), fake("second", second)))
+    monkeypatch.setattr(suite, "TESTS", (fake("first", first), fake("second", second)))
     config = config_for(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         run_bench(config, catalog, tmp_path / "first")
@@ -138,7 +138,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
         return {"sound": Figure(0.5, "peer", 4.0)}
 
     tests = (fake("broken", broken), fake("absent", absent), fake("sound", sound))
-    monkeypatch.setattr(suite, "all_tests", lambda: tests)
+    monkeypatch.setattr(suite, "TESTS", tests)
     assert run_bench(config_for(tmp_path), catalog, tmp_path / "out") == pytest.approx(1 / 3)
     status = [row["status"] for row in rows_of(tmp_path / "out")]
     assert status == ["failed: the disk is full", "not measured: no server", "ok"]

@@ -25,9 +25,7 @@ if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder
 
 DATA = "generated"
-MEASURING_CODE = (
-    "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_retrieval",
-)  # fmt: skip
+MEASURING_CODE = ("gvla2.memory", "gvla2.evaluation.memory")
 """Code whose change outdates stored rows."""
 
 log = logging.getLogger(__name__)
@@ -48,9 +46,9 @@ def run(bench: BenchRun) -> list[Cell]:
 
     The rows of a finished test are stored immediately, so that an interrupted bench resumes where it stopped.
     """
+    from gvla2.evaluation.memory.evidence import find_file
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.memory.suite import chosen_tests
-    from gvla2.evaluation.memory_retrieval import find_file
 
     config, options = bench.config, bench.config.memory
     tests = chosen_tests(options.tests)
@@ -73,7 +71,7 @@ def run(bench: BenchRun) -> list[Cell]:
 
 def _planned(test: Test, config: BenchConfig, questions: Path | None) -> _Planned:
     """The keys name what could change the numbers: the test, its size, the code, the machine, the data."""
-    from gvla2.evaluation.memory.suite import SUITE, VERSION, all_tests
+    from gvla2.evaluation.memory.suite import SUITE, TESTS, VERSION
     from gvla2.evaluation.provenance import code_digest, versions
     from gvla2.evaluation.results import cell_key
 
@@ -85,7 +83,7 @@ def _planned(test: Test, config: BenchConfig, questions: Path | None) -> _Planne
     options = config.memory
     chosen = (size, test.on, options.scale, options.seed, options.folder, data)
     keys = tuple(cell_key(SUITE, test.name, row.name, *chosen, around) for row in test.rows)
-    return _Planned(test, size, keys, [known.label for known in all_tests()].index(test.label))
+    return _Planned(test, size, keys, [known.label for known in TESTS].index(test.label))
 
 
 def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
@@ -140,7 +138,7 @@ def figure_cell(
 
 def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:
     """The embedders whose retrieval is compared, by name."""
-    from gvla2.evaluation.memory.quality import EMBEDDERS
+    from gvla2.evaluation.memory.evidence import EMBEDDERS
 
     def made(name: str) -> Embedder:
         embedder: Embedder = registry.build_all({"embedder": {"name": name}}, ("embedder",))["embedder"]

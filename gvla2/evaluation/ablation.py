@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,16 +19,9 @@ from gvla2.evaluation.results import Cell
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.branch import BranchOptions, BranchParts, BranchResult, refine_geometry
-from gvla2.reconstruction.contracts import (
-    AxisCompensation,
-    FusionStrategy,
-    GeometryEstimate,
-    GeometryPrior,
-    Reconstruction,
-    Reconstructor,
-    Renderer,
-)
+from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
+from gvla2.record.drawing import png
 
 SUITE = "reconstruction"
 REFERENCE = "baseline"
@@ -57,14 +49,10 @@ PICTURED = ("baseline", "ab_fusion")
 
 
 @dataclass(frozen=True)
-class AblationParts:
-    """The components that a bench runs with."""
+class AblationParts(BranchParts):
+    """The components that a bench runs with: the branch's, and what makes G0."""
 
     reconstructor: Reconstructor
-    prior: GeometryPrior
-    axis: AxisCompensation
-    fusion: FusionStrategy
-    renderer: Renderer
 
 
 @dataclass(frozen=True)
@@ -98,14 +86,12 @@ def measure_object(
     """
     judge: ReconstructionJudge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}
-    pictured: set[tuple[Any, ...]] = set()
+    pictured: set[tuple[str, ...]] = set()
     for want in wanted:
-        noise = str(want.factors["noise"])
-        drift, variant, seed = (
-            str(want.factors["drift"]),
-            str(want.factors["variant"]),
-            int(want.factors["seed"]),
+        drift, noise, variant = place = tuple(
+            str(want.factors[name]) for name in ("drift", "noise", "variant")
         )
+        seed, picture = int(want.factors["seed"]), None
         try:
             parts = parts_for(seed, noise)
             judge = judge or judge_for(parts.renderer)
@@ -115,26 +101,11 @@ def measure_object(
             g0, seconds = first[name]
             size = DRIFTS[drift]
             start = g0 if size is None else Drift.drawn(size, views.name, seed).applied(g0)
-            thing = start
-            notes: dict[str, Any] = {"g0_status": g0.status}
-            switches = VARIANTS[variant]
-            if variant in PLAIN:
-                began = time.perf_counter()
-                thing = _plain(variant, start, views.inputs, parts)
+            began = time.perf_counter()
+            thing, notes = _made(variant, start, views.inputs, parts, options)
+            if variant != REFERENCE:
                 seconds = time.perf_counter() - began
-            elif switches is not None:
-                began = time.perf_counter()
-                refined = refine_geometry(
-                    start,
-                    views.inputs,
-                    BranchParts(parts.prior, parts.axis, parts.fusion, parts.renderer),
-                    replace(options, **cast(dict[str, Any], switches)),
-                )
-                seconds = time.perf_counter() - began
-                thing, notes = refined.out, {"stages": _stages(refined)}
             verdict = judge.measure(thing)
-            place = (drift, noise, variant)
-            picture = None
             if variant in PICTURED and place not in pictured and thing.gaussians is not None:
                 pictured.add(place)
                 picture = _png(judge.pictures(thing.gaussians, 1)[0], views if variant == REFERENCE else None)
@@ -142,8 +113,21 @@ def measure_object(
             yield Measured(failed(want, error))
             continue
         measures = {**verdict.measures, "seconds": seconds}
-        notes = {"status": "ok", "cd_points": verdict.cd_points, **notes}
-        yield Measured(Cell(want.key, want.factors, measures, notes), picture)
+        told = {"status": "ok", "cd_points": verdict.cd_points, **notes}
+        yield Measured(Cell(want.key, want.factors, measures, told), picture)
+
+
+def _made(
+    variant: str, g0: Reconstruction, views: Views, parts: AblationParts, options: BranchOptions
+) -> tuple[Reconstruction, dict[str, Any]]:
+    """A row's reconstruction, and its notes."""
+    switches = VARIANTS[variant]
+    if switches is not None:
+        chosen = replace(options, **cast(dict[str, Any], switches))
+        refined = refine_geometry(g0, views, parts, chosen)
+        return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}
+    thing = _plain(variant, g0, views, parts) if variant in PLAIN else g0
+    return thing, {"g0_status": g0.status}
 
 
 def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts) -> Reconstruction:
@@ -170,15 +154,9 @@ def _reconstruct(parts: AblationParts, views: ObjectViews) -> tuple[Reconstructi
     return made, time.perf_counter() - began
 
 
-def _stages(refined: BranchResult) -> list[str]:
-    return [f"{stage.stage}: {stage.status}" for stage in refined.stages]
-
-
 def _png(image: np.ndarray, truth: ObjectViews | None) -> bytes:
     """PNG of a render in [0, 1], to the right of the true view if one is given."""
     picture = np.rint(255 * image).astype(np.uint8)
     if truth is not None:
         picture = np.hstack([truth.targets[0].image, picture])
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "PNG")
-    return buffer.getvalue()
+    return png(Image.fromarray(picture))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 from typing import Literal
 
-from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
@@ -59,7 +60,7 @@ class Entry:
 
     ``mean`` over objects, then over seeds; ``deviation`` over seeds; ``change`` against the reference row, paired by
     object; ``worst`` the change in per cent of the object that fared worst, ``worst_object`` its name, and ``worse``
-    all that lost more than :data:`NOTABLE` per cent. ``deviation`` is None for one seed.
+    all that lost more than :data:`NOTABLE` per cent, the worst first. ``deviation`` is None for one seed.
     """
 
     mean: float | None
@@ -204,30 +205,26 @@ def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: Ta
         name,
         layout.labels.get(name, name),
         entries,
-        len({cell.factors.get(layout.pair) for cell in cells}),
-        len({cell.factors.get(layout.repeat) for cell in cells}),
+        len(grouped(cells, layout.pair)),
+        len(grouped(cells, layout.repeat)),
         sum(cell.notes.get("status", "ok") != "ok" for cell in cells),
         _rejected(cells),
     )
 
 
 def _rejected(cells: Sequence[Cell]) -> dict[str, str]:
-    ran: dict[str, list[bool]] = {}
-    for cell in cells:
-        for told in cell.notes.get("stages", ()):
-            stage, status = told.split(": ")
-            ran.setdefault(stage, []).append(status == "rejected")
-    return {stage: f"{sum(undone)} of {len(undone)}" for stage, undone in ran.items() if any(undone)}
+    told = [tuple(stage.split(": ")) for cell in cells for stage in cell.notes.get("stages", ())]
+    ran, undone = Counter(stage for stage, _ in told), Counter(told)
+    return {stage: f"{no} of {count}" for stage, count in ran.items() if (no := undone[stage, "rejected"])}
 
 
 def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> Entry:
-    by_seed = _values(measure, cells, layout.repeat)
+    by_seed = _means(measure, cells, layout.repeat)
     if not by_seed:
         return Entry(None)
-    mean, spread = mean_and_deviation([fmean(values) for values in by_seed.values()])
+    mean, spread = mean_and_deviation(list(by_seed.values()))
     deviation = spread if len(by_seed) > 1 else None  # one seed has no deviation
-    ours = {pair: fmean(v) for pair, v in _values(measure, cells, layout.pair).items()}
-    theirs = {pair: fmean(v) for pair, v in _values(measure, reference, layout.pair).items()}
+    ours, theirs = (_means(measure, some, layout.pair) for some in (cells, reference))
     both = [pair for pair in ours if pair in theirs]
     if not measure.compared or not both or fmean([theirs[pair] for pair in both]) == 0:
         return Entry(mean, deviation)
@@ -238,19 +235,11 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     worst = max(losses, key=losses.__getitem__) if any(losses.values()) else None
     # The change of the measure itself, like the one of the mean: a loss of PSNR is negative.
     changed = None if worst is None else sign * losses[worst]
-    return Entry(mean, deviation, change, changed, worst or "", _worse(losses))
+    worse = sorted((pair for pair in losses if losses[pair] > NOTABLE), key=lambda pair: -losses[pair])
+    return Entry(mean, deviation, change, changed, worst or "", tuple(worse))
 
 
-def _worse(losses: Mapping[str, float]) -> tuple[str, ...]:
-    """Objects that lost more than :data:`NOTABLE` per cent, the worst first."""
-    return tuple(sorted((n for n, loss in losses.items() if loss > NOTABLE), key=lambda n: -losses[n]))
-
-
-def _values(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, list[float]]:
-    """Measured values grouped by a factor."""
-    grouped: dict[str, list[float]] = {}
-    for cell in cells:
-        value = cell.measures.get(measure.name)
-        if value is not None:
-            grouped.setdefault(str(cell.factors.get(by)), []).append(float(value))
-    return grouped
+def _means(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, float]:
+    """The means of what was measured, grouped by a factor."""
+    told = [cell for cell in cells if cell.measures.get(measure.name) is not None]
+    return {group: fmean(measured(some, measure.name)) for (group,), some in grouped(told, by).items()}

@@ -1,4 +1,4 @@
-"""LPIPS v0.1 with AlexNet (Zhang et al. 2018): a learned distance of images, computed with numpy alone.
+"""LPIPS v0.1 with AlexNet (Zhang et al. 2018): a learned distance of images, computed with numpy and scipy.
 
 Features of five layers are scaled to unit length at each pixel, their squared differences weighted by a learned head
 and averaged over the picture. The forward pass is a handful of matrix products: no deep learning library is needed.
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from gvla2.errors import GeometryError
 from gvla2.evaluation.lpips_weights import LAYERS, Weights, read_weights
@@ -84,11 +85,4 @@ def _convolve(x: Floats, kernel: Floats, bias: Floats, stride: int, padding: int
 
 def _pool(x: Floats) -> Floats:
     """Maximum over 3 x 3 windows, two pixels apart."""
-    height, width = (x.shape[0] - 3) // 2 + 1, (x.shape[1] - 3) // 2 + 1
-    out: Floats | None = None
-    for i in range(3):
-        for j in range(3):
-            part = x[i : i + 2 * height - 1 : 2, j : j + 2 * width - 1 : 2]
-            out = part.copy() if out is None else np.maximum(out, part, out=out)
-    assert out is not None
-    return out
+    return np.asarray(maximum_filter(x, size=(3, 3, 1))[1:-1:2, 1:-1:2])

@@ -117,28 +117,18 @@ def _unpickled(content: bytes, source: str) -> Weights:
         tree: Mapping[str, Any] = _ArraysOnly(io.BytesIO(content)).load()
         layers = [tree["AlexNet_0"][f"Conv_{n}"] for n in range(LAYERS)]
         heads = [tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"] for n in range(LAYERS)]
-        weights = Weights(
-            tuple(np.asarray(layer["kernel"], dtype=np.float32) for layer in layers),
-            tuple(np.asarray(layer["bias"], dtype=np.float32) for layer in layers),
-            tuple(np.asarray(head, dtype=np.float32).reshape(-1) for head in heads),
-        )
+        parts = ([one["kernel"] for one in layers], [one["bias"] for one in layers], map(np.ravel, heads))
+        weights = Weights(*(tuple(np.asarray(one, dtype=np.float32) for one in part) for part in parts))
     except Gvla2Error:
         raise
     except Exception as error:  # a damaged pickle can raise anything
         raise ConfigurationError(
             f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
         ) from error
-    _check(weights)
-    return weights
-
-
-def _check(weights: Weights) -> None:
-    for kernel, bias, head, shape in zip(
-        weights.kernels, weights.biases, weights.heads, _SHAPES, strict=True
-    ):
-        if kernel.shape != shape or bias.shape != shape[3:] or head.shape != shape[3:]:
-            raise ConfigurationError(
-                f"LPIPS weights of the wrong shape: {kernel.shape}, {bias.shape}, {head.shape} for {shape}."
-            )
-        if not all(np.isfinite(array).all() for array in (kernel, bias, head)) or (head < 0).any():
+    for shape, *layer in zip(_SHAPES, weights.kernels, weights.biases, weights.heads, strict=True):
+        found = [array.shape for array in layer]
+        if found != [shape, shape[3:], shape[3:]]:
+            raise ConfigurationError(f"LPIPS weights of the wrong shape: {found} for {shape}.")
+        if not all(np.isfinite(array).all() for array in layer) or (layer[2] < 0).any():
             raise ConfigurationError("LPIPS weights are not finite, or a head has a negative entry.")
+    return weights

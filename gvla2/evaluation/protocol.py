@@ -20,8 +20,8 @@ import numpy as np
 from gvla2.errors import OutputError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.textured_mesh import read_textured_mesh
+from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.writing import cache_folder, write_whole
 
@@ -67,22 +67,8 @@ def protocol_cameras(name: str, size: int = SIZE) -> tuple[Camera, ...]:
             height = radius * rng.uniform(-1, 1)  # uniform over the sphere (Archimedes)
         turn, flat = rng.uniform(0, 2 * np.pi), np.sqrt(radius**2 - height**2)
         position = np.array([flat * np.cos(turn), flat * np.sin(turn), height])
-        cameras.append(Camera(K, look_at(position), size, size, f"{index:03d}"))
+        cameras.append(Camera(K, look_along(position, -position), size, size, f"{index:03d}"))
     return tuple(cameras)
-
-
-def look_at(position: FloatArray, target: FloatArray | None = None) -> FloatArray:
-    """``world_from_camera`` (4, 4) at ``position`` (3,) looking at ``target`` (the origin), the world's z upwards."""
-    forward = (np.zeros(3) if target is None else target) - position
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    if np.linalg.norm(right) < 1e-6:  # straight above or below: any direction is as good
-        right = np.array([1.0, 0.0, 0.0])
-    right = right / np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    pose[:3, 3] = position
-    return pose
 
 
 def object_views(
@@ -98,6 +84,8 @@ def object_views(
     ``name`` (the file's folder by default) chooses the cameras. A cache that cannot be written only costs time; a
     damaged entry is remade. Raises :class:`GeometryError` for a file that is not a mesh.
     """
+    from gvla2.evaluation.textured_views import textured_view
+
     textured = read_textured_mesh(path).normalised()
     name = name or Path(path).absolute().parent.name
     used = (*INPUTS, *TARGETS)
@@ -108,17 +96,10 @@ def object_views(
     entry = folder / f"{_file_name(name)}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     views = _read_entry(entry, chosen)
     if views is None:
-        views = render(textured, chosen, samples)
+        views = tuple(textured_view(textured, camera, samples) for camera in chosen)
         _write_entry(entry, views)
     split = len(INPUTS)
     return ObjectViews(name, Views(views[:split]), Views(views[split:]), textured.mesh)
-
-
-def render(textured: TexturedMesh, cameras: list[Camera], samples: int = SAMPLES) -> tuple[View, ...]:
-    """Views of a mesh as it lies, with ``samples`` squared rays a pixel; masks are alpha, depth in metres."""
-    from gvla2.evaluation.textured_views import textured_view
-
-    return tuple(textured_view(textured, camera, samples) for camera in cameras)
 
 
 def _file_name(name: str) -> str:

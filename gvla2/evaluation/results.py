@@ -96,6 +96,11 @@ def grouped(cells: Iterable[Cell], *names: str) -> dict[tuple[str, ...], list[Ce
     return groups
 
 
+def measured(cells: Iterable[Cell], name: str) -> list[float]:
+    """The values of a measure, without the missing ones."""
+    return [float(value) for cell in cells if (value := cell.measures.get(name)) is not None]
+
+
 def cell_key(suite: str, *parts: object) -> str:
     """The key of a cell: a digest of everything that could change its numbers; parts must be JSON."""
     text = json.dumps([suite, *parts], sort_keys=True, default=str)

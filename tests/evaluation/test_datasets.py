@@ -72,13 +72,15 @@ def test_a_fingerprint_changes_with_the_files(tree):
 
 def write_gso(folder: Path, source: Path) -> None:
     """A GSO-30 object as its renderer would have written it: OpenGL cameras, RGBA pictures."""
-    from gvla2.evaluation.protocol import protocol_cameras, render
+    from gvla2.evaluation.protocol import protocol_cameras
+    from gvla2.evaluation.textured_views import textured_view
     from gvla2.geometry.textured_mesh import read_textured_mesh
 
     model = folder / "render_mvs_25" / "model"
     model.mkdir(parents=True)
-    cameras = list(protocol_cameras("x", 64))
-    for n, view in enumerate(render(read_textured_mesh(source).normalised(), cameras, 2)):
+    textured = read_textured_mesh(source).normalised()
+    for n, camera in enumerate(protocol_cameras("x", 64)):
+        view = textured_view(textured, camera, 2)
         alpha = np.rint(255 * view.mask).astype(np.uint8)
         Image.fromarray(np.dstack([view.image, alpha])).save(model / f"{n:03d}.png")
         np.save(model / f"{n:03d}.npy", (np.diag([1, -1, -1, 1]) @ view.camera.camera_from_world)[:3])

@@ -61,29 +61,14 @@ _REASONS = (
     "keep the wrist level", "it tips over otherwise", "read the log before trying again", "the light was off",
 )  # fmt: skip
 _SYLLABLES = (
-    "ka",
-    "ro",
-    "mi",
-    "tel",
-    "su",
-    "vin",
-    "or",
-    "pa",
-    "lex",
-    "dun",
-    "ga",
-    "shi",
-    "be",
-    "nor",
-    "qua",
-    "ze",
-)
+    "ka", "ro", "mi", "tel", "su", "vin", "or", "pa", "lex", "dun", "ga", "shi", "be", "nor", "qua", "ze",
+)  # fmt: skip
 
 
-def lessons(count: int, seed: int = 0, *, bank: str = "default", now: float = 1.8e9) -> list[Record]:
+def lessons(count: int, seed: int = 0, *, now: float = 1.8e9) -> list[Record]:
     """``count`` records, most of them active hints, all different in text and id."""
     rng = np.random.default_rng(seed)
-    return [_record(i, bank, now, rng) for i in range(count)]
+    return [_record(i, now, rng) for i in range(count)]
 
 
 def tasks(count: int, seed: int = 1) -> list[MemoryTask]:
@@ -95,13 +80,13 @@ def tasks(count: int, seed: int = 1) -> list[MemoryTask]:
     ]
 
 
-def _record(i: int, bank: str, now: float, rng: np.random.Generator) -> Record:
+def _record(i: int, now: float, rng: np.random.Generator) -> Record:
     query, content = _sentence(rng).split(";")[0], _sentence(rng)
     fails = rng.random() < 0.3
     age = float(rng.exponential(20.0)) * 86400
     record = Record(
         id="",
-        bank=bank,
+        bank="default",
         query=query,
         content=f"{content} ({i})",
         type="failure_avoidance" if fails else "procedural_hint" if rng.random() < 0.8 else "tool_usage",
@@ -116,13 +101,8 @@ def _record(i: int, bank: str, now: float, rng: np.random.Generator) -> Record:
         skill=_skill(rng),
         signature=dump(_signature(rng)),
     )
-    key = hashlib.blake2b(f"{seed_text(record)}{i}".encode(), digest_size=16).hexdigest()
+    key = hashlib.blake2b(f"{query}\n{record.content}{i}".encode(), digest_size=16).hexdigest()
     return replace(record, id=f"hint-{key[:12]}", dedup_key=key)
-
-
-def seed_text(record: Record) -> str:
-    """The seed that makes a record's text unique."""
-    return f"{record.query}\n{record.content}"
 
 
 def _sentence(rng: np.random.Generator) -> str:

@@ -10,7 +10,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from difflib import SequenceMatcher
 from functools import lru_cache
 from pathlib import Path
@@ -26,13 +26,13 @@ _NEGATIONS = frozenset(("no", "not", "never", "avoid", "cannot", "without", "don
 
 @dataclass(frozen=True)
 class PeerLesson:
-    """A record as the peer knows it. ``created`` is in seconds since the epoch; ``status`` a verdict's outcome."""
+    """A record as the peer knows it. ``created`` is in seconds since the epoch; ``outcome`` a verdict's."""
 
     id: str
     query: str
     content: str
     type: str
-    status: str
+    outcome: str
     confidence: float
     quality: float
     created: float
@@ -41,17 +41,7 @@ class PeerLesson:
     @classmethod
     def of(cls, record: Record) -> PeerLesson:
         """The same lesson."""
-        return cls(
-            record.id,
-            record.query,
-            record.content,
-            record.type,
-            record.outcome,
-            record.confidence,
-            record.quality,
-            record.created,
-            record.usage,
-        )
+        return cls(**{field.name: getattr(record, field.name) for field in fields(cls)})
 
 
 class PlainPeer:
@@ -77,15 +67,15 @@ class PlainPeer:
         """Read all, score all, sort all."""
         scored = []
         for record in self.load(folder):
-            if record.status == "uncertain":
+            if record.outcome == "uncertain":
                 continue
             age = max(now - record.created, 0.0) / 86400
             usage = min(math.log1p(record.usage) / 8, 0.2)
             stale = max(0.0, min(age / 365, 0.2) - usage / 2)
-            if not record.status.endswith("success") and age > RETIRE_DAYS and not record.usage:
+            if not record.outcome.endswith("success") and age > RETIRE_DAYS and not record.usage:
                 stale = 0.25
             score = self.relevance(query, f"{record.query}\n{record.content}") + record.confidence
-            score += _PRIOR.get(record.status, 0.05) + max(0.0, 0.25 - min(age / 90, 0.25)) + usage - stale
+            score += _PRIOR.get(record.outcome, 0.05) + max(0.0, 0.25 - min(age / 90, 0.25)) + usage - stale
             scored.append((score, record.id))
         scored.sort(key=lambda pair: -pair[0])
         return [id for _, id in scored[:k]]
@@ -106,7 +96,7 @@ class PlainPeer:
         kept = [
             r
             for r in records
-            if r.status.endswith("success") or r.usage or now - r.created < RETIRE_DAYS * 86400
+            if r.outcome.endswith("success") or r.usage or now - r.created < RETIRE_DAYS * 86400
         ]
         kept.sort(key=lambda r: -self._worth(r, now))
         survivors: list[PeerLesson] = []
@@ -120,7 +110,7 @@ class PlainPeer:
                 survivors.append(record)
         clustered: set[str] = set()
         for kind in sorted({r.type for r in survivors}):
-            group = [r for r in survivors if r.type == kind and r.status.endswith("success")]
+            group = [r for r in survivors if r.type == kind and r.outcome.endswith("success")]
             for record in group:
                 if record.id in clustered:
                     continue
@@ -196,7 +186,7 @@ class PlainPeer:
     @staticmethod
     def _worth(record: PeerLesson, now: float) -> float:
         age = max(now - record.created, 0.0) / 86400
-        worth = record.quality + record.confidence + (0.5 if record.status.endswith("success") else -0.3)
+        worth = record.quality + record.confidence + (0.5 if record.outcome.endswith("success") else -0.3)
         return worth + min(0.1 * record.usage, 0.5) + max(0.0, 0.25 - min(age / 90, 0.25))
 
 

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from functools import partial
 
 from gvla2.evaluation.memory.corpus import tasks
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.setting import NOW, Setting
-from gvla2.evaluation.memory.timing import high, once, spent
+from gvla2.evaluation.memory.figure import Figure
+from gvla2.evaluation.memory.setting import NOW, Setting, high, once, spent
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
@@ -27,8 +26,7 @@ def recall_times(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         for task in asked[:5]:
             bank.recall(task)
         ours = high(spent(bank.recall, asked))
-    peer, folder = setting.plain, setting.folder / f"peer-{size}"
-    peer.fill(folder, setting.peer_lessons(size))
+    peer, folder = setting.plain, setting.peer_filled(size)
     theirs = high(spent(lambda task: peer.retrieve(folder, task.query, 3, NOW), few))
     note = f"{len(asked)} queries, the peer {len(few)}"
     return {"retrieval_p95": Figure(1e3 * ours, peer.name, 1e3 * theirs, note)}
@@ -38,24 +36,5 @@ def start(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """The wait before a new process's first query; the peer reads its file each time."""
     with Store.open(setting.filled(size)) as store:
         ours = once(Index(store, "default", StaticEmbedder()).refresh)
-    peer, folder = setting.plain, setting.folder / f"peer-{size}"
-    peer.fill(folder, setting.peer_lessons(size))
-    theirs = once(partial(peer.load, folder))
-    return {"start": Figure(ours, peer.name, theirs, "the peer reads its file for each query")}
-
-
-def tests() -> list[Test]:
-    """The tests of this file."""
-    made = [
-        Test(
-            "retrieval",
-            (FigureRow("retrieval_p95", "Recall, end to end, p95", "ms", "lower", goal, 3),),
-            recall_times,
-            size,
-            least=least,
-        )
-        for size, least, goal in ((1_000, 50, 2.0), (10_000, 100, 5.0), (100_000, 200, 40.0))
-    ]
-    row = FigureRow("start", "Start of a bank within its budget", "s", "lower", 1.0, 3)
-    made.append(Test("start", (row,), start, 10_000, least=200))
-    return made
+    theirs = once(partial(setting.plain.load, setting.peer_filled(size)))
+    return {"start": Figure(ours, setting.plain.name, theirs, "the peer reads its file for each query")}

@@ -1,12 +1,18 @@
-"""The setting of a run's tests: a scratch folder, banks of any size, a plain peer, the available data."""
+"""The setting of a run's tests: a scratch folder, banks of any size, a plain peer, the available data, a clock."""
 
 from __future__ import annotations
 
+import gc
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from timeit import timeit
+from typing import TypeVar
+
+import numpy as np
 
 from gvla2.evaluation.memory.corpus import lessons
 from gvla2.evaluation.memory.plain_peer import PeerLesson, PlainPeer
@@ -22,6 +28,7 @@ NOW = 1.8e9
 CHUNK = 5000
 
 Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
+Thing = TypeVar("Thing")
 
 
 @dataclass
@@ -91,6 +98,28 @@ class Setting:
     def peer_lessons(self, count: int) -> list[PeerLesson]:
         """The lessons of :meth:`records` as the peer knows them."""
         return [PeerLesson.of(record) for record in self.records(count)]
+
+    def peer_filled(self, count: int) -> Path:
+        """The peer's folder with :meth:`peer_lessons`."""
+        folder = self.folder / f"peer-{count}"
+        self.plain.fill(folder, self.peer_lessons(count))
+        return folder
+
+
+def once(work: Callable[[], object]) -> float:
+    """Seconds of one call, ours or the peer's; no garbage is collected in it."""
+    return timeit(work, number=1)
+
+
+def spent(work: Callable[[Thing], object], things: Iterable[Thing]) -> list[float]:
+    """Seconds of each call; garbage is collected before them."""
+    gc.collect()
+    return [once(partial(work, thing)) for thing in things]
+
+
+def high(times: list[float]) -> float:
+    """The 95th percentile."""
+    return float(np.percentile(times, 95))
 
 
 def whole_copy(url: str, path: Path) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from statistics import median
 
 from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
+from gvla2.evaluation.memory.figure import Figure
 from gvla2.evaluation.memory.plain_peer import PeerLesson
-from gvla2.evaluation.memory.setting import NOW, Setting, admissions
-from gvla2.evaluation.memory.timing import high, middle, once, spent
+from gvla2.evaluation.memory.setting import NOW, Setting, admissions, high, once, spent
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.curation.governance import Governed
 
@@ -27,8 +27,8 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         times = spent(lambda item: bank.admit(item[0], item[1], task=item[2], trusted=True), items[:count])
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
     peer, known = setting.plain, setting.peer_lessons(size)
-    theirs = middle(spent(lambda lesson: peer.place(lesson, known), few))
-    note = f"p95 of {count} durable admits, p50 {1e3 * middle(times):.1f} ms; the peer decides {len(few)}, in memory"
+    theirs = median(spent(lambda lesson: peer.place(lesson, known), few))
+    note = f"p95 of {count} durable admits, p50 {1e3 * median(times):.1f} ms; the peer decides {len(few)}, in memory"
     return {"consolidation": Figure(1e3 * high(times), peer.name, 1e3 * theirs, note)}
 
 
@@ -48,13 +48,3 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     peer = setting.plain
     theirs = once(partial(peer.govern, setting.peer_lessons(size), budget, NOW))
     return {"governance": Figure(seconds, peer.name, theirs, note)}
-
-
-def tests() -> list[Test]:
-    """The tests of this file."""
-    row = FigureRow("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
-    made = [Test("consolidation", (row,), consolidation, 10_000, least=100)]
-    for size, goal in ((1_000, 0.1), (100_000, 5.0)):
-        row = FigureRow("governance", "A pass of governance", "s", "lower", goal, 3)
-        made.append(Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300))
-    return made

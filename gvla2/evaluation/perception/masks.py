@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_closing, binary_dilation
 from scipy.spatial import cKDTree
+from skimage.morphology import disk
 
 from gvla2.evaluation.perception.truth import BoolArray, measured
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
@@ -59,7 +60,7 @@ def _projected(view: View, points: FloatArray) -> BoolArray:
 def _closed(view: View, mask: BoolArray) -> BoolArray:
     reach = _spacing(mask)
     # Padded, so that what touches the picture's border is not eaten from there.
-    whole = binary_closing(np.pad(mask, reach), _disc(reach))[reach:-reach, reach:-reach]
+    whole = binary_closing(np.pad(mask, reach), disk(reach))[reach:-reach, reach:-reach]
     return _off_robot(view, np.asarray(whole))
 
 
@@ -74,7 +75,7 @@ def _filled(
     filled = []
     for k, (thing, mask) in enumerate(zip(objects, closed, strict=True)):
         if sparse[k]:
-            near = binary_dilation(mask, _disc(2 * _spacing(spots[k]))) & ~mask
+            near = binary_dilation(mask, disk(2 * _spacing(spots[k]))) & ~mask
             near[near] = _in_box(thing, points[near])
             others = [other for j, other in enumerate(closed) if j != k]
             mask = mask | _off_robot(view, near & ~np.any([np.zeros_like(near), *others], axis=0))
@@ -102,8 +103,3 @@ def _spacing(mask: BoolArray) -> int:
         return 1
     nearest = np.asarray(cKDTree(spots).query(spots, k=2)[0])[:, 1]
     return int(np.clip(np.ceil(np.percentile(nearest, 90)), 1, WIDEST_GAP))
-
-
-def _disc(radius: int) -> BoolArray:
-    steps = np.arange(-radius, radius + 1)
-    return np.asarray(steps[:, None] ** 2 + steps[None] ** 2 <= radius * radius + 0.5)

@@ -61,7 +61,7 @@ def match(things: Sequence[TrueThing], scene: Scene, masks: BoolArray) -> list[M
     best = np.maximum(alone, joined)
     heaps = {k: _pieces(thing, masks) for k, thing in enumerate(things) if thing.count > 1}
     for heap, pieces in heaps.items():
-        whole = float(overlaps([things[heap].whole], _union(masks[pieces]))[0, 0])
+        whole = float(overlaps([things[heap].whole], masks[pieces].any(axis=0, keepdims=True))[0, 0])
         if pieces and whole > best[heap].max():
             best[heap, pieces[0]] = whole  # stands for all of them
         else:
@@ -110,11 +110,6 @@ def overlaps(one: Sequence[BoolArray], other: BoolArray) -> FloatArray:
     both = (a @ b.T).astype(np.float64)
     either = a.sum(axis=1, dtype=np.float64)[:, None] + b.sum(axis=1, dtype=np.float64)[None] - both
     return np.asarray(np.divide(both, either, out=np.zeros_like(both), where=either > 0))
-
-
-def _union(masks: BoolArray) -> BoolArray:
-    """(1, P) pixels of any of the masks (N, P)."""
-    return np.asarray(masks.any(axis=0)).reshape(1, -1)
 
 
 def _pieces(thing: TrueThing, masks: BoolArray) -> list[int]:

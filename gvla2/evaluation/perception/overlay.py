@@ -9,7 +9,6 @@ from skimage.measure import find_contours
 from gvla2.evaluation.perception.scoring import SceneScore
 from gvla2.evaluation.perception.truth import BoolArray, measured
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.record.drawing import Canvas, Colour, marker_colour, png
@@ -31,19 +30,11 @@ def overlay_sheet(observation: Observation, result: SceneScore, scene: Scene, wi
         canvas = Canvas(view.image, width, _part(view, shown))
         for mask, one in zip(shown, result.things, strict=True):
             for contour in find_contours(np.pad(mask, 1).astype(float), 0.5):  # type: ignore[no-untyped-call]
-                line = [(float(x) - 0.5, float(y) - 0.5) for y, x in contour]
-                canvas.line(line, FOUND if one.match.found else MISSED, width=1.5, halo=0.5)
+                canvas.line(contour[:, ::-1] - 0.5, FOUND if one.match.found else MISSED, width=1.5, halo=0.5)
         for index, thing in enumerate(scene.objects):
             _draw(canvas, view.camera, thing, index)
-        pictures.append(canvas.picture())
-    sheet = Image.new(
-        "RGB", (sum(p.width for p in pictures), max(p.height for p in pictures)), (255, 255, 255)
-    )
-    left = 0
-    for picture in pictures:
-        sheet.paste(picture, (left, 0))
-        left += picture.width
-    return png(sheet.quantize(128))
+        pictures.append(np.asarray(canvas.picture()))
+    return png(Image.fromarray(np.hstack(pictures)).quantize(128))
 
 
 def _split(observation: Observation, result: SceneScore) -> list[list[BoolArray]]:
@@ -80,12 +71,8 @@ def _draw(canvas: Canvas, camera: Camera, thing: SceneObject, index: int) -> Non
         return
     colour = marker_colour(index)
     for a, b in _EDGES:
-        canvas.line([_point(uv[a]), _point(uv[b])], colour, width=1.5, halo=0.5)
+        canvas.line(uv[[a, b]], colour, width=1.5, halo=0.5)
     middle = camera.project(thing.centre[None])[0][0]
     if camera.inside(middle):
-        low, high = uv.min(axis=0), uv.max(axis=0)
-        canvas.label(thing.label, Rect(float(low[0]), float(low[1]), float(high[0]), float(high[1])), colour)
-
-
-def _point(uv: FloatArray) -> tuple[float, float]:
-    return float(uv[0]), float(uv[1])
+        near = Rect(*map(float, uv.min(axis=0)), *map(float, uv.max(axis=0)))
+        canvas.label(thing.label, near, colour)

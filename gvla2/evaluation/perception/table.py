@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from statistics import fmean, median
 
 import numpy as np
 
-from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.sheets import Exhibit, Exhibits, Sheet, SheetCell, SheetRow, runs_of
 
 GROUPS = ("robot", "perceiver", "depth_noise", "scale")
 SCENE = "scene"
 ALL = "all"
-
-OF_THINGS = (
-    "things",
-    "found ↑",
-    "whole ↑",
-    "mask IoU ↑",
-    "label ↑",
-    "colour ↑",
-    "centre mm ↓",
-    "extent mm ↓",
-    "missed most",
-)
-OF_SCENES = ("false a scene ↓", "abstained ↑", "seconds ↓")
-
 
 EXPLANATION = (
     "Things that the true pixels show, against the perceived objects. Mask IoU is over all views together, and a "
@@ -35,6 +22,38 @@ EXPLANATION = (
     "share, if in per cent), the second the 95th percentile, p95: one in twenty is worse. False objects match no "
     "thing, or are a second piece of one. Abstained: refused sentences that fit two twins of one colour."
 )
+
+
+def _share(values: Sequence[float]) -> tuple[str, ...]:
+    return f"{100 * fmean(values):.0f} %", f"{sum(values):.0f} of {len(values)}"
+
+
+def _mean(values: Sequence[float]) -> tuple[str, ...]:
+    return (f"{fmean(values):.2f}",)
+
+
+def _spread(digits: int, worst: float = 95) -> Callable[[Sequence[float]], tuple[str, ...]]:
+    def say(values: Sequence[float]) -> tuple[str, ...]:
+        return f"{median(values):.{digits}f}", f"p95 {np.percentile(values, worst):.{digits}f}"
+
+    return say
+
+
+_OF_THINGS = {
+    "found ↑": ("found", _share),
+    "whole ↑": ("whole", _share),
+    "mask IoU ↑": ("iou", _spread(2, worst=5)),
+    "label ↑": ("label", _share),
+    "colour ↑": ("colour", _share),
+    "centre mm ↓": ("centre_mm", _spread(1)),
+    "extent mm ↓": ("extent_mm", _spread(1)),
+}
+"""Columns by heading: the measure of a thing's row, and how to say its values."""
+_OF_SCENES = {
+    "false a scene ↓": ("false", _mean),
+    "abstained ↑": ("abstained", _share),
+    "seconds ↓": ("seconds", _spread(2)),
+}
 
 
 def perception_sheets(cells: Iterable[Cell]) -> list[Sheet]:
@@ -61,7 +80,7 @@ def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
     rows = [SheetRow(_label(name, some), _row(some, scenes)) for (name,), some in sorted(groups.items())]
     if len(rows) > 1:
         rows.append(SheetRow(ALL, _row(cells, scenes)))
-    headings = (*OF_THINGS[:-1], *(OF_SCENES if scenes else ()), OF_THINGS[-1])
+    headings = ("things", *_OF_THINGS, *(_OF_SCENES if scenes else ()), "missed most")
     counts = f"{sum(map(_is_scene, cells))} layouts"
     gallery = _gallery(cells) if scenes else None
     return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION, gallery=gallery)
@@ -86,55 +105,19 @@ def _label(name: str, cells: Sequence[Cell]) -> str:
 def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:
     scenes = [cell for cell in cells if _is_scene(cell)]
     things = [cell for cell in cells if not _is_scene(cell)]
-    of_scenes = (_mean(scenes, "false"), _share(scenes, "abstained"), _spread(scenes, "seconds", 2))
-    return (
-        SheetCell((f"{len(things):,}",)),
-        _share(things, "found"),
-        _share(things, "whole"),
-        _spread(things, "iou", 2, worst=5),
-        _share(things, "label"),
-        _share(things, "colour"),
-        _spread(things, "centre_mm", 1),
-        _spread(things, "extent_mm", 1),
-        *(of_scenes if with_scenes else ()),
-        SheetCell((_missed(things),)),
-    )
-
-
-def _values(cells: Sequence[Cell], name: str) -> list[float]:
-    values = (cell.measures.get(name) for cell in cells)
-    return [float(value) for value in values if value is not None]
-
-
-def _with(values: Sequence[float], say: Callable[[Sequence[float]], tuple[str, ...]]) -> SheetCell:
-    return SheetCell(say(values)) if values else SheetCell(("",), none=True)
-
-
-def _share(cells: Sequence[Cell], name: str) -> SheetCell:
-    return _with(
-        _values(cells, name), lambda v: (f"{100 * float(np.mean(v)):.0f} %", f"{sum(v):.0f} of {len(v)}")
-    )
-
-
-def _mean(cells: Sequence[Cell], name: str) -> SheetCell:
-    return _with(_values(cells, name), lambda v: (f"{float(np.mean(v)):.2f}",))
-
-
-def _spread(cells: Sequence[Cell], name: str, digits: int, worst: float = 95) -> SheetCell:
-    return _with(
-        _values(cells, name),
-        lambda v: (f"{float(np.median(v)):.{digits}f}", f"p95 {float(np.percentile(v, worst)):.{digits}f}"),
-    )
+    told = [(things, *column) for column in _OF_THINGS.values()]
+    told += [(scenes, *column) for column in _OF_SCENES.values()] if with_scenes else []
+    found = [(measured(some, name), say) for some, name, say in told]
+    numbers = [SheetCell(say(values)) if values else SheetCell(("",), none=True) for values, say in found]
+    return (SheetCell((f"{len(things):,}",)), *numbers, SheetCell((_missed(things),)))
 
 
 def _missed(things: Sequence[Cell]) -> str:
     """The most often missed kind, and how many of how many."""
-    missed: dict[str, int] = {}
-    for cell in things:
-        if not cell.measures.get("found"):
-            kind = str(cell.factors.get("kind"))
-            missed[kind] = missed.get(kind, 0) + 1
-    if not missed:
-        return ""
-    kind = max(sorted(missed), key=lambda name: missed[name])
-    return f"{kind}: {missed[kind]} of {sum(str(c.factors.get('kind')) == kind for c in things)}"
+    kinds = {
+        kind: [bool(cell.measures.get("found")) for cell in some]
+        for (kind,), some in grouped(things, "kind").items()
+    }
+    kind = max(sorted(kinds), key=lambda kind: kinds[kind].count(False), default="")
+    missed = kinds[kind].count(False) if kinds else 0
+    return f"{kind}: {missed} of {len(kinds[kind])}" if missed else ""

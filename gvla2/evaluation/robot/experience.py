@@ -36,21 +36,15 @@ class Experience:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Experience:
         """From :meth:`to_json`'s object."""
-        told, judged = dict(data["episode"]), dict(data["verdict"])
-        told.pop("recalled", None)
-        asked = dict(told["task"])
-        episode = MemoryEpisode(
-            **{
-                **told,
-                "task": MemoryTask(**{**asked, "things": tuple(asked.get("things", ()))}),
-                "lessons": tuple(
-                    Lesson(**{**lesson, "evidence": tuple(lesson.get("evidence", ()))})
-                    for lesson in told["lessons"]
-                ),
-            }
-        )
-        verdict = Verdict(**{**judged, "reasons": tuple(judged["reasons"])})
-        return cls(data["task"], data["seed"], episode, verdict)
+        told = {name: value for name, value in data["episode"].items() if name != "recalled"}
+        told["task"] = MemoryTask(**_frozen(told["task"]))
+        told["lessons"] = tuple(Lesson(**_frozen(lesson)) for lesson in told["lessons"])
+        return cls(data["task"], data["seed"], MemoryEpisode(**told), Verdict(**_frozen(data["verdict"])))
+
+
+def _frozen(data: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON's lists are tuples again."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
 
 
 def teach(memory: Memory, experiences: Iterable[Experience]) -> None:

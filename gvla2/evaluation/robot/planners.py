@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from statistics import fmean, median
 
-from gvla2.evaluation.results import Cell, grouped
+from gvla2.evaluation.results import Cell, grouped, measured
 from gvla2.evaluation.sheets import NONE, Sheet, SheetCell, SheetRow
 from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
 
@@ -20,22 +21,25 @@ PLANNERS = (
     "neither tokens nor time and are listed separately; so are episodes in which the fallback planned."
 )
 
+Columns = Mapping[str, Sequence[Cell]]
+"""A table's columns by heading, each with its cells."""
+
 
 def unmeasured(cell: Cell) -> bool:
     """Whether the episode does not count for its arm: the planner timed out, or its model was unavailable."""
     return cell.measures.get("success") is None
 
 
-def arm_of(cell: Cell) -> str:
-    """The arm's name in tables: with its options if it is a variant, and the exploring planner if another."""
-    variant, teacher = cell.factors.get("variant"), cell.factors.get("teacher")
-    name = f"{cell.factors['arm']} ({variant})" if variant else str(cell.factors["arm"])
-    return f"{name}{TAUGHT}{teacher})" if teacher else name
+def with_arm(cell: Cell) -> Cell:
+    """The cell with its arm's name in tables: with a variant's options, and the exploring planner if another."""
+    arm, variant, teacher = cell.told("arm", "variant", "teacher")
+    name = f"{arm} ({variant})" if variant else arm
+    return replace(cell, factors={**cell.factors, "arm": f"{name}{TAUGHT}{teacher})" if teacher else name})
 
 
 def arms_of(cells: Sequence[Cell]) -> list[str]:
     """The arms of these cells, ``off`` and ``on`` first."""
-    present = {arm_of(cell) for cell in cells}
+    present = {arm for (arm,) in grouped(cells, "arm")}
     return [arm for arm in FIRST if arm in present] + sorted(present - set(FIRST))
 
 
@@ -49,51 +53,45 @@ def success_lines(cells: Sequence[Cell]) -> tuple[str, str]:
 def columns_of(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     """The cells by planner, its language model if there are several, and arm if any is not ``off``."""
     models = {planner: grouped(some, "model") for (planner,), some in grouped(cells, "planner").items()}
-    several = any(arm != "off" for arm in arms_of(cells))
-    columns: dict[str, list[Cell]] = {}
-    for arm in arms_of(cells):
-        for cell in cells:
-            if arm_of(cell) == arm:
-                planner, model = cell.told("planner", "model")
-                asked = f" by {model}" if model and len(models[planner]) > 1 else ""
-                named = f"{planner}{asked}, memory {arm}" if several else f"{planner}{asked}"
-                columns.setdefault(named, []).append(cell)
-    order = list(models)
-    return dict(sorted(columns.items(), key=lambda item: order.index(item[1][0].told("planner")[0])))
+    arms, order = arms_of(cells), list(models)
+    found = grouped(cells, "planner", "arm", "model")
+    columns = {}
+    for planner, arm, model in sorted(found, key=lambda place: (order.index(place[0]), arms.index(place[1]))):
+        asked = f" by {model}" if model and len(models[planner]) > 1 else ""
+        memory = f", memory {arm}" if arms != ["off"] else ""
+        columns[f"{planner}{asked}{memory}"] = found[planner, arm, model]
+    return columns
+
+
+def of_profile(columns: Columns, profile: str) -> tuple[Columns, Columns]:
+    """The columns' cells of a profile, and the measured ones of these."""
+    found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
+    return found, {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
 
 
 def planner_sheet(
-    columns: Mapping[str, Sequence[Cell]],
-    tasks: Sequence[str],
-    profile: str,
-    title: str,
-    costs: bool = True,
+    columns: Columns, tasks: Sequence[str], profile: str, title: str, costs: bool = True
 ) -> Sheet:
     """Tasks down, planners across, a row of means, then, with ``costs``, the cost per episode."""
-    found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
-    sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
-    rows = []
-    for task in tasks:
-        of_task = [[c for c in found[name] if c.factors["task"] == task] for name in columns]
-        rows.append(SheetRow(task, tuple(_cell(cells, costs) for cells in of_task)))
+    found, sound = of_profile(columns, profile)
+    by_task = [grouped(some, "task") for some in found.values()]
+    rows = [SheetRow(task, tuple(_cell(some.get((task,), []), costs) for some in by_task)) for task in tasks]
     rows.append(SheetRow("mean over tasks", tuple(_mean(some, tasks) for some in sound.values())))
-
-    def add(label: str, tell: Callable[[Sequence[Cell]], str]) -> None:
-        rows.append(
-            SheetRow(label, tuple(SheetCell((tell(some) if some else "",)) for some in sound.values()))
-        )
-
     everything = [cell for some in sound.values() for cell in some]
+    told: dict[str, Callable[[Sequence[Cell]], str]] = {}
     if costs:
-        add("planning seconds, median", lambda some: _seconds(some).removesuffix(" s"))
-        add("calls an episode", lambda some: f"{_average(some, 'calls') or 0:.1f}")
-        add("prompt + answer tokens an episode", lambda some: _tokens(some).removesuffix(" tokens"))
-    if costs and any(cell.measures.get("cached") for cell in everything):
-        add("answers from the cache", lambda some: f"{sum(c.measures.get('cached') or 0 for c in some):.0f}")
-    if any(cell.notes.get("fallback") for cell in everything):
-        add("episodes with the fallback", lambda some: f"{_fallbacks(some)} of {len(some)}")
-    add("episodes", lambda some: str(len(some)))
-    models = sorted({str(cell.factors.get("model", "")) for cell in everything} - {""})
+        told["planning seconds, median"] = lambda some: _seconds(some).removesuffix(" s")
+        told["calls an episode"] = lambda some: f"{_average(some, 'calls') or 0:.1f}"
+        told["prompt + answer tokens an episode"] = lambda some: _tokens(some).removesuffix(" tokens")
+    if costs and _cached(everything):
+        told["answers from the cache"] = lambda some: f"{_cached(some):.0f}"
+    if _fallbacks(everything):
+        told["episodes with the fallback"] = lambda some: f"{_fallbacks(some)} of {len(some)}"
+    told["episodes"] = lambda some: str(len(some))
+    for label, tell in told.items():
+        cells = (SheetCell((tell(some) if some else "",)) for some in sound.values())
+        rows.append(SheetRow(label, tuple(cells)))
+    models = sorted({model for (model,) in grouped(everything, "model")} - {""})
     asked = f"; language model {', '.join(models)}" if models else ""
     return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks{asked}", (), PLANNERS)
 
@@ -111,8 +109,7 @@ def _costs(cells: Sequence[Cell]) -> list[str]:
     lines = [_seconds(cells)]
     if calls := _average(cells, "calls"):
         lines += [f"{calls:.1f} {'call' if calls == 1 else 'calls'}", _tokens(cells)]
-    cached = sum(cell.measures.get("cached") or 0 for cell in cells)
-    lines += [f"{cached:.0f} from the cache"] if cached else []
+    lines += [f"{_cached(cells):.0f} from the cache"] if _cached(cells) else []
     return lines + ([f"fallback in {_fallbacks(cells)}"] if _fallbacks(cells) else [])
 
 
@@ -131,27 +128,28 @@ def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
 def seed_rates(cells: Sequence[Cell]) -> list[float]:
     """The success rate of each seed in per cent, a mean over tasks."""
     return [
-        100
-        * fmean(
-            fmean(bool(c.measures["success"]) for c in of_task) for of_task in grouped(some, "task").values()
-        )
+        100 * fmean(fmean(measured(of_task, "success")) for of_task in grouped(some, "task").values())
         for some in grouped(cells, "seed").values()
     ]
 
 
 def _seconds(cells: Sequence[Cell]) -> str:
-    spent = [float(value) for c in cells if (value := c.measures.get("planning_seconds")) is not None]
+    spent = measured(cells, "planning_seconds")
     return f"{median(spent):.1f} s" if spent else ""
 
 
 def _average(cells: Sequence[Cell], measure: str) -> float | None:
-    told = [float(value) for cell in cells if (value := cell.measures.get(measure)) is not None]
+    told = measured(cells, measure)
     return fmean(told) if told else None
 
 
 def _tokens(cells: Sequence[Cell]) -> str:
     prompt, answer = _average(cells, "prompt_tokens"), _average(cells, "completion_tokens")
     return "not counted" if prompt is None or answer is None else f"{prompt:.0f} + {answer:.0f} tokens"
+
+
+def _cached(cells: Sequence[Cell]) -> float:
+    return sum(measured(cells, "cached"))
 
 
 def _fallbacks(cells: Sequence[Cell]) -> int:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from statistics import median
+from functools import partial
+from statistics import fmean, median
 from textwrap import shorten
 
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
@@ -13,13 +13,15 @@ from gvla2.evaluation.results import Cell, grouped, latest
 from gvla2.evaluation.robot.design import PAPER, PROFILES, ordered
 from gvla2.evaluation.robot.planners import (
     TAUGHT,
-    arm_of,
+    Columns,
     arms_of,
     columns_of,
+    of_profile,
     planner_sheet,
     seed_rates,
     success_lines,
     unmeasured,
+    with_arm,
 )
 from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, film, runs_of
 from gvla2.evaluation.statistics import mean_and_deviation
@@ -49,8 +51,8 @@ FAILURES = (
 )
 
 
-_Episodes = Mapping[tuple[str, str], Mapping[tuple[str, ...], Cell]]
-"""Cells of one profile by (task, arm), then by (seed, episode)."""
+_Episodes = Mapping[tuple[str, ...], Sequence[Cell]]
+"""The measured cells of one profile by (task, arm)."""
 
 
 def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
@@ -60,12 +62,12 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
     once = latest(given, lambda cell: cell.told(*HOUSE, *which))
     kept = sorted(once, key=lambda cell: (cell.told(*HOUSE), order.index(cell.told(*PLANNER))))
-    return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(found)]
+    return [sheet for found in grouped(map(with_arm, kept), *HOUSE).values() for sheet in _of_house(found)]
 
 
 def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
     by_planner = grouped(cells, *PLANNER)
-    tasks = ordered([str(cell.factors["task"]) for cell in cells])
+    tasks = ordered([task for (task,) in grouped(cells, "task")])
     sheets: list[Sheet] = []
     asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in cells)
     if len(by_planner) > 1 or asked:
@@ -77,8 +79,7 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
         ]
         sheets.append(_failures(columns, tasks, f"{title}: failures"))
     for found in by_planner.values():
-        own = ordered([str(cell.factors["task"]) for cell in found])
-        sheets += _of_planner(found, own, bool(sheets))
+        sheets += _of_planner(found, bool(sheets))
     films = tuple(shown for cell in cells if (shown := _film(cell)) is not None)
     last = replace(sheets[-1], gallery=Exhibits("Failures to look at", "films", films) if films else None)
     runs = runs_of(cells)
@@ -86,84 +87,78 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
 
 
 def _said(cell: Cell, names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {value}" for name in names if (value := str(cell.factors.get(name, ""))))
+    return ", ".join(f"{name} {value}" for name, value in zip(names, cell.told(*names), strict=True) if value)
 
 
-def _of_planner(cells: Sequence[Cell], tasks: Sequence[str], compared: bool) -> list[Sheet]:
+def _of_planner(cells: Sequence[Cell], compared: bool) -> list[Sheet]:
     """Memory's effect for one planner; nothing if it is off and the planner was ``compared`` above."""
-    arms = arms_of(cells)
+    arms, tasks = arms_of(cells), ordered([task for (task,) in grouped(cells, "task")])
     if compared and len(arms) == 1:
         return []
     title = f"Robot ({_said(cells[0], (*HOUSE, *PLANNER))})"
-    by_profile = {profile: _episodes(cells, profile) for profile in PROFILES}
+    columns = {f"memory {arm}": grouped(cells, "arm")[arm,] for arm in arms}
+    sound = grouped([cell for cell in cells if not unmeasured(cell)], "profile")
+    by_profile = {profile: grouped(sound.get((profile,), []), "task", "arm") for profile in PROFILES}
     sheets = [
         _success(found, tasks, arms, f"{title}: success, {profile}") for profile, found in by_profile.items()
     ]
     if len(arms) > 1:
         sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds"))
     if not compared:
-        columns = {f"memory {arm}": [c for c in cells if arm_of(c) == arm] for arm in arms}
         sheets.append(_failures(columns, tasks, f"{title}: failures"))
     return sheets
 
 
-def _episodes(cells: Sequence[Cell], profile: str) -> _Episodes:
-    found: dict[tuple[str, str], dict[tuple[str, ...], Cell]] = {}
-    for cell in cells:
-        if cell.factors.get("profile") == profile and not unmeasured(cell):
-            here = found.setdefault((str(cell.factors["task"]), arm_of(cell)), {})
-            here[cell.told("seed", "episode")] = cell
-    return found
-
-
 def _success(found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title: str) -> Sheet:
-    sure = {arm: _different(found, tasks, "off", arm) for arm in arms}
+    sure = {arm: _different(_pairs(found, tasks, "off", arm)) for arm in arms}
     rows = []
     for task in tasks:
-        line = [_rate(found.get((task, arm), {}), sure[arm].get(task)) for arm in arms]
-        paper = PAPER.get(task)
-        rows.append(
-            SheetRow(task, (*line, *(SheetCell((f"{v:.1f}",) if paper else ("",)) for v in paper or (0, 0))))
-        )
-    mean = [_mean(found, tasks, arm) for arm in arms]
-    shown = [PAPER[task] for task in tasks if task in PAPER]
-    papers = [sum(column) / len(shown) for column in zip(*shown, strict=True)] if shown else []
-    means = [SheetCell((f"{value:.1f}",)) for value in papers] or [SheetCell(("",))] * 2
-    rows.append(SheetRow("mean over tasks", (*mean, *means)))
+        rates = [_rate(found.get((task, arm), []), sure[arm].get(task, 0)) for arm in arms]
+        rows.append(SheetRow(task, (*rates, *_paper([task]))))
+    rows.append(SheetRow("mean over tasks", (*(_mean(found, arm) for arm in arms), *_paper(tasks))))
     headings = (*(f"memory {arm}" for arm in arms), "paper, with memory", "paper, without")
-    episodes = sum(len(cells) for cells in found.values())
-    counts = f"{episodes} episodes, {len(tasks)} tasks"
+    counts = f"{sum(map(len, found.values()))} episodes, {len(tasks)} tasks"
     return Sheet(title, headings, tuple(rows), counts, (), SUCCESS)
 
 
-def _rate(cells: Mapping[tuple[str, ...], Cell], gain: int | None) -> SheetCell:
+def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
     if not cells:
         return NONE
     tone: Tone = "" if not gain else "better" if gain > 0 else "worse"
-    return SheetCell(success_lines(list(cells.values())), tone=tone)
+    return SheetCell(success_lines(cells), tone=tone)
 
 
-def _mean(found: _Episodes, tasks: Sequence[str], arm: str) -> SheetCell:
-    rates = seed_rates([cell for task in tasks for cell in found.get((task, arm), {}).values()])
+def _mean(found: _Episodes, arm: str) -> SheetCell:
+    rates = seed_rates([cell for (_, of), some in found.items() if of == arm for cell in some])
     if not rates:
         return NONE
     mean, deviation = mean_and_deviation(rates)
     return SheetCell((f"{mean:.1f} ± {deviation:.1f}", f"{len(rates)} seeds"))
 
 
-def _pairs(found: _Episodes, task: str, first: str, second: str) -> list[Pair]:
-    one, two = found.get((task, first), {}), found.get((task, second), {})
-    return [
-        (bool(one[place].measures["success"]), bool(two[place].measures["success"]))
-        for place in sorted(one.keys() & two.keys())
-    ]
+def _paper(tasks: Sequence[str]) -> list[SheetCell]:
+    """The paper's means over these tasks, with memory and without; empty where it has none of them."""
+    columns = zip(*(PAPER[task] for task in tasks if task in PAPER), strict=True)
+    return [SheetCell((f"{fmean(column):.1f}",)) for column in columns] or [SheetCell(("",))] * 2
 
 
-def _different(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> dict[str, int]:
+def _pairs(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> dict[str, list[Pair]]:
+    """By task the episodes that two arms share, if there are any."""
+    by_task = {}
+    for task in tasks:
+        one, two = (
+            {
+                cell.told("seed", "episode"): bool(cell.measures["success"])
+                for cell in found.get((task, arm), [])
+            }
+            for arm in (first, second)
+        )
+        by_task[task] = [(one[place], two[place]) for place in sorted(one.keys() & two.keys())]
+    return {task: pairs for task, pairs in by_task.items() if pairs}
+
+
+def _different(pairs: Mapping[str, Sequence[Pair]]) -> dict[str, int]:
     """Tasks in which the second arm differs significantly, and whether it gained (1) or lost (-1)."""
-    if first == second:
-        return {}
-    pairs = {task: made for task in tasks if (made := _pairs(found, task, first, second))}
     adjusted = holm({task: exact_mcnemar(made) for task, made in pairs.items()})
     sure = [task for task, p in adjusted.items() if p < SURE]
     return {task: 1 if (wl := won_and_lost(pairs[task]))[0] > wl[1] else -1 for task in sure}
@@ -182,19 +177,18 @@ def _effects(
         against += [(on, arm)] if arm not in (on, "off") and on in arms else []
     rows = []
     for second, first in against:
-        cells = [_effect(by_profile[profile], tasks, first, second) for profile in PROFILES]
+        cells = [_effect(_pairs(by_profile[profile], tasks, first, second)) for profile in PROFILES]
         rows.append(SheetRow(f"{second} against {first}", tuple(cells)))
     return Sheet(title, PROFILES, tuple(rows), f"{len(tasks)} tasks", (), EFFECT)
 
 
-def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> SheetCell:
-    by_task = {task: made for task in tasks if (made := _pairs(found, task, first, second))}
+def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     if not by_task:
         return NONE
     change = pooled_difference(by_task)
     everything = [pair for pairs in by_task.values() for pair in pairs]
     won, lost = won_and_lost(everything)
-    sure = _different(found, tasks, first, second)
+    sure = _different(by_task)
     named = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task for sure"
     tone: Tone = "" if change.low <= 0 <= change.high else "better" if change.points > 0 else "worse"
     return SheetCell(
@@ -208,24 +202,27 @@ def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> 
     )
 
 
-def _failures(columns: Mapping[str, Sequence[Cell]], tasks: Sequence[str], title: str) -> Sheet:
-    eased = {name: [c for c in some if c.factors.get("profile") == "eased"] for name, some in columns.items()}
-    gaps = {name: sum(unmeasured(cell) for cell in some) for name, some in eased.items()}
-    sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in eased.items()}
-    counts = {name: Counter(str(c.notes.get("failure", "")) for c in some) for name, some in sound.items()}
-    rows: list[SheetRow] = []
-
-    def add(label: str, tell: Callable[[str], str]) -> None:
-        rows.append(SheetRow(label, tuple(SheetCell((tell(name),)) for name in columns)))
-
-    for kind in sorted({kind for counted in counts.values() for kind in counted if kind}):
-        add(kind.replace("_", " "), lambda name, kind=kind: str(counts[name][kind]))  # type: ignore[misc]
-    add("episodes", lambda name: str(len(sound[name])))
-    if any(gaps.values()):
-        add("not measured", lambda name: str(gaps[name]))
-    add("verifier agrees", lambda name: _agreement(sound[name]))
-    add("seconds, median", lambda name: _median(sound[name]))
+def _failures(columns: Columns, tasks: Sequence[str], title: str) -> Sheet:
+    found, sound = of_profile(columns, "eased")
+    kinds = sorted({_failure(cell) for some in sound.values() for cell in some} - {""})
+    rows = [_line(kind.replace("_", " "), partial(_failed, kind), sound) for kind in kinds]
+    rows.append(_line("episodes", lambda some: str(len(some)), sound))
+    if any(unmeasured(cell) for some in found.values() for cell in some):
+        rows.append(_line("not measured", lambda some: str(sum(map(unmeasured, some))), found))
+    rows += [_line("verifier agrees", _agreement, sound), _line("seconds, median", _median, sound)]
     return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks", (), FAILURES)
+
+
+def _line(label: str, tell: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:
+    return SheetRow(label, tuple(SheetCell((tell(some),)) for some in columns.values()))
+
+
+def _failed(kind: str, cells: Sequence[Cell]) -> str:
+    return str(sum(_failure(cell) == kind for cell in cells))
+
+
+def _failure(cell: Cell) -> str:
+    return str(cell.notes.get("failure", ""))
 
 
 def _agreement(cells: Sequence[Cell]) -> str:
@@ -243,8 +240,8 @@ def _film(cell: Cell) -> Exhibit | None:
     folder = str(cell.notes.get("film", ""))
     if not folder:
         return None
-    f, notes = cell.factors, cell.notes
-    who = f"{f.get('planner', '')}, {f['task']}, memory {arm_of(cell)}, layout {notes.get('layout')}"
-    said = f"{who}: {notes.get('failure') or 'succeeded'}"
+    notes, (planner, task, arm) = cell.notes, cell.told("planner", "task", "arm")
+    said = f"{planner}, {task}, memory {arm}, layout {notes.get('layout')}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
-    return film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)
+    caption = f"{said}: {_failure(cell) or 'succeeded'}. “{notes.get('instruction', '')}” {why}"
+    return film(caption, folder)

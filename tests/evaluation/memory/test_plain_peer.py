@@ -28,8 +28,8 @@ def test_what_is_written_is_read_and_found(peer: PlainPeer, tmp_path: Path) -> N
 
 def test_age_and_use_and_verdicts_weigh(peer: PlainPeer, tmp_path: Path) -> None:
     old = replace(CUP, id="old", created=NOW - 300 * 86400)
-    doubtful = replace(CUP, id="doubtful", status="uncertain")
-    failed = replace(CUP, id="failed", status="verified_fail", created=NOW - 20 * 86400)
+    doubtful = replace(CUP, id="doubtful", outcome="uncertain")
+    failed = replace(CUP, id="failed", outcome="verified_fail", created=NOW - 20 * 86400)
     used = replace(CUP, id="used", usage=9)
     peer.fill(tmp_path, [failed, old, CUP, doubtful, used])
     assert peer.retrieve(tmp_path, CUP.query, 9, NOW) == ["used", "cup", "old", "failed"]
@@ -64,7 +64,7 @@ def test_a_candidate_is_added_merged_replaced_or_left_out(
 
 def test_a_pass_sums_up_retires_and_keeps_to_the_budget(peer: PlainPeer) -> None:
     alike = [replace(CUP, id=f"cup-{i}", query=f"lift the cup {i}") for i in range(3)]
-    stale = replace(LAMP, id="stale", status="verified_fail", created=NOW - 20 * 86400)
+    stale = replace(LAMP, id="stale", outcome="verified_fail", created=NOW - 20 * 86400)
     assert peer.govern([*alike, LAMP, stale], 10, NOW) == 1
     assert peer.govern([CUP, LAMP], 1, NOW) == 1
 
@@ -79,5 +79,5 @@ def test_a_damaged_line_stops_it(peer: PlainPeer, tmp_path: Path) -> None:
 
 def test_lessons_are_plain_data() -> None:
     assert set(asdict(CUP)) == {
-        "id", "query", "content", "type", "status", "confidence", "quality", "created", "usage",
+        "id", "query", "content", "type", "outcome", "confidence", "quality", "created", "usage",
     }  # fmt: skip

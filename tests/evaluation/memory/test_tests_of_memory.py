@@ -22,14 +22,14 @@ def setting(tmp_path: Path) -> Iterator[Setting]:
 
 
 def measured(setting: Setting, name: str, on: str = "") -> list[dict[str, Figure]]:
-    tests = [test for test in suite.all_tests() if test.name == name and (not on or test.on == on)]
+    tests = [test for test in suite.TESTS if test.name == name and (not on or test.on == on)]
     assert tests
     return [dict(test.measure(setting, test.least, test.on)) for test in tests]
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_every_row_of_a_test_is_measured_beside_a_peer(setting: Setting, name: str) -> None:
-    for test in suite.all_tests():
+    for test in suite.TESTS:
         if test.name != name:
             continue
         figures = test.measure(setting, test.least, test.on)
@@ -84,7 +84,7 @@ def test_names_choose_tests_or_rows() -> None:
         "quality",
         "quality",
     ]
-    assert suite.chosen_tests([]) == list(suite.all_tests())
+    assert suite.chosen_tests([]) == list(suite.TESTS)
     with pytest.raises(ConfigurationError, match="No test 'retreival'"):
         suite.chosen_tests(["retreival"])
 
@@ -99,7 +99,7 @@ def test_a_goal_is_reached_or_not(value: Any, goal: Any, better: Any, verdict: A
 
 
 def test_rows_are_told_apart_and_sizes_shrink() -> None:
-    tests = suite.all_tests()
+    tests = suite.TESTS
     places = [(row.name, test.on, test.size) for test in tests for row in test.rows]
     assert len(set(places)) == len(places)
     for test in tests:

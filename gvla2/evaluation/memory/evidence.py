@@ -11,8 +11,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,6 +20,9 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import ConfigurationError
+from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
+from gvla2.evaluation.memory.plain_peer import PlainPeer
+from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, Verdict
 from gvla2.memory.retrieval.hybrid import HybridRetriever
@@ -27,6 +30,8 @@ from gvla2.memory.retrieval.options import HybridOptions
 
 FILE = "locomo10.json"
 TOP = 10
+EMBEDDERS = ("static", "minilm")
+PEER_QUESTIONS = 200
 _SESSION = re.compile(r"session_(\d+)$")
 _TURN = re.compile(r"D\d+:\d+")
 
@@ -89,13 +94,10 @@ def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
     turns: dict[str, set[str]] = {}
     for id, text in zip(conversation.ids, conversation.texts, strict=True):
         turns.setdefault(text, set()).add(id)
+    retriever = HybridRetriever(everything)
     with (
         TemporaryDirectory() as folder,
-        KnowledgeBank(
-            f"{folder}/memory.db",
-            embedder=embedder,
-            retriever=HybridRetriever(everything),
-        ) as bank,
+        KnowledgeBank(f"{folder}/memory.db", embedder=embedder, retriever=retriever) as bank,
     ):
         bank.admit_many(((Lesson("procedural_hint", text), verdict, "", "") for text in turns), trusted=True)
         said = {record.id: turns.get(record.content, set()) for record in bank.records()}
@@ -106,9 +108,39 @@ def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
     return shares
 
 
+def through_peer(conversation: Conversation, peer: PlainPeer) -> list[float]:
+    """The same by a peer's relevance, turn by turn."""
+    shares = []
+    for question, evidence in conversation.questions:
+        scores = [peer.relevance(question, text) for text in conversation.texts]
+        first = sorted(range(len(scores)), key=lambda i: -scores[i])[:TOP]
+        shares.append(len({conversation.ids[i] for i in first} & evidence) / len(evidence))
+    return shares
+
+
 def mean_recall(
-    conversations: Sequence[Conversation], shares: Callable[[Conversation], Sequence[float]]
+    conversations: Iterable[Conversation], shares: Callable[[Conversation], Sequence[float]]
 ) -> tuple[float | None, int]:
     """The mean over all questions of all conversations, None for none, and how many there are."""
     found = [share for conversation in conversations for share in shares(conversation)]
     return (float(np.mean(found)) if found else None), len(found)
+
+
+def evidence(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
+    """Recall@10 through the bank with one embedder, over all questions; the peer is asked an even sample of them."""
+    path = setting.question_file
+    if path is None:
+        raise NotMeasuredError(f"no {FILE}: name its folder by data.root=FOLDER or in GVLA2_DATA")
+    embedder = setting.embedders[on]()  # raises if its package is missing
+    conversations = read(path)
+    found, questions = mean_recall(conversations, lambda one: through_bank(one, embedder))
+    if found is None:
+        raise NotMeasuredError("no question has evidence")
+    if on != EMBEDDERS[0]:
+        return {"evidence": Figure(found, n=questions)}
+    most = setting.count(PEER_QUESTIONS, 5)
+    each = [replace(one, questions=(asked,)) for one in conversations for asked in one.questions]
+    chosen = each[:: max(1, questions // most)][:most]
+    theirs, _ = mean_recall(chosen, lambda one: through_peer(one, setting.plain))
+    note = f"the peer is asked {most} of the questions"
+    return {"evidence": Figure(found, setting.plain.name, theirs, note, questions)}

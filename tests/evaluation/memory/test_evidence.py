@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.memory_retrieval import find_file, mean_recall, read, through_bank
+from gvla2.evaluation.memory.evidence import find_file, mean_recall, read, through_bank
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 
 TURNS = [
