@@ -56,13 +56,13 @@ def png(image: Image.Image) -> bytes:
 def enlarged(
     picture: Image.Image,
     width: int,
-    box: tuple[int, int, int, int] | None = None,
+    box: Rect | None = None,
     how: Image.Resampling = Image.Resampling.LANCZOS,
 ) -> Image.Image:
-    """The picture, or its part ``box`` (x0, y0, x1, y1), enlarged by a whole factor to about ``width`` pixels."""
-    x0, y0, x1, y1 = box or (0, 0, picture.width, picture.height)
-    scale = max(1, round(width / (x1 - x0)))
-    return picture.resize(((x1 - x0) * scale, (y1 - y0) * scale), how, box=box)
+    """The picture, or its part ``box`` in whole pixels, enlarged by a whole factor to about ``width`` pixels."""
+    part = box or Rect(0, 0, *picture.size)
+    scale = max(1, round(width / part.width))
+    return picture.resize((int(part.width * scale), int(part.height * scale)), how, box=part)
 
 
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

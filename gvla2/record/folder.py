@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from gvla2.record.files import make_folder, write_text
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 class FolderRecorder:
@@ -23,12 +26,13 @@ class FolderRecorder:
         self.notes: list[str] = []
         write_text(folder / "config.yaml", config)
 
-    def attempt(self, what: str, make: Callable[[], object]) -> None:
-        """Make something that may fail: a failure becomes a note and a warning, never an error."""
+    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
+        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
         try:
-            make()
+            return make()
         except Exception as error:
             self.complain(what, error)
+            return None
 
     def complain(self, what: str, error: Exception) -> None:
         """Note once what could not be made and why."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
+from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import enlarged, png
 from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
 from gvla2.record.sheet import depth_picture
@@ -71,3 +73,44 @@ def plan_pictures(
         return png(plan_overlay(view, trajectory, start, scene))
 
     return {v.name: drawn(v) for v in plan_views(observation.pictured(), trajectory, count)}
+
+
+def part_pictures(parts: Sequence[EpisodeRecord]) -> Shots:
+    """The plans of the parts before the last, which has its own pictures."""
+    return {
+        f"part {k}: {part.plan.skill}": picture
+        for k, part in enumerate(parts, 1)
+        if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
+        for picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1).values()
+    }
+
+
+class Shown(NamedTuple):
+    """What of :class:`Pictures` is made during a run: its name in notes, and ``make``, called with ``inputs``.
+
+    It waits until none of the inputs is None. ``file`` in the run's folder also holds it, "" for none.
+    """
+
+    called: str
+    inputs: Callable[[EpisodeRecord], tuple[Any, ...]]
+    make: Callable[..., bytes | Shots]
+    file: str = ""
+
+
+SHOWN: Mapping[str, Shown] = {
+    "before": Shown("The picture before", lambda r: (r.observation,), main_picture, "before.png"),
+    "plain": Shown("The cameras' pictures", lambda r: (r.observation,), plain_pictures),
+    "depth": Shown("The cameras' depth", lambda r: (r.observation,), depth_pictures, "depth.png"),
+    "objects": Shown(
+        "The picture of the objects", lambda r: (r.observation, r.scene), object_pictures, "perception.png"
+    ),
+    "plan": Shown(
+        "The picture of the plan",
+        lambda r: (r.observation, r.plan and r.plan.trajectory, r.scene),
+        plan_pictures,
+        "plan.png",
+    ),
+    "parts": Shown("The pictures of the parts", lambda r: (r.parts or None,), part_pictures),
+    "after": Shown("The picture after", lambda r: (r.after,), main_picture, "after.png"),
+}
+"""By the field of :class:`Pictures`, in the order in which a run makes them."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gvla2.record.drawing import INK, PAPER, enlarged, font, png
+from gvla2.record.drawing import INK, PAPER, Canvas, enlarged, font, png
+from gvla2.record.placement import Rect
 from gvla2.record.text import one_line
 
 _UNKNOWN = (96, 100, 108)
@@ -26,10 +27,10 @@ def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
     nearness = np.clip((high - np.where(known, depth, low)) / max(high - low, 1e-6), 0, 1)
     colours = cv2.applyColorMap(np.rint(255 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
     picture = Image.fromarray(np.where(known[..., None], colours, _UNKNOWN).astype(np.uint8))
-    picture = enlarged(picture, width, how=Image.Resampling.NEAREST)
-    text = f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured"
-    _caption(picture, text)
-    return picture
+    canvas = Canvas(np.asarray(enlarged(picture, width, how=Image.Resampling.NEAREST)), width)
+    below = Rect(0, canvas.size[1], 0, canvas.size[1])
+    canvas.label(f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured", below, _UNKNOWN)
+    return canvas.picture()
 
 
 def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8) -> Image.Image:
@@ -47,15 +48,6 @@ def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, ga
         pen.text((x + 2, y + title / 2), one_line(name, 60), fill=INK, font=font(15), anchor="lm")
         sheet.paste(tile, (x, y + title))
     return sheet
-
-
-def _caption(picture: Image.Image, text: str) -> None:
-    pen = ImageDraw.Draw(picture, "RGBA")
-    face = font(14)
-    width, height = pen.textlength(text, font=face) + 12, 22
-    y = picture.height - height - 6
-    pen.rounded_rectangle((6, y, 6 + width, y + height), 5, fill=(*INK, 200))
-    pen.text((12, y + height / 2), text, fill=PAPER, font=face, anchor="lm")
 
 
 def contact_sheet_of(files: Mapping[str, bytes], columns: int = 2) -> bytes:
