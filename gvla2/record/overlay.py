@@ -14,7 +14,7 @@ from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.record.drawing import INK, PAPER, Canvas, Colour, Point, marker_colour
-from gvla2.record.placement import Rect, around
+from gvla2.record.placement import Rect, around, part_about
 
 OPEN_COLOUR: Colour = (120, 214, 255)
 CLOSED_COLOUR: Colour = (255, 168, 60)
@@ -146,17 +146,10 @@ def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Poi
 
 def _part(camera: Camera, stops: FloatArray, scene: Scene | None) -> Rect:
     """A square of the image with the waypoints and the objects, and some margin; at least half the image."""
-    whole = min(camera.width, camera.height)
     corners = [thing.corners() for thing in (scene.objects if scene else ())]
     uv, _ = camera.project(np.vstack([stops, *corners]))
-    uv = uv[camera.inside(uv)]
-    if not len(uv):
-        return Rect(0, 0, camera.width, camera.height)
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    side = float(np.clip((high - low).max() * 1.2, 0.5 * whole, whole))
-    middle = (low + high) / 2
-    x, y = np.clip(middle - side / 2, 0, [camera.width - side, camera.height - side]).tolist()
-    return Rect(x, y, x + side, y + side)
+    size = (camera.width, camera.height)
+    return part_about(uv[camera.inside(uv)], size, 1.2, 0.5 * min(size))
 
 
 def _grip_colour(opening: float) -> Colour:

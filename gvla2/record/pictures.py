@@ -6,15 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.drawing import enlarged, png
+from gvla2.record.drawing import Canvas, enlarged, png
 from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
-from gvla2.record.sheet import depth_picture
+from gvla2.record.placement import Rect
+
+_UNKNOWN = (96, 100, 108)
 
 Shots = Mapping[str, bytes]
 """PNG files by their captions, mostly cameras' names."""
@@ -51,6 +56,22 @@ def main_picture(observation: Observation) -> bytes:
 def plain_pictures(observation: Observation) -> Shots:
     """Each camera's picture."""
     return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
+
+
+def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
+    """Depth (H, W), metres, as colours: yellow near, violet far, grey where nothing was measured.
+
+    The scale runs from the 1st to the 99th percentile of the measurements and is written into the picture.
+    """
+    known = np.isfinite(depth)
+    low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)
+    nearness = np.clip((high - np.where(known, depth, low)) / max(high - low, 1e-6), 0, 1)
+    colours = cv2.applyColorMap(np.rint(255 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
+    picture = Image.fromarray(np.where(known[..., None], colours, _UNKNOWN).astype(np.uint8))
+    canvas = Canvas(np.asarray(enlarged(picture, width, how=Image.Resampling.NEAREST)), width)
+    below = Rect(0, canvas.size[1], 0, canvas.size[1])
+    canvas.label(f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured", below, _UNKNOWN)
+    return canvas.picture()
 
 
 def depth_pictures(observation: Observation) -> Shots:

@@ -18,14 +18,13 @@ from gvla2.loop.refine import masked_views, objects_of_interest
 from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.files import write_bytes, write_json, write_text
-from gvla2.record.folder import FolderRecorder
+from gvla2.record.drawing import contact_sheet_of
+from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
 from gvla2.record.motion import FILM, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
-from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.robot.backend import Moment
 
@@ -52,7 +51,7 @@ class RunRecorder(FolderRecorder):
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
         self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
-        self._awaited: list[Future[None]] = []
+        self._awaited: list[Future[Any]] = []
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -78,7 +77,7 @@ class RunRecorder(FolderRecorder):
         """Write everything still missing, the animation and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
-        if len(self._reel):
+        if self._reel.frames:
             self._later(
                 "The animation", partial(self._show, "episode", "episode.gif", gif, self._reel.frames)
             )
@@ -96,7 +95,7 @@ class RunRecorder(FolderRecorder):
             self._awaited[0].result()
             del self._awaited[0]
 
-    def _later(self, what: str, make: Callable[[], object]) -> None:
+    def _later(self, what: str, make: Callable[[], Any]) -> None:
         self._awaited.append(self._studio.submit(self.attempt, what, make))
 
     def _write_numbers(self, record: EpisodeRecord) -> None:

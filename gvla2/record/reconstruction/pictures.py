@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Renderer
 from gvla2.record.animation import Frame, gif
-from gvla2.record.drawing import png
+from gvla2.record.drawing import contact_sheet, png
 from gvla2.record.reconstruction.maps import (
     masked_picture,
     painted_by_support,
@@ -22,7 +22,6 @@ from gvla2.record.reconstruction.maps import (
     support_picture,
 )
 from gvla2.record.reconstruction.measures import Measures, on_white
-from gvla2.record.sheet import contact_sheet
 
 MOST_VIEWS = 12
 """Most views on the page, spread over all."""
