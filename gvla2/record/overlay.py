@@ -34,7 +34,8 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
     label.
     """
     canvas = Canvas(view.image, width)
-    order = sorted(enumerate(scene.objects), key=lambda item: -_distance(view.camera, item[1]))
+    eye = view.camera.position
+    order = sorted(enumerate(scene.objects), key=lambda item: -float(np.linalg.norm(item[1].centre - eye)))
     for index, thing in order:
         seen = in_sight(view, thing)
         if seen > 0:
@@ -92,7 +93,10 @@ def plan_overlay(
     camera, waypoints = view.camera, list(trajectory)
     stops = _stops(trajectory)
     path = stops if start is None else np.vstack([start, stops])
-    canvas = Canvas(view.image, width, _part(camera, stops, scene))
+    shown = np.vstack([stops, *(thing.corners() for thing in (scene.objects if scene else ()))])
+    pixels, size = camera.project(shown)[0], (camera.width, camera.height)
+    part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
+    canvas = Canvas(view.image, width, part)
     if scene is not None:
         _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
@@ -144,14 +148,6 @@ def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Poi
     return clusters
 
 
-def _part(camera: Camera, stops: FloatArray, scene: Scene | None) -> Rect:
-    """A square of the image with the waypoints and the objects, and some margin; at least half the image."""
-    corners = [thing.corners() for thing in (scene.objects if scene else ())]
-    uv, _ = camera.project(np.vstack([stops, *corners]))
-    size = (camera.width, camera.height)
-    return part_about(uv[camera.inside(uv)], size, 1.2, 0.5 * min(size))
-
-
 def _grip_colour(opening: float) -> Colour:
     return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
 
@@ -186,7 +182,3 @@ def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
         return None
     box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])
     return Rect(*box.ravel().tolist())
-
-
-def _distance(camera: Camera, thing: SceneObject) -> float:
-    return float(np.linalg.norm(thing.centre - camera.position))

@@ -12,9 +12,10 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.views import View
+from gvla2.reconstruction.support import mask_of
 from gvla2.record.drawing import Colour, enlarged
 from gvla2.record.placement import Rect, part_about
-from gvla2.record.reconstruction.measures import Floats, solid
+from gvla2.record.reconstruction.measures import Floats
 
 MISSED: Colour = (230, 97, 1)
 EXCESS: Colour = (44, 96, 214)
@@ -52,9 +53,9 @@ def painted_by_support(gaussians: Gaussians, support: NDArray[np.float64]) -> Ga
 
 def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]]) -> Rect:
     """A square part of the image with the mask, the silhouettes and some margin; at least 48 pixels."""
-    shown = np.argwhere(np.any([solid(view), *silhouettes], axis=0))[:, ::-1]
+    shown = np.argwhere(np.any([mask_of(view) > 0.5, *silhouettes], axis=0))[:, ::-1]
     corners = np.concatenate([shown, shown + 1]).astype(np.float64)
-    return part_about(corners, (view.camera.width, view.camera.height), 1.24, 48)
+    return part_about(corners, (view.camera.width, view.camera.height), grow=1.24, least=48)
 
 
 def photograph(image: NDArray[np.uint8] | Floats, box: Rect, width: int = 360) -> Image.Image:
@@ -81,7 +82,7 @@ def support_picture(painted: Floats, alpha: Floats, view: View, box: Rect, width
 
 def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width: int = 360) -> Image.Image:
     """Silhouette against mask, pixel by pixel: agreed grey, missed orange, excess blue."""
-    mask = solid(view)
+    mask = mask_of(view) > 0.5
     grey = view.image.astype(np.float32).mean(axis=-1, keepdims=True)
     picture = np.full(view.image.shape, PAPER, dtype=np.float32)
     picture[mask & silhouette] = (0.78 * np.array(AGREED) + 0.22 * grey)[mask & silhouette]
@@ -92,7 +93,7 @@ def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width
 
 def _inside(view: View, box: Rect, width: int) -> NDArray[np.bool_]:
     """The mask's pixels in the enlarged part."""
-    mask = Image.fromarray(solid(view).astype(np.float32))
+    mask = Image.fromarray(mask_of(view))
     return np.asarray(enlarged(mask, width, box, Image.Resampling.BILINEAR)) > 0.5
 
 

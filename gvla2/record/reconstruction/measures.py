@@ -19,7 +19,7 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.silhouette import silhouettes
-from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.support import mask_of, mask_support
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.things import outlined
 
@@ -121,7 +121,7 @@ def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Reconstructi
     points, faces = outlined(thing)
     rows = []
     for view, silhouette in zip(views, silhouettes(points, views, faces=faces), strict=True):
-        image, mask = renderer.render(gaussians, view.camera)[0], solid(view)
+        image, mask = renderer.render(gaussians, view.camera)[0], mask_of(view) > 0.5
         missed, excess = int((mask & ~silhouette).sum()), int((silhouette & ~mask).sum())
         iou = psnr = float("nan")
         if mask.any():
@@ -138,13 +138,6 @@ def drawable(thing: Reconstruction) -> Gaussians:
     if thing.mesh is None:
         raise GeometryError("The reconstruction is empty: there is nothing to draw.")
     return surfels(thing.mesh)
-
-
-def solid(view: View) -> NDArray[np.bool_]:
-    """(H, W) the pixels of the view's mask; all of them without a mask."""
-    if view.mask is None:
-        return np.ones(view.image.shape[:2], dtype=np.bool_)
-    return np.asarray(view.mask > 0.5)
 
 
 def on_white(view: View) -> Floats:
