@@ -19,13 +19,11 @@ MAX_BYTES = 2_000_000
 class FrameReel:
     """Collects frames while a robot moves and never holds more than ``limit`` of them, plus the newest.
 
-    When it is full, every second frame is dropped and from then on half as many are taken, so the kept ones are always
-    evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced immediately.
+    When there are more, every second frame is dropped and from then on half as many are taken, so the kept ones are
+    always evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced immediately.
     """
 
     def __init__(self, limit: int = FRAME_LIMIT, side: int = SIDE) -> None:
-        if limit < 2:
-            raise ValueError(f"A reel needs room for at least two frames, not {limit}.")
         self.limit, self.side = limit, side
         self._kept: list[Frame] = []
         self._newest: Frame | None = None
@@ -33,28 +31,22 @@ class FrameReel:
 
     def add(self, image: NDArray[np.uint8]) -> None:
         """Take an RGB frame (H, W, 3) uint8; a copy is kept, or nothing."""
-        frame = _reduced(image, self.side)
+        picture = Image.fromarray(np.ascontiguousarray(image))
+        picture.thumbnail((self.side, self.side), Image.Resampling.BILINEAR, reducing_gap=None)
+        self._newest = np.array(picture)
         if self._count % self._stride == 0:
-            if len(self._kept) == self.limit:
+            self._kept.append(self._newest)
+            if len(self._kept) > self.limit:
                 self._kept = self._kept[::2]
                 self._stride *= 2
-            if self._count % self._stride == 0:
-                self._kept.append(frame)
-        self._newest = frame
         self._count += 1
 
     @property
     def frames(self) -> tuple[Frame, ...]:
         """Evenly spread frames; the last is always the newest one."""
-        newest = self._newest
-        if newest is None or self._kept[-1] is newest:
+        if self._newest is None or self._kept[-1] is self._newest:
             return tuple(self._kept)
-        if len(self._kept) == self.limit:
-            return (*self._kept[:-1], newest)
-        return (*self._kept, newest)
-
-    def __len__(self) -> int:
-        return len(self.frames)
+        return (*self._kept[: self.limit - 1], self._newest)
 
 
 def gif(frames: Sequence[Frame], fps: float = 12.0, max_bytes: int = MAX_BYTES, rest: float = 1.2) -> bytes:
@@ -102,9 +94,3 @@ def _palette(pictures: Sequence[Image.Image], colours: int) -> Image.Image:
     chosen = np.unique(np.linspace(0, len(pictures) - 1, 9).round().astype(int))
     mosaic = Image.fromarray(np.concatenate([np.asarray(pictures[k]) for k in chosen]))
     return mosaic.quantize(colors=colours, method=Image.Quantize.MEDIANCUT)
-
-
-def _reduced(image: NDArray[np.uint8], side: int) -> Frame:
-    picture = Image.fromarray(np.ascontiguousarray(image))
-    picture.thumbnail((side, side), Image.Resampling.BILINEAR, reducing_gap=None)
-    return np.array(picture)

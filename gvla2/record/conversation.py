@@ -24,17 +24,12 @@ class Turn:
 
 def turns(transcript: Iterable[Mapping[str, Any]]) -> list[Turn]:
     """The turns of a plan's transcript, in any planner's format, without keys."""
-    return [_turn(turn) for turn in transcript]
+    return [_turn(turn) for turn in kept(transcript)]
 
 
 def turns_of(record: EpisodeRecord) -> list[Turn]:
     """All turns for the plans of an episode's last attempt, part by part."""
     return [turn for part in record.whole if part.plan is not None for turn in turns(part.plan.transcript)]
-
-
-def without_secrets(text: str) -> str:
-    """``text`` with anything like an access key redacted."""
-    return _SECRET.sub("[key]", text)
 
 
 def kept(transcript: Iterable[Mapping[str, Any]]) -> list[Any]:
@@ -44,24 +39,22 @@ def kept(transcript: Iterable[Mapping[str, Any]]) -> list[Any]:
 
 def _blotted(value: Any) -> Any:
     if isinstance(value, str):
-        return without_secrets(value)
+        return _SECRET.sub("[key]", value)
     if isinstance(value, dict):
-        return {without_secrets(key): _blotted(item) for key, item in value.items()}
+        return {_blotted(key): _blotted(item) for key, item in value.items()}
     return [_blotted(item) for item in value] if isinstance(value, list) else value
 
 
-def _turn(turn: Mapping[str, Any]) -> Turn:
-    who = str(turn.get("role") or "")
-    rest = {str(key): value for key, value in turn.items() if key not in ("role", "content")}
-    said = [_words(turn["content"])] if "content" in turn else []
-    said += [f"{key}: {_words(value)}" for key, value in rest.items()]
-    return Turn(who or "note", without_secrets("\n".join(said)))
+def _turn(turn: dict[str, Any]) -> Turn:
+    who = str(turn.pop("role", "") or "note")
+    said = [_words(turn.pop("content"))] if "content" in turn else []
+    return Turn(who, "\n".join([*said, *(f"{key}: {_words(value)}" for key, value in turn.items())]))
 
 
 def _words(content: object) -> str:
     """Text unchanged; for contents in several pieces (text, images) the texts and the others' types."""
-    if isinstance(content, list | tuple):
-        return "\n".join(_words(piece) for piece in content)
-    if isinstance(content, Mapping):
+    if isinstance(content, list):
+        return "\n".join(map(_words, content))
+    if isinstance(content, dict):
         return str(content["text"]) if "text" in content else f"[{content.get('type', 'data')}]"
     return str(content)

@@ -1,9 +1,9 @@
-"""A canvas for annotating camera pictures: enlarged, with smooth lines and crisp labels."""
+"""A canvas for annotating camera pictures: enlarged, with smooth lines and crisp labels; and sheets of several."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -56,13 +56,13 @@ def png(image: Image.Image) -> bytes:
 def enlarged(
     picture: Image.Image,
     width: int,
-    box: tuple[int, int, int, int] | None = None,
+    box: Rect | None = None,
     how: Image.Resampling = Image.Resampling.LANCZOS,
 ) -> Image.Image:
-    """The picture, or its part ``box`` (x0, y0, x1, y1), enlarged by a whole factor to about ``width`` pixels."""
-    x0, y0, x1, y1 = box or (0, 0, picture.width, picture.height)
-    scale = max(1, round(width / (x1 - x0)))
-    return picture.resize(((x1 - x0) * scale, (y1 - y0) * scale), how, box=box)
+    """The picture, or its part ``box`` in whole pixels, enlarged by a whole factor to about ``width`` pixels."""
+    part = box or Rect(0, 0, *picture.size)
+    scale = max(1, round(width / part.width))
+    return picture.resize((int(part.width * scale), int(part.height * scale)), how, box=part)
 
 
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
@@ -89,7 +89,7 @@ class Canvas:
         self._layer = Image.new("RGBA", (self.size[0] * _SMOOTH, self.size[1] * _SMOOTH), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
         self._labels: list[tuple[str, Rect, Colour, str]] = []
-        self._digits: list[tuple[str, Point, Colour]] = []
+        self._digits: list[tuple[str, Point]] = []
         self._taken: list[Rect] = []
 
     def line(
@@ -117,9 +117,7 @@ class Canvas:
         if len(path) == len(points) >= 3:
             self._draw.polygon(path, fill=(*colour, alpha))
 
-    def dot(
-        self, at: Point, radius: float, fill: Colour, ring: Colour = INK, text: str = "", ink: Colour = INK
-    ) -> None:
+    def dot(self, at: Point, radius: float, fill: Colour, ring: Colour = INK, text: str = "") -> None:
         """A ringed dot with a short text in it; labels avoid it."""
         for x, y in self._path([at]):
             r = radius * _SMOOTH
@@ -128,7 +126,7 @@ class Canvas:
             self._draw.rounded_rectangle(box, r, fill=(*fill, 255), outline=(*ring, 255), width=2 * _SMOOTH)
             self._taken.append(around(x / _SMOOTH, y / _SMOOTH, half / _SMOOTH))
             if text:
-                self._digits.append((text, (x / _SMOOTH, y / _SMOOTH), ink))
+                self._digits.append((text, (x / _SMOOTH, y / _SMOOTH)))
 
     def label(self, text: str, near: Rect, colour: Colour, badge: str = "") -> None:
         """A label beside ``near`` (image pixels), with a coloured ``badge`` before it."""
@@ -143,8 +141,8 @@ class Canvas:
         smooth = self._layer.resize(self.size, Image.Resampling.LANCZOS)
         result = Image.alpha_composite(self._picture.convert("RGBA"), smooth)
         pen = ImageDraw.Draw(result, "RGBA")
-        for text, at, ink in self._digits:
-            pen.text(at, text, fill=(*ink, 255), font=font(12), anchor="mm")
+        for text, at in self._digits:
+            pen.text(at, text, fill=(*INK, 255), font=font(12), anchor="mm")
         taken = list(self._taken)
         for text, near, colour, badge in self._labels:
             taken.append(self._write_label(pen, text, near, colour, badge, taken))
@@ -191,3 +189,26 @@ def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
             dash = [start + way * (k / count), start + way * ((k + 0.5) / count)]
             pieces.append([(x, y) for x, y in np.array(dash).tolist()])
     return pieces
+
+
+def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8) -> Image.Image:
+    """Titled pictures in rows on a white sheet, all cells as large as the largest picture."""
+    columns = max(1, min(columns, len(tiles)))
+    width = max((tile.width for _, tile in tiles), default=1)
+    height = max((tile.height for _, tile in tiles), default=1)
+    rows = -(-len(tiles) // columns)
+    title = 26
+    cell_w, cell_h = width + gap, height + title + gap
+    sheet = Image.new("RGB", (columns * cell_w + gap, max(1, rows) * cell_h + gap), PAPER)
+    pen = ImageDraw.Draw(sheet)
+    for k, (name, tile) in enumerate(tiles):
+        x, y = gap + (k % columns) * cell_w, gap + (k // columns) * cell_h
+        pen.text((x + 2, y + title / 2), one_line(name, 60), fill=INK, font=font(15), anchor="lm")
+        sheet.paste(tile, (x, y + title))
+    return sheet
+
+
+def contact_sheet_of(files: Mapping[str, bytes], columns: int = 2) -> bytes:
+    """The sheet of PNG files, titled by their names, as a PNG file; no bytes for none."""
+    tiles = [(name, Image.open(io.BytesIO(data))) for name, data in files.items()]
+    return png(contact_sheet(tiles, columns)) if tiles else b""

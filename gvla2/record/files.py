@@ -1,20 +1,25 @@
-"""Atomic files: written aside, flushed to disk, then moved into place."""
+"""The folder of a run: atomic files (written aside, flushed to disk, then moved into place), and its recorder."""
 
 from __future__ import annotations
 
 import json
+import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from gvla2.errors import OutputError
 from gvla2.writing import write_whole
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 def make_folder(folder: Path) -> Path:
@@ -81,3 +86,35 @@ def plain(value: object) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(item) for item in value]
     return str(value)
+
+
+class FolderRecorder:
+    """The folder of a run: ``config.yaml`` immediately, and ``notes`` on what could not be made.
+
+    ``config`` is the composed configuration as text. Raises :class:`~gvla2.errors.OutputError` when the folder cannot
+    be written to.
+    """
+
+    def __init__(self, folder: Path, config: str) -> None:
+        self.folder, self.config = make_folder(folder), config
+        self.notes: list[str] = []
+        write_text(folder / "config.yaml", config)
+
+    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
+        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
+        try:
+            return make()
+        except Exception as error:
+            self.complain(what, error)
+            return None
+
+    def complain(self, what: str, error: Exception) -> None:
+        """Note once what could not be made and why."""
+        note = f"{what} could not be made: {type(error).__name__}: {error}"
+        if note not in self.notes:
+            self.notes.append(note)
+            log.warning(note, exc_info=error)
+
+    def there(self) -> list[str]:
+        """The names of the files in the folder."""
+        return [path.name for path in self.folder.iterdir() if path.is_file()]

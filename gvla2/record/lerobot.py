@@ -77,7 +77,11 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
     _write(folder / "data" / _place(0), _data(episodes, tasks))
     _write(folder / "meta" / "episodes" / _place(0), _episodes(episodes))
     _write(folder / "meta" / "tasks", _tasks(tasks))
-    write_json(folder / "meta" / "info.json", _info(episodes, tasks, films[0].shape[1:3]))
+    names = [*(f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])), "gripper.width"]
+    layout = {"video": VIDEO, "chunk": _CHUNK, "chunk_size": _FILES_A_CHUNK, "size": films[0].shape[1:3]}
+    held = {"episodes": episodes, "first": episodes[0], "tasks": tasks, "names": names}
+    info = render("lerobot_info.json.jinja", **layout, **held)
+    write_json(folder / "meta" / "info.json", json.loads(info))
     write_json(folder / "meta" / "stats.json", _stats(episodes, films))
 
 
@@ -100,25 +104,21 @@ def _write(place: Path, table: pa.Table) -> None:
 def _data(episodes: Sequence[Demonstration], tasks: Sequence[str]) -> pa.Table:
     lengths = [len(episode.states) for episode in episodes]
     frames = np.concatenate([np.arange(n) for n in lengths])
-
-    def vectors(rows: Sequence[NDArray[np.float32]]) -> pa.FixedSizeListArray:
-        numbers = np.concatenate(rows).astype(np.float32)
-        return pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
-
-    numbered = {
+    columns = {
+        "observation.state": _vectors([episode.states for episode in episodes]),
+        "action": _vectors([episode.actions for episode in episodes]),
+        "timestamp": (frames / episodes[0].fps).astype(np.float32),
         "frame_index": frames,
         "episode_index": np.repeat(np.arange(len(episodes)), lengths),
         "index": np.arange(sum(lengths)),
-        "task_index": np.repeat([tasks.index(e.task) for e in episodes], lengths),
+        "task_index": np.repeat([tasks.index(episode.task) for episode in episodes], lengths),
     }
-    return pa.table(
-        {
-            "observation.state": vectors([e.states for e in episodes]),
-            "action": vectors([e.actions for e in episodes]),
-            "timestamp": (frames / episodes[0].fps).astype(np.float32),
-            **{name: numbers.astype(np.int64) for name, numbers in numbered.items()},
-        }
-    )
+    return pa.table(columns)
+
+
+def _vectors(rows: Sequence[NDArray[np.float32]]) -> pa.FixedSizeListArray:
+    numbers = np.concatenate(rows).astype(np.float32)
+    return pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
 
 
 def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
@@ -151,37 +151,17 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
     return table.replace_schema_metadata({b"pandas": render("lerobot_tasks.json.jinja").strip().encode()})
 
 
-def _info(episodes: Sequence[Demonstration], tasks: Sequence[str], size: tuple[int, ...]) -> Any:
-    fps = episodes[0].fps
-    told = render(
-        "lerobot_info.json.jinja",
-        robot=episodes[0].robot,
-        episodes=len(episodes),
-        frames=sum(len(episode.states) for episode in episodes),
-        tasks=len(tasks),
-        fps=int(fps) if fps == int(fps) else fps,
-        joints=[f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])],
-        size=size,
-        video=VIDEO,
-        chunk=_CHUNK,
-        chunk_size=_FILES_A_CHUNK,
-    )
-    return json.loads(told)
-
-
 def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
     """Least, largest, mean, deviation and count; for pictures per channel, in [0, 1]."""
-    states = np.concatenate([episode.states for episode in episodes]).astype(np.float64)
-    actions = np.concatenate([episode.actions for episode in episodes]).astype(np.float64)
-    pixels = np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0
-
-    def of(numbers: NDArray[np.float64], count: int, shape: tuple[int, ...]) -> dict[str, Any]:
-        four = {"min": numbers.min(0), "max": numbers.max(0), "mean": numbers.mean(0), "std": numbers.std(0)}
-        return {name: value.reshape(shape) for name, value in four.items()} | {"count": [count]}
-
-    vector = (states.shape[1],)
-    return {
-        "observation.state": of(states, len(states), vector),
-        "action": of(actions, len(actions), vector),
-        VIDEO: of(pixels, len(states), (3, 1, 1)),
+    rows = {
+        "observation.state": np.concatenate([episode.states for episode in episodes]),
+        "action": np.concatenate([episode.actions for episode in episodes]),
+        VIDEO: np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0,
     }
+    count = sum(len(episode.states) for episode in episodes)
+    told: dict[str, Any] = {}
+    for name, numbers in rows.items():
+        exact, shape = numbers.astype(np.float64), (3, 1, 1) if name == VIDEO else (-1,)
+        four = {"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)}
+        told[name] = {key: value.reshape(shape) for key, value in four.items()} | {"count": [count]}
+    return told

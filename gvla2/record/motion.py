@@ -65,7 +65,15 @@ class Motion:
             self._writer.close()
             self._writer = None
         if self._moments and len(self._moments) == self._frames:
-            write_bytes(self._folder / STATES, self._states())
+            stream = io.BytesIO()
+            np.savez_compressed(
+                stream,
+                time=np.array([m.time for m in self._moments]),
+                joints=np.array([m.joints for m in self._moments]),
+                gripper_width=np.array([m.gripper_width for m in self._moments]),
+                fps=np.array(self.fps),
+            )
+            write_bytes(self._folder / STATES, stream.getvalue())
 
     def _open(self, first: NDArray[np.uint8]) -> None:
         try:
@@ -84,14 +92,3 @@ class Motion:
         made.send(None)
         made.send(first.tobytes())
         self._writer = made
-
-    def _states(self) -> bytes:
-        stream = io.BytesIO()
-        np.savez_compressed(
-            stream,
-            time=np.array([m.time for m in self._moments]),
-            joints=np.array([m.joints for m in self._moments]),
-            gripper_width=np.array([m.gripper_width for m in self._moments]),
-            fps=np.array(self.fps),
-        )
-        return stream.getvalue()

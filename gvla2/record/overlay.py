@@ -14,7 +14,7 @@ from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.record.drawing import INK, PAPER, Canvas, Colour, Point, marker_colour
-from gvla2.record.placement import Rect, around
+from gvla2.record.placement import Rect, around, part_about
 
 OPEN_COLOUR: Colour = (120, 214, 255)
 CLOSED_COLOUR: Colour = (255, 168, 60)
@@ -34,7 +34,8 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
     label.
     """
     canvas = Canvas(view.image, width)
-    order = sorted(enumerate(scene.objects), key=lambda item: -_distance(view.camera, item[1]))
+    eye = view.camera.position
+    order = sorted(enumerate(scene.objects), key=lambda item: -float(np.linalg.norm(item[1].centre - eye)))
     for index, thing in order:
         seen = in_sight(view, thing)
         if seen > 0:
@@ -92,7 +93,10 @@ def plan_overlay(
     camera, waypoints = view.camera, list(trajectory)
     stops = _stops(trajectory)
     path = stops if start is None else np.vstack([start, stops])
-    canvas = Canvas(view.image, width, _part(camera, stops, scene))
+    shown = np.vstack([stops, *(thing.corners() for thing in (scene.objects if scene else ()))])
+    pixels, size = camera.project(shown)[0], (camera.width, camera.height)
+    part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
+    canvas = Canvas(view.image, width, part)
     if scene is not None:
         _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
@@ -144,21 +148,6 @@ def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Poi
     return clusters
 
 
-def _part(camera: Camera, stops: FloatArray, scene: Scene | None) -> Rect:
-    """A square of the image with the waypoints and the objects, and some margin; at least half the image."""
-    whole = min(camera.width, camera.height)
-    corners = [thing.corners() for thing in (scene.objects if scene else ())]
-    uv, _ = camera.project(np.vstack([stops, *corners]))
-    uv = uv[camera.inside(uv)]
-    if not len(uv):
-        return Rect(0, 0, camera.width, camera.height)
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    side = float(np.clip((high - low).max() * 1.2, 0.5 * whole, whole))
-    middle = (low + high) / 2
-    x, y = np.clip(middle - side / 2, 0, [camera.width - side, camera.height - side]).tolist()
-    return Rect(x, y, x + side, y + side)
-
-
 def _grip_colour(opening: float) -> Colour:
     return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
 
@@ -193,7 +182,3 @@ def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
         return None
     box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])
     return Rect(*box.ravel().tolist())
-
-
-def _distance(camera: Camera, thing: SceneObject) -> float:
-    return float(np.linalg.norm(thing.centre - camera.position))

@@ -1,14 +1,17 @@
-"""The page over many episodes of one command."""
+"""Pages over many: the episodes of one command, and the tasks of a gallery."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
 
+from gvla2.geometry.views import View
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.drawing import png
 from gvla2.record.files import write_json, write_text
 from gvla2.record.page import data_uri, render
 
@@ -18,7 +21,7 @@ def episode_folder(folder: Path, index: int) -> Path:
     return folder / f"episode_{index:03d}"
 
 
-def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = "run") -> Path:
+def write_index(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
     """Write ``index.html`` over the episodes of a run, in their order, with links to their folders' pages.
 
     Thumbnails come from the folders' pictures, so records may have been stripped of their observations.
@@ -26,11 +29,11 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
     """
     places = [episode_folder(folder, index) for index in range(len(episodes))]
     rows = [(record, place.name, _thumbnail(place)) for record, place in zip(episodes, places, strict=True)]
-    html = render("overview.html.jinja", episodes=list(episodes), rows=rows, command=command)
+    html = render("overview.html.jinja", episodes=list(episodes), rows=rows)
     return write_text(folder / "index.html", html)
 
 
-def write_summary(folder: Path, episodes: Sequence[EpisodeRecord], command: str = "run") -> Path:
+def write_summary(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
     """Write ``result.json`` over the episodes of a run: counts, and one row per episode in order.
 
     ``success_share`` (and ``success_share_strict``) count an unjudged episode as a failure. ``seconds`` are the sum of
@@ -39,14 +42,13 @@ def write_summary(folder: Path, episodes: Sequence[EpisodeRecord], command: str 
     """
     rows = []
     for index, record in enumerate(episodes):
-        told = record.result(command)
+        told = record.result("run")
         same = ("task", "seed", "instruction", "success", "success_strict", "verdict", "failure")
-        row = {key: told[key] for key in same}
-        row["seconds"] = round(record.seconds, 3)
-        rows.append({**row, "folder": episode_folder(folder, index).name})
+        own = {"seconds": round(record.seconds, 3), "folder": episode_folder(folder, index).name}
+        rows.append({**{key: told[key] for key in same}, **own})
     eased, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
     summary = {
-        "command": command,
+        "command": "run",
         "task": rows[0]["task"] if rows else None,
         "episodes": len(rows),
         "succeeded": eased,
@@ -70,3 +72,28 @@ def _thumbnail(folder: Path, width: int = 192) -> str:
         small.save(stream, format="JPEG", quality=82)
         return data_uri(stream.getvalue())
     return ""
+
+
+@dataclass(frozen=True)
+class TaskShown:
+    """One task of the gallery. ``ending`` says how it reached its ``after``; ``done`` whether it counts.
+
+    ``problem`` is what went wrong, "" if nothing.
+    """
+
+    name: str
+    summary: str
+    instruction: str = ""
+    goal: str = ""
+    wordings: tuple[str, ...] = ()
+    before: tuple[View, ...] = ()
+    after: tuple[View, ...] = ()
+    ending: str = ""
+    done: bool = False
+    problem: str = ""
+
+
+def gallery_page(tasks: Sequence[TaskShown], seed: int) -> str:
+    """The page as HTML with embedded pictures."""
+    pictured = {"png": lambda image: png(Image.fromarray(image))}
+    return render("gallery.html.jinja", tasks=tasks, seed=seed, **pictured)

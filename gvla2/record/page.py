@@ -77,6 +77,7 @@ def templates() -> Environment:
         counted=count,
         css=css_colour,
         degrees=math.degrees,
+        finite=lambda value: value if value and math.isfinite(value) else 0.0,
         direction=sections.direction,
         figure=sections.figure,
         fixed=wording.fixed,

@@ -1,9 +1,13 @@
-"""Placement of labels so that they cover neither each other nor their objects."""
+"""Rectangles of a picture: the part worth showing, and labels that cover neither each other nor their objects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
 
 
 class Rect(NamedTuple):
@@ -20,9 +24,19 @@ class Rect(NamedTuple):
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
 
     @property
+    def width(self) -> float:
+        """Its width; 0 when it is empty."""
+        return max(0.0, self.x1 - self.x0)
+
+    @property
+    def height(self) -> float:
+        """Its height; 0 when it is empty."""
+        return max(0.0, self.y1 - self.y0)
+
+    @property
     def area(self) -> float:
         """Its area; 0 when it is empty."""
-        return max(0.0, self.x1 - self.x0) * max(0.0, self.y1 - self.y0)
+        return self.width * self.height
 
     def overlap(self, other: Rect) -> float:
         """Area shared with ``other``."""
@@ -37,6 +51,21 @@ class Rect(NamedTuple):
 def around(x: float, y: float, radius: float) -> Rect:
     """The square of half side ``radius`` about a point."""
     return Rect(x - radius, y - radius, x + radius, y + radius)
+
+
+def part_about(points: FloatArray, size: tuple[int, int], grow: float, least: float) -> Rect:
+    """The square part of a picture of ``size`` (width, height) with the points (N, 2), in whole pixels.
+
+    Its side is ``grow`` times what the points need and at least ``least``, as far as the picture goes. Without points
+    it is the whole picture.
+    """
+    whole = np.array(size)
+    if not len(points):
+        return Rect(0, 0, *size)
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = np.minimum(np.ceil(max(least, grow * (high - low).max())), whole)
+    start = np.clip((low + high - extent) // 2, 0, whole - extent)
+    return Rect(*np.concatenate([start, start + extent]).tolist())
 
 
 def place(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -18,22 +18,13 @@ from gvla2.loop.refine import masked_views, objects_of_interest
 from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.files import write_bytes, write_json, write_text
-from gvla2.record.folder import FolderRecorder
+from gvla2.record.drawing import contact_sheet_of
+from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
 from gvla2.record.motion import FILM, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
-from gvla2.record.pictures import (
-    Pictures,
-    Shots,
-    depth_pictures,
-    main_picture,
-    object_pictures,
-    plain_pictures,
-    plan_pictures,
-)
+from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
-from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.robot.backend import Moment
 
@@ -60,7 +51,7 @@ class RunRecorder(FolderRecorder):
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
         self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
-        self._awaited: list[Future[None]] = []
+        self._awaited: list[Future[Any]] = []
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -86,14 +77,15 @@ class RunRecorder(FolderRecorder):
         """Write everything still missing, the animation and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
-        if len(self._reel):
-            self._later("The animation", self._animate)
+        if self._reel.frames:
+            self._later(
+                "The animation", partial(self._show, "episode", "episode.gif", gif, self._reel.frames)
+            )
         self.attempt("The film", self._finish_film)
-        self.attempt("The 3D scene", lambda: self._model(record))
+        self.attempt("The 3D scene", partial(self._show, "model", "scene.glb", scene_glb, record))
         self.settle()
-        told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
-        self.attempt("The page", lambda: write_text(page, self._page(told)))
+        self.attempt("The page", lambda: write_text(page, self._page(record)))
         self._write_numbers(record)  # again, with the notes about pictures
         return page
 
@@ -103,12 +95,11 @@ class RunRecorder(FolderRecorder):
             self._awaited[0].result()
             del self._awaited[0]
 
-    def _later(self, what: str, make: Callable[[], object]) -> None:
+    def _later(self, what: str, make: Callable[[], Any]) -> None:
         self._awaited.append(self._studio.submit(self.attempt, what, make))
 
     def _write_numbers(self, record: EpisodeRecord) -> None:
-        told = replace(record, notes=(*record.notes, *self.notes))
-        write_json(self.folder / "result.json", told.result(self._command))
+        write_json(self.folder / "result.json", self._noted(record).result(self._command))
         for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
@@ -116,32 +107,19 @@ class RunRecorder(FolderRecorder):
                 self._written[name] = value
 
     def _write_pictures(self, record: EpisodeRecord) -> None:
-        seen, scene = record.observation, record.scene
-        plan = record.plan.trajectory if record.plan else None
-        self._once("The picture before", partial(self._photograph, "before"), seen)
-        self._once("The cameras' pictures", partial(self._show, "plain", "", plain_pictures), seen)
-        self._once("The cameras' depth", partial(self._show, "depth", "depth.png", depth_pictures), seen)
-        objects = partial(self._show, "objects", "perception.png", object_pictures)
-        self._once("The picture of the objects", objects, seen, scene)
-        if scene is not None:
-            self._once("The views", partial(self._keep_views, scene, record.instruction), seen)
-        path = partial(self._show, "plan", "plan.png", plan_pictures)
-        self._once("The picture of the plan", path, seen, plan, scene)
-        parts = partial(self._show, "parts", "", _part_pictures)
-        self._once("The pictures of the parts", parts, record.parts or None)
-        self._once("The picture after", partial(self._photograph, "after"), record.after)
+        for name, shown in SHOWN.items():
+            make = partial(self._show, name, shown.file, shown.make)
+            self._once(shown.called, make, *shown.inputs(record))
+        if record.scene is not None:
+            keep = partial(self._keep_views, record.scene, record.instruction)
+            self._once("The views", keep, record.observation)
 
-    def _photograph(self, when: str, observation: Observation) -> None:
-        picture = main_picture(observation)
-        setattr(self._pictures, when, picture)
-        self._save(f"{when}.png", picture)
-
-    def _show(self, what: str, sheet: str, make: Callable[..., Shots], *inputs: Any) -> None:
-        """Put pictures on the page, and together on a sheet, a file of that name if it has one."""
+    def _show(self, name: str, file: str, make: Callable[..., bytes | Shots], *inputs: Any) -> None:
+        """Put what ``make(*inputs)`` gives on the page, and into ``file`` if it has one: several on one sheet."""
         made = make(*inputs)
-        setattr(self._pictures, what, made)
-        if sheet:
-            self._save(sheet, contact_sheet_of(made))
+        setattr(self._pictures, name, made)
+        if file and made:
+            write_bytes(self.folder / file, made if isinstance(made, bytes) else contact_sheet_of(made))
 
     def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
         """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
@@ -150,14 +128,6 @@ class RunRecorder(FolderRecorder):
         if views is not None:
             write_views(self.folder, views, things[0].label)
 
-    def _model(self, record: EpisodeRecord) -> None:
-        self._pictures.model = scene_glb(record)
-        self._save("scene.glb", self._pictures.model)
-
-    def _animate(self) -> None:
-        self._pictures.episode = gif(self._reel.frames)
-        self._save("episode.gif", self._pictures.episode)
-
     def _finish_film(self) -> None:
         self._motion.finish()
         film = self.folder / FILM
@@ -165,11 +135,10 @@ class RunRecorder(FolderRecorder):
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
-        return render_page(record, self._pictures, self.config, self._command, self.there())
+        return render_page(self._noted(record), self._pictures, self.config, self._command, self.there())
 
-    def _save(self, name: str, data: bytes) -> None:
-        if data:
-            write_bytes(self.folder / name, data)
+    def _noted(self, record: EpisodeRecord) -> EpisodeRecord:
+        return replace(record, notes=(*record.notes, *self.notes))
 
     def _once(self, what: str, make: Callable[..., object], *inputs: Any) -> None:
         """Have ``make(*inputs)`` run beside the run when all inputs are there, once for these very ones.
@@ -182,13 +151,3 @@ class RunRecorder(FolderRecorder):
             return
         self._written[what] = inputs
         self._later(what, partial(make, *inputs))
-
-
-def _part_pictures(parts: Sequence[EpisodeRecord]) -> Shots:
-    """The plans of the parts before the last, which has its own pictures."""
-    return {
-        f"part {k}: {part.plan.skill}": picture
-        for k, part in enumerate(parts, 1)
-        if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
-        for picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1).values()
-    }

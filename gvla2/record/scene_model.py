@@ -8,7 +8,6 @@ position ``at`` (3,). Any viewer of glTF opens the file; the run's page has its 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,13 +32,12 @@ MOST_FACES = 6_000
 
 _GRAIN = 0.006  # metres; one point of the cloud per cube of this side
 _TUBE, _DOT = 0.0022, 0.008  # metres, radii of the path and of a waypoint
-_GREY = (128, 136, 146)
 _RIM = 0.1  # metres around the workspace where the cloud is shown too: the arm reaches in from there
 
 
 def scene_glb(record: EpisodeRecord) -> bytes:
     """The file as bytes; b"" before anything was perceived."""
-    scene, plan = record.scene, record.plan
+    scene = record.scene
     if scene is None:
         return b""
     model = trimesh.Scene()
@@ -47,18 +45,18 @@ def scene_glb(record: EpisodeRecord) -> bytes:
     if record.observation is not None:
         points, colours = cloud(record.observation, scene.workspace)
         if len(points):
-            seen = trimesh.PointCloud(to_y_up(points), colors=colours)
-            _add(model, seen, "seen", "seen")
+            _add(model, trimesh.PointCloud(points, colors=colours), "seen", "seen")
     for k, thing in enumerate(scene.objects):
         solid = solid_of(thing)
         solid.visual.face_colors = np.uint8(255 * np.clip(np.nan_to_num(thing.rgb), 0, 1))
         at = np.append(thing.centre[:2], solid.bounds[1, 2])
         name = thing.label or thing.id
         text = f"{name}: {thing.shape}, {' × '.join(f'{1000 * e:.0f}' for e in thing.extents)} mm"
-        _add(model, _turned(solid), thing.id, "object", label=f"{k + 1} {name}", at=at, text=text)
-    if plan is not None and plan.trajectory is not None:
-        start = None if record.observation is None else record.observation.world_from_tcp[:3, 3]
-        _add_path(model, plan.trajectory, start, scene.table_height, record.checks)
+        _add(model, solid, thing.id, "object", label=f"{k + 1} {name}", at=at, text=text)
+    if record.plan is not None and record.plan.trajectory is not None:
+        _add_path(model, record, record.plan.trajectory, scene.table_height)
+    for geometry in model.geometry.values():
+        geometry.apply_transform(rigid(to_y_up(np.eye(3)).T))
     return bytes(model.export(file_type="glb"))
 
 
@@ -109,14 +107,9 @@ def solid_of(thing: SceneObject) -> Any:
     return trimesh.Trimesh(world, solid.faces, process=False)
 
 
-def _add_path(
-    model: Any,
-    trajectory: Trajectory,
-    start: FloatArray | None,
-    table: float,
-    checks: CheckReport | None,
-) -> None:
+def _add_path(model: Any, record: EpisodeRecord, trajectory: Trajectory, table: float) -> None:
     """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
+    start = None if record.observation is None else record.observation.world_from_tcp[:3, 3]
     stops = trajectory.xyzg().reshape(-1, 4)[:, :3]
     openings = [1.0, *(w.gripper for w in trajectory)]
     tubes = [
@@ -127,16 +120,16 @@ def _add_path(
     ]
     plumbs = [[stop, [*stop[:2], table]] for stop in stops]
     if tubes:
-        _add(model, _turned(trimesh.util.concatenate(tubes)), "path", "path")
+        _add(model, trimesh.util.concatenate(tubes), "path", "path")
     if plumbs:
-        _add(model, _lines(plumbs), "plumb lines", "path")
+        _add(model, trimesh.load_path(np.array(plumbs)), "plumb lines", "path")
     for k, waypoint in enumerate(trajectory):
-        text, bad = said_of(k, waypoint, checks)
+        text, bad = said_of(k, waypoint, record.checks)
         ball = trimesh.creation.icosphere(1, _DOT)
         ball.apply_translation(stops[k])
         ball.visual.face_colors = FAILED if bad else OPEN if waypoint.gripper > 0.5 else CLOSED
         more = {"label": str(k), "at": stops[k], "text": text, "bad": bad}
-        _add(model, _turned(ball), f"waypoint {k}", "waypoint", **more)
+        _add(model, ball, f"waypoint {k}", "waypoint", **more)
 
 
 def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: bool) -> list[Any]:
@@ -167,17 +160,8 @@ def _ground(scene: Scene) -> Any:
     (x0, y0), (x1, y1) = scene.workspace.low[:2], scene.workspace.high[:2]
     xs, ys = (np.arange(np.ceil(10 * a), np.floor(10 * b) + 1) / 10 for a, b in ((x0, x1), (y0, y1)))
     z = scene.table_height
-    return _lines([[(x, y0, z), (x, y1, z)] for x in xs] + [[(x0, y, z), (x1, y, z)] for y in ys])
-
-
-def _lines(pairs: Sequence[Any]) -> Any:
-    ends = to_y_up(np.asarray(pairs, dtype=np.float64))  # (N, 2, 3)
-    return trimesh.load_path(ends)
-
-
-def _turned(mesh: Any) -> Any:
-    mesh.apply_transform(rigid(to_y_up(np.eye(3)).T))
-    return mesh
+    lines = [[(x, y0, z), (x, y1, z)] for x in xs] + [[(x0, y, z), (x1, y, z)] for y in ys]
+    return trimesh.load_path(np.array(lines))
 
 
 def _add(model: Any, geometry: Any, name: str, kind: str, **extras: Any) -> None:

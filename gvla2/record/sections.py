@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.wording import STAGES, State, finding, number, state
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step of the bar under a page's header. ``share`` of the whole time, in percent."""
-
-    name: str
-    state: State
-    seconds: float | None
-    share: float
-    finding: str
+from gvla2.record.wording import STAGES, Step, finding, number, state
 
 
 def share(value: float | None, whole: float) -> float:
@@ -32,11 +21,7 @@ def share(value: float | None, whole: float) -> float:
 def steps(record: EpisodeRecord) -> list[Step]:
     """All stages, in the order they run."""
     times = record.timings
-    total = sum(v for v in times.values() if math.isfinite(v))
-    return [
-        Step(each, state(record, each), times.get(each), share(times.get(each), total), finding(record, each))
-        for each in STAGES
-    ]
+    return [Step(each, state(record, each), times.get(each), finding(record, each)) for each in STAGES]
 
 
 def label_of(thing: SceneObject) -> str:

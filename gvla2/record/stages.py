@@ -53,33 +53,27 @@ Writer = Callable[[EpisodeRecord], Any]
 
 
 def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
-    """The field of the record of that name as JSON; None while it is empty."""
+    """The field of the record of that name ("plan.trajectory") as JSON; None while it is empty."""
 
     def content(record: EpisodeRecord) -> Any:
-        made = getattr(record, name)
+        made: Any = record
+        for part in name.split("."):
+            made = getattr(made, part, None)
         return write(made) if made is not None and made != () else None
 
     return content
-
-
-def _attempts(records: tuple[EpisodeRecord, ...]) -> Any:
-    return [attempt_json(each) for each in records]
-
-
-def _path(plan: Plan) -> Any:
-    return None if plan.trajectory is None else trajectory_json(plan.trajectory)
 
 
 STAGE_FILES: Mapping[str, Writer] = {
     "scene.json": _of("scene", scene_json),
     "recalled.json": _of("recalled"),
     "plan.json": _of("plan", plan_json),
-    "trajectory.json": _of("plan", _path),
+    "trajectory.json": _of("plan.trajectory", trajectory_json),
     "checks.json": _of("checks", lambda checks: checks.to_json()),
     "report.json": _of("report", lambda report: report.to_json()),
     "scene_after.json": _of("after_scene", scene_json),
-    "attempts.json": _of("attempts", _attempts),
-    "parts.json": _of("parts", _attempts),
+    "attempts.json": _of("attempts", lambda records: list(map(attempt_json, records))),
+    "parts.json": _of("parts", lambda records: list(map(attempt_json, records))),
     "verdict.json": _of("verdict"),
     "learned.json": _of("learned"),
 }

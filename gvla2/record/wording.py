@@ -27,6 +27,16 @@ TONES: Mapping[str, Tone] = {"verified_success": "good", "verified_fail": "bad",
 """Their tones."""
 
 
+@dataclass(frozen=True)
+class Step:
+    """One step of the bar under a page's header: its name, how it ended, its wall seconds, and what it found."""
+
+    name: str
+    state: State
+    seconds: float | None
+    finding: str
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """A number with ``digits`` decimals at most, "–" for none or not-a-number."""
     if value is None or not math.isfinite(value):

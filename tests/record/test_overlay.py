@@ -6,10 +6,10 @@ from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.drawing import Canvas, marker_colour
+from gvla2.record.drawing import Canvas, contact_sheet, marker_colour
 from gvla2.record.overlay import in_sight, perception_overlay, plan_overlay, plan_views
+from gvla2.record.pictures import depth_picture
 from gvla2.record.placement import Rect
-from gvla2.record.sheet import contact_sheet, depth_picture
 
 Seen = tuple[Scene, Observation, Observation]
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -18,20 +19,21 @@ from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geomet
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
 from gvla2.record.files import plain
+from gvla2.record.placement import Rect
 from gvla2.record.reconstruction import maps, sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Measures, fit, measure, on_white
-from gvla2.record.reconstruction.numbers import compared
-from gvla2.record.reconstruction.page import render_reconstruction
 from gvla2.record.reconstruction.pictures import (
     MOST_VIEWS,
     ReconstructionPictures,
+    ring,
     shown_views,
+    side_by_side,
     turntables,
     view_pictures,
 )
-from gvla2.record.reconstruction.recorder import ReconstructionRecorder
-from gvla2.record.reconstruction.turntable import ring, side_by_side
+from gvla2.record.reconstruction.recorder import ReconstructionRecorder, render_reconstruction
+from gvla2.record.reconstruction.sections import compared
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
@@ -148,7 +150,7 @@ def test_the_residual_shows_each_kind_of_pixel():
     mask, silhouette = np.zeros((60, 60), np.float32), np.zeros((60, 60), np.bool_)
     mask[20:40, 20:40], silhouette[20:40, 25:45] = 1, True
     view = View(camera, np.full((60, 60, 3), 128, np.uint8), mask=mask)
-    picture = np.asarray(maps.residual_picture(silhouette, view, (0, 0, 60, 60), width=60))
+    picture = np.asarray(maps.residual_picture(silhouette, view, Rect(0, 0, 60, 60), width=60))
     assert tuple(picture[30, 22]) == maps.MISSED
     assert tuple(picture[30, 42]) == maps.EXCESS
     assert (picture[5, 5] == maps.PAPER).all()
@@ -209,8 +211,8 @@ def test_the_turntable_turns(pictures):
     both = Image.open(io.BytesIO(pictures.turntable))
     assert both.n_frames == 4
     assert both.width > 2 * Image.open(io.BytesIO(pictures.hero)).width
-    frames = side_by_side([np.zeros((40, 40, 3), np.uint8)], [np.full((40, 40, 3), 9, np.uint8)], ("a", "b"))
-    assert frames[0].shape == (82, 104, 3)
+    pair = side_by_side(np.zeros((40, 40, 3), np.uint8), np.full((40, 40, 3), 9, np.uint8))
+    assert pair.shape == (82, 104, 3)
 
 
 # -- the page ---------------------------------------------------------------------------------------------------
@@ -346,7 +348,9 @@ def test_only_unusual_options_are_told(record):
 
 
 def test_shares_of_time_add_up(record):
-    assert sum(step.share for step in sections.steps(record)) == pytest.approx(100)
+    shares = re.findall(r'style="width:([0-9.]+)%"', render_reconstruction(record, ReconstructionPictures()))
+    assert len(shares) >= 4
+    assert sum(map(float, shares)) == pytest.approx(100, abs=0.1)
 
 
 def test_a_new_surface_of_other_points_is_told_as_a_change(registry, renderer, views):

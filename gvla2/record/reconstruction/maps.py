@@ -12,11 +12,10 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.views import View
+from gvla2.reconstruction.support import mask_of
 from gvla2.record.drawing import Colour, enlarged
-from gvla2.record.reconstruction.measures import Floats, solid
-
-Box = tuple[int, int, int, int]
-"""Columns and rows of a part of an image: x0, y0, x1, y1."""
+from gvla2.record.placement import Rect, part_about
+from gvla2.record.reconstruction.measures import Floats
 
 MISSED: Colour = (230, 97, 1)
 EXCESS: Colour = (44, 96, 214)
@@ -52,28 +51,14 @@ def painted_by_support(gaussians: Gaussians, support: NDArray[np.float64]) -> Ga
     return replace(gaussians, sh_dc=sh_dc, sh_rest=None)
 
 
-def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]], margin: float = 0.12) -> Box:
+def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]]) -> Rect:
     """A square part of the image with the mask, the silhouettes and some margin; at least 48 pixels."""
-    shown = solid(view).copy()
-    for silhouette in silhouettes:
-        shown |= silhouette
-    height, width = shown.shape
-    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
-    if len(rows) == 0:
-        return 0, 0, width, height
-    low = np.array([columns[0], rows[0]])
-    high = np.array([columns[-1] + 1, rows[-1] + 1])
-    side = int(max(48, np.ceil((1 + 2 * margin) * (high - low).max())))
-    spans = []
-    for k, whole in enumerate((width, height)):
-        extent = min(side, whole)
-        start = int(np.clip((low[k] + high[k] - extent) // 2, 0, whole - extent))
-        spans.append((start, start + extent))
-    (x0, x1), (y0, y1) = spans
-    return x0, y0, x1, y1
+    shown = np.argwhere(np.any([mask_of(view) > 0.5, *silhouettes], axis=0))[:, ::-1]
+    corners = np.concatenate([shown, shown + 1]).astype(np.float64)
+    return part_about(corners, (view.camera.width, view.camera.height), grow=1.24, least=48)
 
 
-def photograph(image: NDArray[np.uint8] | Floats, box: Box, width: int = 360) -> Image.Image:
+def photograph(image: NDArray[np.uint8] | Floats, box: Rect, width: int = 360) -> Image.Image:
     """A part of a picture (uint8, or float in [0, 1]), enlarged smoothly by an integer factor to about ``width``."""
     array = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
     return enlarged(Image.fromarray(np.ascontiguousarray(array)), width, box)
@@ -81,28 +66,23 @@ def photograph(image: NDArray[np.uint8] | Floats, box: Box, width: int = 360) ->
 
 def masked_picture(view: View, width: int = 512) -> Image.Image:
     """The whole view, washed out outside the mask, with the mask's edge drawn."""
-    box = (0, 0, view.camera.width, view.camera.height)
+    box = Rect(0, 0, view.camera.width, view.camera.height)
     picture = np.asarray(photograph(view.image, box, width), dtype=np.float32)
-    if view.mask is None:
-        return Image.fromarray(picture.astype(np.uint8))
-    mask = enlarged(Image.fromarray(view.mask.astype(np.float32)), width, box, Image.Resampling.BILINEAR)
-    inside = np.asarray(mask) > 0.5
+    inside = _inside(view, box, width)
     faded = 0.35 * picture + 0.65 * 235
-    return Image.fromarray(_with_edge(np.where(inside[..., None], picture, faded), inside))
+    return _with_edge(np.where(inside[..., None], picture, faded), inside)
 
 
-def support_picture(painted: Floats, alpha: Floats, view: View, box: Box, width: int = 360) -> Image.Image:
+def support_picture(painted: Floats, alpha: Floats, view: View, box: Rect, width: int = 360) -> Image.Image:
     """The points in the colours of their support, as this camera sees them, and the mask's edge."""
     shown = painted + (1 - alpha[..., None]) * (np.float32(PAPER / 255) - np.float32(1.0))
     picture = np.asarray(photograph(shown, box, width), dtype=np.float32)
-    mask = Image.fromarray(solid(view).astype(np.float32))
-    inside = np.asarray(enlarged(mask, width, box, Image.Resampling.BILINEAR)) > 0.5
-    return Image.fromarray(_with_edge(picture, inside, thin=True))
+    return _with_edge(picture, _inside(view, box, width), thin=True)
 
 
-def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Box, width: int = 360) -> Image.Image:
+def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width: int = 360) -> Image.Image:
     """Silhouette against mask, pixel by pixel: agreed grey, missed orange, excess blue."""
-    mask = solid(view)
+    mask = mask_of(view) > 0.5
     grey = view.image.astype(np.float32).mean(axis=-1, keepdims=True)
     picture = np.full(view.image.shape, PAPER, dtype=np.float32)
     picture[mask & silhouette] = (0.78 * np.array(AGREED) + 0.22 * grey)[mask & silhouette]
@@ -111,12 +91,16 @@ def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Box, width:
     return enlarged(Image.fromarray(picture.astype(np.uint8)), width, box, Image.Resampling.NEAREST)
 
 
-def _with_edge(
-    picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False
-) -> NDArray[np.uint8]:
+def _inside(view: View, box: Rect, width: int) -> NDArray[np.bool_]:
+    """The mask's pixels in the enlarged part."""
+    mask = Image.fromarray(mask_of(view))
+    return np.asarray(enlarged(mask, width, box, Image.Resampling.BILINEAR)) > 0.5
+
+
+def _with_edge(picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False) -> Image.Image:
     """The picture with a mask's edge drawn on it, about two pixels wide, or one."""
     outside = inside if thin else binary_dilation(inside)
     edge = outside ^ binary_erosion(inside, border_value=1)
     drawn = picture.astype(np.uint8)
     drawn[edge] = CONTOUR
-    return drawn
+    return Image.fromarray(drawn)

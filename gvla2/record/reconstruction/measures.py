@@ -19,8 +19,9 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.silhouette import silhouettes
-from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.support import mask_of, mask_support
 from gvla2.reconstruction.surfels import surfels
+from gvla2.reconstruction.things import outlined
 
 Floats = NDArray[np.float32]
 
@@ -29,14 +30,12 @@ Floats = NDArray[np.float32]
 class ViewFit:
     """One input view against the reconstruction.
 
-    ``image`` (H, W, 3) and ``alpha`` (H, W) are rendered; ``silhouette`` (H, W) bool. ``missed`` counts mask pixels
-    outside the silhouette, ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask. ``psnr`` in
-    dB is against the picture laid on white by its mask.
+    ``image`` (H, W, 3) is rendered; ``silhouette`` (H, W) bool. ``missed`` counts mask pixels outside the silhouette,
+    ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask. ``psnr`` in dB is against the
+    picture laid on white by its mask.
     """
 
-    name: str
     image: Floats
-    alpha: Floats
     silhouette: NDArray[np.bool_]
     iou: float
     missed: int
@@ -119,22 +118,17 @@ def measure(
 def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
     """A reconstruction against the input views; silhouettes are the mesh's, as in the branch, else the Gaussians'."""
     gaussians = drawable(thing)
-    centres = np.asarray(gaussians.centres, dtype=np.float64)
-    if thing.mesh is not None and len(thing.mesh.faces):
-        drawn = silhouettes(thing.mesh.vertices, views, faces=thing.mesh.faces)
-    else:
-        drawn = silhouettes(centres, views)
+    points, faces = outlined(thing)
     rows = []
-    for view, silhouette in zip(views, drawn, strict=True):
-        image, alpha = renderer.render(gaussians, view.camera)
-        mask = solid(view)
+    for view, silhouette in zip(views, silhouettes(points, views, faces=faces), strict=True):
+        image, mask = renderer.render(gaussians, view.camera)[0], mask_of(view) > 0.5
         missed, excess = int((mask & ~silhouette).sum()), int((silhouette & ~mask).sum())
         iou = psnr = float("nan")
         if mask.any():
             union = int((mask | silhouette).sum())
             iou, psnr = (union - missed - excess) / union, metrics.psnr(image, on_white(view))
-        rows.append(ViewFit(view.name, image, alpha, silhouette, iou, missed, excess, psnr))
-    return ReconstructionFit(gaussians, mask_support(centres, views), tuple(rows))
+        rows.append(ViewFit(image, silhouette, iou, missed, excess, psnr))
+    return ReconstructionFit(gaussians, mask_support(gaussians.centres, views), tuple(rows))
 
 
 def drawable(thing: Reconstruction) -> Gaussians:
@@ -144,13 +138,6 @@ def drawable(thing: Reconstruction) -> Gaussians:
     if thing.mesh is None:
         raise GeometryError("The reconstruction is empty: there is nothing to draw.")
     return surfels(thing.mesh)
-
-
-def solid(view: View) -> NDArray[np.bool_]:
-    """(H, W) the pixels of the view's mask; all of them without a mask."""
-    if view.mask is None:
-        return np.ones(view.image.shape[:2], dtype=np.bool_)
-    return np.asarray(view.mask > 0.5)
 
 
 def on_white(view: View) -> Floats:

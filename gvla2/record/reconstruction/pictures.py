@@ -1,15 +1,18 @@
-"""All pictures of a reconstruction's page, as files' bytes."""
+"""All pictures of a reconstruction's page, as files' bytes: its views, and the object seen from all around."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from PIL import Image
 
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Renderer
-from gvla2.record.animation import gif
-from gvla2.record.drawing import png
+from gvla2.record.animation import Frame, gif
+from gvla2.record.drawing import contact_sheet, png
 from gvla2.record.reconstruction.maps import (
     masked_picture,
     painted_by_support,
@@ -19,12 +22,12 @@ from gvla2.record.reconstruction.maps import (
     support_picture,
 )
 from gvla2.record.reconstruction.measures import Measures, on_white
-from gvla2.record.reconstruction.turntable import SECONDS_A_TURN, ring, side_by_side, turn
 
 MOST_VIEWS = 12
 """Most views on the page, spread over all."""
 TURNTABLE_SIZE = 288
-TITLES = ("first reconstruction", "refined")
+SECONDS_A_TURN = 4.0
+FIELD_OF_VIEW, ELEVATION = np.deg2rad(30.0), np.deg2rad(22.0)
 
 
 @dataclass(frozen=True)
@@ -80,15 +83,37 @@ def view_pictures(views: Views, measures: Measures, renderer: Renderer) -> tuple
     return tuple(made)
 
 
-def turntables(
-    views: Views,
-    measures: Measures,
-    renderer: Renderer,
-    frames: int,
-) -> tuple[bytes, bytes]:
+def turntables(views: Views, measures: Measures, renderer: Renderer, frames: int) -> tuple[bytes, bytes]:
     """GIF files of one turn starting at the first view's side: the refined object alone, and both side by side."""
-    points = np.concatenate([measures.before.gaussians.centres, measures.after.gaussians.centres])
-    cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE, views[0].camera.position)
-    before, after = (turn(end.gaussians, cameras, renderer) for end in (measures.before, measures.after))
+    ends = (measures.before.gaussians, measures.after.gaussians)
+    points = np.concatenate([end.centres for end in ends]).astype(np.float64)
+    turns: list[list[Frame]] = [[], []]
+    for camera in ring(points, frames, TURNTABLE_SIZE, views[0].camera.position):
+        for end, turn in zip(ends, turns, strict=True):
+            image = renderer.render(end, camera)[0]
+            turn.append(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8))
     fps = frames / SECONDS_A_TURN
-    return gif(after, fps, rest=0.0), gif(side_by_side(before, after, TITLES), fps, rest=0.0)
+    return gif(turns[1], fps, rest=0.0), gif(list(map(side_by_side, *turns)), fps, rest=0.0)
+
+
+def ring(points: FloatArray, count: int, size: int, first: FloatArray) -> tuple[Camera, ...]:
+    """Cameras that circle points (N, 3) once, world z upwards, with all of them in the picture.
+
+    The circle starts on the side of the position ``first`` (3,).
+    """
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+    away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
+    begin = np.arctan2(*(first - centre)[1::-1])
+    turns, flat = begin + 2 * np.pi * np.arange(count) / count, np.cos(ELEVATION)
+    offsets = [away * np.array([flat * np.cos(t), flat * np.sin(t), np.sin(ELEVATION)]) for t in turns]
+    return tuple(
+        Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
+        for k, offset in enumerate(offsets)
+    )
+
+
+def side_by_side(before: Frame, after: Frame) -> Frame:
+    """Both in one picture with a title over each, so that they stay in step."""
+    titled = (("first reconstruction", Image.fromarray(before)), ("refined", Image.fromarray(after)))
+    return np.asarray(contact_sheet(titled))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.record.files import write_bytes, write_json, write_text
-from gvla2.record.folder import FolderRecorder
+from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
+from gvla2.record.page import render
+from gvla2.record.reconstruction import maps, sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord
-from gvla2.record.reconstruction.page import render_reconstruction
 from gvla2.record.reconstruction.pictures import ReconstructionPictures, turntables, view_pictures
 
 PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.gif"
@@ -59,27 +60,17 @@ class ReconstructionRecorder(FolderRecorder):
         write_json(self.folder / RESULT, self._noted(record).summary())
 
     def pictures(
-        self,
-        record: ReconstructionRecord,
-        renderer: Renderer,
-        frames: int,
+        self, record: ReconstructionRecord, renderer: Renderer, frames: int
     ) -> ReconstructionPictures:
         """All pictures that can be made; ``turntable.gif`` into the folder."""
-        made, measures = ReconstructionPictures(), record.measures
-        if measures is None:
-            return made
-
-        def views() -> None:
-            made.views = view_pictures(record.views, measures, renderer)
-
-        def turn() -> None:
-            made.hero, made.turntable = turntables(record.views, measures, renderer, frames)
-
-        self.attempt("The pictures of the views", views)
-        self.attempt("The turntable", turn)
-        if made.turntable:
-            write_bytes(self.folder / TURNTABLE, made.turntable)
-        return made
+        if record.measures is None:
+            return ReconstructionPictures()
+        given = (record.views, record.measures, renderer)
+        views = self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
+        hero, turning = self.attempt("The turntable", lambda: turntables(*given, frames)) or (b"", b"")
+        if turning:
+            write_bytes(self.folder / TURNTABLE, turning)
+        return ReconstructionPictures(views, hero, turning)
 
     def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
@@ -91,3 +82,17 @@ class ReconstructionRecorder(FolderRecorder):
 
     def _noted(self, record: ReconstructionRecord) -> ReconstructionRecord:
         return replace(record, notes=(*record.notes, *self.notes))
+
+
+def render_reconstruction(
+    record: ReconstructionRecord,
+    pictures: ReconstructionPictures,
+    config_yaml: str = "",
+    beside: Sequence[str] = (),
+) -> str:
+    """The page as HTML text, also without measures and without pictures.
+
+    ``beside`` are names of files beside the page.
+    """
+    known = {"record": record, "pictures": pictures, "config_yaml": config_yaml, "beside": beside}
+    return render("reconstruction.html.jinja", maps=maps, sections=sections, **known)
