@@ -105,6 +105,8 @@ def _palette(pictures: Sequence[Image.Image], colours: int) -> Image.Image:
 
 
 def _reduced(image: NDArray[np.uint8], side: int) -> Frame:
+    if image.dtype == np.uint8 and image.ndim == 3 and max(image.shape[:2]) <= side:
+        return image.copy()
     picture = Image.fromarray(np.ascontiguousarray(image))
     picture.thumbnail((side, side), Image.Resampling.BILINEAR, reducing_gap=None)
     return np.array(picture)
