@@ -8,14 +8,13 @@ from typing import Any
 import hypothesis.strategies as st
 import pytest
 from hydra import compose, initialize_config_module
-from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 from hypothesis import given, settings
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.primary import PRIMARY
-from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, register, short_name
+from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 
 Install = Callable[..., str]
 
@@ -45,12 +44,12 @@ def test_third_party_options_are_overridable_and_typed(install: Install):
 def test_registering_another_registry_replaces_the_first(install: Install):
     module = install(GOOD)
     register(load_plugins(), PRIMARY)
-    assert "mine.yaml" in ConfigStore.instance().repo["planner"]
+    assert ComponentSource.offered["planner"].keys() > {"mine", "skill"}
     Path(sys.modules[module].__file__ or "").with_suffix(".py").write_text("1 / 0")
     del sys.modules[module]
     register(load_plugins(), PRIMARY)
-    assert "mine.yaml" not in ConfigStore.instance().repo["planner"]
-    assert "skill.yaml" in ConfigStore.instance().repo["planner"]
+    assert "mine" not in ComponentSource.offered["planner"]
+    assert "skill" in ComponentSource.offered["planner"]
 
 
 def test_presets_of_a_plugin_are_found(install: Install, tmp_path: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -61,6 +62,7 @@ class RunRecorder(FolderRecorder):
         self._written: dict[str, Any] = {}
         self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
         self._awaited: list[Future[None]] = []
+        self._modelled: tuple[object, ...] = (self, None, None, None)  # nothing yet
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -86,15 +88,15 @@ class RunRecorder(FolderRecorder):
         """Write everything still missing, the animation and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
+        self._write_model(record)
         if len(self._reel):
             self._later("The animation", self._animate)
         self.attempt("The film", self._finish_film)
-        self.attempt("The 3D scene", lambda: self._model(record))
         self.settle()
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self.attempt("The page", lambda: write_text(page, self._page(told)))
-        self._write_numbers(record)  # again, with the notes about pictures
+        self._write_numbers(record, last=True)  # again, with the notes about pictures
         return page
 
     def settle(self) -> None:
@@ -106,13 +108,13 @@ class RunRecorder(FolderRecorder):
     def _later(self, what: str, make: Callable[[], object]) -> None:
         self._awaited.append(self._studio.submit(self.attempt, what, make))
 
-    def _write_numbers(self, record: EpisodeRecord) -> None:
+    def _write_numbers(self, record: EpisodeRecord, last: bool = False) -> None:
         told = replace(record, notes=(*record.notes, *self.notes))
-        write_json(self.folder / "result.json", told.result(self._command))
+        write_json(self.folder / "result.json", told.result(self._command), flushed=last)
         for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
-                write_json(self.folder / name, value)
+                write_json(self.folder / name, value, flushed=last)
                 self._written[name] = value
 
     def _write_pictures(self, record: EpisodeRecord) -> None:
@@ -130,6 +132,15 @@ class RunRecorder(FolderRecorder):
         parts = partial(self._show, "parts", "", _part_pictures)
         self._once("The pictures of the parts", parts, record.parts or None)
         self._once("The picture after", partial(self._photograph, "after"), record.after)
+        if record.checks is not None:
+            self._write_model(record)
+
+    def _write_model(self, record: EpisodeRecord) -> None:
+        """The scene in 3D, once for what it shows; at the latest at the end."""
+        shown = (record.observation, record.scene, record.plan, record.checks)
+        if not all(map(operator.is_, shown, self._modelled)):
+            self._modelled = shown
+            self._later("The 3D scene", partial(self._model, record))
 
     def _photograph(self, when: str, observation: Observation) -> None:
         picture = main_picture(observation)
@@ -169,7 +180,7 @@ class RunRecorder(FolderRecorder):
 
     def _save(self, name: str, data: bytes) -> None:
         if data:
-            write_bytes(self.folder / name, data)
+            write_bytes(self.folder / name, data, flushed=False)
 
     def _once(self, what: str, make: Callable[..., object], *inputs: Any) -> None:
         """Have ``make(*inputs)`` run beside the run when all inputs are there, once for these very ones.

@@ -225,10 +225,10 @@ class World:
         base = self._cell.base_links
         touched = set()
         for one, other, contact in self._contacts():
-            mine = other if other in self._links else one
-            if (one in self._links) != (other in self._links) and mine not in base and mine not in touched:
-                if np.linalg.norm(_impulse(contact)) > TOUCH:
-                    touched.add(mine)
+            mine = {one, other} & self._links.keys()
+            news = len(mine) == 1 and not mine & (base | touched)
+            if news and np.linalg.norm(_impulse(contact)) > TOUCH:
+                touched |= mine
         return touched
 
     def hand_force(self) -> FloatArray:
