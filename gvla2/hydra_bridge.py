@@ -21,7 +21,7 @@ from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSou
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
+from gvla2.catalog import Registry, load_plugins
 from gvla2.component import Component, ComponentConfig
 from gvla2.fitness import structured
 from gvla2.kinds import KINDS, NONE, SLOTS
@@ -47,9 +47,12 @@ class PresetSearchPath(SearchPathPlugin):
 
 
 class ComponentSource(ConfigSource):
-    """Where Hydra finds components, each typed when it is asked for: a run composes 20 of 100."""
+    """Where Hydra finds components, each typed when it is asked for: a run composes 20 of 100.
 
-    offered: ClassVar[Mapping[str, Mapping[str, Component[Any]]]] = {}
+    Hydra makes instances itself and sends them to launchers' worker processes, which find the plugins on their own.
+    """
+
+    offered: ClassVar[Mapping[str, Mapping[str, Component[Any]]] | None] = None
 
     @staticmethod
     def scheme() -> str:
@@ -61,8 +64,8 @@ class ComponentSource(ConfigSource):
         return True
 
     def is_group(self, config_path: str) -> bool:
-        """Whether this is a kind or a slot."""
-        return config_path.strip("/") in self.offered
+        """Whether this is a kind or a slot, or "", which holds them."""
+        return config_path.strip("/") in ("", *self._there())
 
     def is_config(self, config_path: str) -> bool:
         """Whether this is a component, ``planner/skill`` or ``planner/skill.yaml``."""
@@ -80,12 +83,18 @@ class ComponentSource(ConfigSource):
         """The components of a group, or the groups."""
         path = config_path.strip("/")
         wanted = ObjectType.CONFIG if path else ObjectType.GROUP
-        found = self.offered.get(path, {}) if path else self.offered
+        found = self._there().get(path, {}) if path else self._there()
         return sorted(found) if results_filter in (None, wanted) else []
 
     def _component(self, config_path: str) -> Component[Any] | None:
         group, _, name = config_path.strip("/").rpartition("/")
-        return self.offered.get(group, {}).get(name.removesuffix(".yaml"))
+        return self._there().get(group, {}).get(name.removesuffix(".yaml"))
+
+    @classmethod
+    def _there(cls) -> Mapping[str, Mapping[str, Component[Any]]]:
+        if cls.offered is None:
+            cls.offered = _choosable(load_plugins())
+        return cls.offered
 
 
 class EveryKind:
@@ -103,9 +112,7 @@ def register(
     """
     store = ConfigStore.instance()
     _forget(store.repo)
-    ComponentSource.offered = {
-        name: _choosable(registry, name) for name in (registry.groups if groups is None else groups)
-    }
+    ComponentSource.offered = _choosable(registry, groups)
     for name, schema in (schemas or {}).items():
         node = schema
         if issubclass(schema, EveryKind):
@@ -120,10 +127,15 @@ def register(
     register_resolvers()
 
 
-def _choosable(registry: Registry, group: str) -> Mapping[str, Component[Any]]:
-    """The group's components; also one that is nothing, where it may be left empty."""
-    empty = group in SLOTS or registry.kind_of(group).default == NONE
-    return {**({NONE: _NOTHING} if empty else {}), **registry.components(group)}
+def _choosable(
+    registry: Registry, groups: Iterable[str] | None = None
+) -> Mapping[str, Mapping[str, Component[Any]]]:
+    """Components by name of these groups, by default all; also one that is nothing, where it may be left empty."""
+    empty = {name for name, kind in registry.groups.items() if name in SLOTS or kind.default == NONE}
+    return {
+        name: {**({NONE: _NOTHING} if name in empty else {}), **registry.components(name)}
+        for name in (registry.groups if groups is None else groups)
+    }
 
 
 def with_groups(schema: type, groups: Iterable[str]) -> type:
