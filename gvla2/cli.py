@@ -16,7 +16,7 @@ from gvla2.commands import COMMANDS
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a sub-command; returns the exit status (0 success, 1 error, 2 wrong usage, 130 interrupted)."""
     # Imports and configurations make many objects that stay: collecting garbage among them costs 5 %.
-    gc.set_threshold(100_000, 50, 50)
+    gc.set_threshold(500_000, 50, 50)
     try:
         status = _dispatch(argv)
         sys.stdout.flush()

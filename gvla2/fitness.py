@@ -29,8 +29,8 @@ def structured(component: Component[Any]) -> DictConfig:
     return node
 
 
-def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind]) -> str:
-    """What is wrong with an item that the hook returned."""
+def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool = False) -> str:
+    """What is wrong with an item that the hook returned; options of gvla2's ``own`` are typed when they are used."""
     if hook == SEARCH_PATH_HOOK:
         return _fault_of_path(item)
     if hook == SKILL_HOOK:
@@ -39,7 +39,7 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind]) -> str:
         return fault_of(item)
     if hook == KINDS_HOOK:
         return "" if isinstance(item, Kind) else f"returned {item!r}, which is not a Kind."
-    return _fault_of_component(item, kinds)
+    return _fault_of_component(item, kinds, own)
 
 
 def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
@@ -61,7 +61,7 @@ def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
     return ""
 
 
-def _fault_of_component(item: object, kinds: Mapping[str, Kind]) -> str:
+def _fault_of_component(item: object, kinds: Mapping[str, Kind], own: bool) -> str:
     if not isinstance(item, Component):
         return f"returned {item!r}, which is not a Component."
     name: Any = item.name  # the first check of what a plugin passes
@@ -73,7 +73,7 @@ def _fault_of_component(item: object, kinds: Mapping[str, Kind]) -> str:
     unknown = [need for need in item.needs if need not in kinds]
     if unknown:
         return f"'{name}' needs {unknown[0]!r}, which is not a kind. Kinds: {', '.join(kinds)}."
-    fault = _fault_of_config(item)
+    fault = "" if own else _fault_of_config(item)
     return f"'{name}' cannot be configured: {fault}" if fault else ""
 
 

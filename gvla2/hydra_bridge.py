@@ -6,6 +6,7 @@ only place that does.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
@@ -14,12 +15,14 @@ from typing import Any, ClassVar
 
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
+from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
+from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
-from gvla2.component import ComponentConfig
+from gvla2.catalog import Registry, load_plugins
+from gvla2.component import Component, ComponentConfig
 from gvla2.fitness import structured
 from gvla2.kinds import KINDS, NONE, SLOTS
 
@@ -27,6 +30,8 @@ PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
 """How Hydra reports a sweep: the choice ``hydra/callbacks=gvla2``."""
 LONGEST_FOLDER_NAME = 80
+_NOTHING = Component(NONE, ComponentConfig, lambda config: None)
+"""What a kind or a slot offers that may be left empty."""
 
 
 class PresetSearchPath(SearchPathPlugin):
@@ -36,8 +41,60 @@ class PresetSearchPath(SearchPathPlugin):
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Called by Hydra before it composes."""
+        search_path.append(provider=PROVIDER, path=f"{PROVIDER}://")
         for path in self.paths:
             search_path.append(provider=PROVIDER, path=path)
+
+
+class ComponentSource(ConfigSource):
+    """Where Hydra finds components, each typed when it is asked for: a run composes 20 of 100.
+
+    Hydra makes instances itself and sends them to launchers' worker processes, which find the plugins on their own.
+    """
+
+    offered: ClassVar[Mapping[str, Mapping[str, Component[Any]]] | None] = None
+
+    @staticmethod
+    def scheme() -> str:
+        """The search path ``gvla2://``."""
+        return PROVIDER
+
+    def available(self) -> bool:
+        """Always."""
+        return True
+
+    def is_group(self, config_path: str) -> bool:
+        """Whether this is a kind or a slot, or "", which holds them."""
+        return config_path.strip("/") in ("", *self._there())
+
+    def is_config(self, config_path: str) -> bool:
+        """Whether this is a component, ``planner/skill`` or ``planner/skill.yaml``."""
+        return self._component(config_path) is not None
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        """A component's options; raises :class:`ConfigLoadError` where there is none."""
+        component = self._component(config_path)
+        if component is None:
+            raise ConfigLoadError(f"No component {config_path}")
+        node = copy.deepcopy(structured(component))  # Hydra changes it
+        return ConfigResult(PROVIDER, f"{PROVIDER}://", node, {"package": None})
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        """The components of a group, or the groups."""
+        path = config_path.strip("/")
+        wanted = ObjectType.CONFIG if path else ObjectType.GROUP
+        found = self._there().get(path, {}) if path else self._there()
+        return sorted(found) if results_filter in (None, wanted) else []
+
+    def _component(self, config_path: str) -> Component[Any] | None:
+        group, _, name = config_path.strip("/").rpartition("/")
+        return self._there().get(group, {}).get(name.removesuffix(".yaml"))
+
+    @classmethod
+    def _there(cls) -> Mapping[str, Mapping[str, Component[Any]]]:
+        if cls.offered is None:
+            cls.offered = _choosable(load_plugins())
+        return cls.offered
 
 
 class EveryKind:
@@ -51,16 +108,11 @@ def register(
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
     its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
-    offered. ``groups`` are the ones needed: a command with few groups starts faster.
+    offered. ``groups`` are those that the command knows, by default all.
     """
     store = ConfigStore.instance()
     _forget(store.repo)
-    for name in registry.groups if groups is None else groups:
-        kind, offered = registry.kind_of(name), registry.components(name)
-        for component in offered.values():
-            store.store(group=name, name=component.name, node=structured(component), provider=PROVIDER)
-        if NONE not in offered and (name in SLOTS or kind.default == NONE):
-            store.store(group=name, name=NONE, node=ComponentConfig(name=NONE), provider=PROVIDER)
+    ComponentSource.offered = _choosable(registry, groups)
     for name, schema in (schemas or {}).items():
         node = schema
         if issubclass(schema, EveryKind):
@@ -71,7 +123,19 @@ def register(
     store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
     PresetSearchPath.paths = registry.search_paths
     Plugins.instance().register(PresetSearchPath)
+    Plugins.instance().register(ComponentSource)
     register_resolvers()
+
+
+def _choosable(
+    registry: Registry, groups: Iterable[str] | None = None
+) -> Mapping[str, Mapping[str, Component[Any]]]:
+    """Components by name of these groups, by default all; also one that is nothing, where it may be left empty."""
+    empty = {name for name, kind in registry.groups.items() if name in SLOTS or kind.default == NONE}
+    return {
+        name: {**({NONE: _NOTHING} if name in empty else {}), **registry.components(name)}
+        for name in (registry.groups if groups is None else groups)
+    }
 
 
 def with_groups(schema: type, groups: Iterable[str]) -> type:

@@ -189,7 +189,7 @@ class _Guard:
     def _fit(self, plugin: Plugin, hook: str, items: Iterable[object]) -> list[object]:
         kept = []
         for item in items:
-            if fault := fault_of_item(item, hook, self.kinds):
+            if fault := fault_of_item(item, hook, self.kinds, own=plugin.distribution == PROJECT):
                 self.problems.append(PluginProblem(plugin.name, hook, fault))
                 continue
             self._sources.setdefault(id(item), plugin)

@@ -9,9 +9,10 @@ from pathlib import Path
 from gvla2.errors import OutputError
 
 
-def write_whole(path: str | os.PathLike[str], content: bytes | bytearray) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes | bytearray, *, flushed: bool = True) -> None:
     """Write aside in the same folder, then replace: a reader, or a crash, never meets half a file.
 
+    Unless ``flushed`` to the disk, which takes milliseconds, a crash of the whole machine may leave it empty.
     Raises :class:`OutputError` when the folder is missing or not writable, or the disk is full; what was at
     ``path`` before is then still there.
     """
@@ -22,7 +23,8 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray) -> Non
             with os.fdopen(handle, "wb") as stream:
                 stream.write(content)
                 stream.flush()
-                os.fsync(stream.fileno())
+                if flushed:
+                    os.fsync(stream.fileno())
             Path(aside).chmod(_mode_of_new_files())
             Path(aside).replace(target)
         except BaseException:

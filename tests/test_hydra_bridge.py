@@ -8,14 +8,14 @@ from typing import Any
 import hypothesis.strategies as st
 import pytest
 from hydra import compose, initialize_config_module
-from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 from hypothesis import given, settings
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.primary import PRIMARY
-from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, register, short_name
+from gvla2.fitness import structured
+from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 
 Install = Callable[..., str]
 
@@ -29,6 +29,18 @@ def gvla2_planners():
 def composed(*overrides: str) -> Any:
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         return compose("run", overrides=list(overrides))
+
+
+def offered(group: str) -> set[str]:
+    return set(ComponentSource("test", "gvla2://").list(group, None))
+
+
+def test_own_options_are_typed_when_they_are_chosen():
+    """Only others' are checked at the start: here all of gvla2's are."""
+    registry = load_plugins()
+    found = [c for kind in registry.kinds for c in registry.components(kind).values()]
+    assert len(found) > 80
+    assert {structured(component).name for component in found} == {component.name for component in found}
 
 
 def test_third_party_options_are_overridable_and_typed(install: Install):
@@ -45,12 +57,12 @@ def test_third_party_options_are_overridable_and_typed(install: Install):
 def test_registering_another_registry_replaces_the_first(install: Install):
     module = install(GOOD)
     register(load_plugins(), PRIMARY)
-    assert "mine.yaml" in ConfigStore.instance().repo["planner"]
+    assert offered("planner") > {"mine", "skill"}
     Path(sys.modules[module].__file__ or "").with_suffix(".py").write_text("1 / 0")
     del sys.modules[module]
     register(load_plugins(), PRIMARY)
-    assert "mine.yaml" not in ConfigStore.instance().repo["planner"]
-    assert "skill.yaml" in ConfigStore.instance().repo["planner"]
+    assert "mine" not in offered("planner")
+    assert "skill" in offered("planner")
 
 
 def test_presets_of_a_plugin_are_found(install: Install, tmp_path: Path):

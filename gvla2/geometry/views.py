@@ -80,7 +80,7 @@ class Observation:
     ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the fingers'
     motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the same in metres.
     Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it, takes the same
-    moment's pictures with more pixels, only for people: see :meth:`pictured`.
+    moment's picture by the camera of a name with more pixels, only for people: see :meth:`pictured`.
     """
 
     views: Views
@@ -88,15 +88,15 @@ class Observation:
     joints: FloatArray
     gripper: float
     gripper_width: float
-    finer: Callable[[], Views] | None = field(default=None, repr=False, compare=False)
+    finer: Callable[[str], View] | None = field(default=None, repr=False, compare=False)
 
     def pictured(self) -> Views:
         """The views to draw for people: the finer ones if available, at the cameras' believed poses."""
+        return Views(tuple(map(self.shown, self.views)))
+
+    def shown(self, view: View) -> View:
+        """One of the views, as :meth:`pictured` has it."""
         if self.finer is None:
-            return self.views
-        return Views(
-            tuple(
-                replace(fine, camera=replace(fine.camera, world_from_camera=view.camera.world_from_camera))
-                for fine, view in zip(self.finer(), self.views, strict=True)
-            )
-        )
+            return view
+        fine = self.finer(view.name)
+        return replace(fine, camera=replace(fine.camera, world_from_camera=view.camera.world_from_camera))

@@ -66,18 +66,16 @@ def agreed(views: Views, workspace: Box) -> Views:
     table = find_table([cloud[np.isfinite(cloud[..., 2])] for cloud in clouds], workspace)
     table_from_world = table.frame(workspace)
     half = 0.5 * (workspace.high - workspace.low)[:2] + BESIDE
-    sights = [
-        _sight(
-            transform_points(table_from_world, view.camera.position),
-            transform_points(table_from_world, cloud),
-            half,
-        )
-        for view, cloud in zip(views, clouds, strict=True)
-    ]
-    offsets = [abs(float(np.median(s.table[:, 2]))) if len(s.table) else 0.0 for s in sights]
-    slopes = [_slope(s.table) * float(half.max()) for s in sights]
+    clouds = [transform_points(table_from_world, cloud) for cloud in clouds]
+    tables = [_table(cloud, half) for cloud in clouds]
+    offsets = [abs(float(np.median(table[:, 2]))) if len(table) else 0.0 for table in tables]
+    slopes = [_slope(table) * float(half.max()) for table in tables]
     if max(*offsets, *slopes) < AGREE:
         return views
+    sights = [
+        _sight(transform_points(table_from_world, view.camera.position), cloud, half, table)
+        for view, cloud, table in zip(views, clouds, tables, strict=True)
+    ]
     total, moved = np.zeros((len(sights), 7)), sights
     for reach in REACHES:
         total += _step(moved, total, reach)
@@ -97,22 +95,31 @@ def _points(view: View) -> FloatArray:
     return view.camera.backproject(depth)
 
 
-def _sight(origin: FloatArray, points: FloatArray, half: FloatArray) -> _Sight:
+def _table(points: FloatArray, half: FloatArray) -> FloatArray:
+    """(N, 3) some of a camera's points (H, W, 3) that lie on its own table, less what is flat on it."""
     with np.errstate(invalid="ignore"):
-        inside = (np.abs(points[..., 0]) < half[0]) & (np.abs(points[..., 1]) < half[1])
-        table = points[inside & (np.abs(points[..., 2]) < BAND)]
-        up = inside & (points[..., 2] > OFF_TABLE) & (points[..., 2] < TALL)
-    things = points[up]
-    if len(table) > 100:  # its own table, less what is flat on it
+        table = points[_inside(points, half) & (np.abs(points[..., 2]) < BAND)]
+    if len(table) > 100:
         normal, at = _plane(table)
         table = table[np.abs((table - at) @ normal) < 0.3 * BAND]
+    return table[:: max(1, len(table) // MOST_TABLE)]
+
+
+def _inside(points: FloatArray, half: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray((np.abs(points[..., 0]) < half[0]) & (np.abs(points[..., 1]) < half[1]))
+
+
+def _sight(origin: FloatArray, points: FloatArray, half: FloatArray, table: FloatArray) -> _Sight:
+    with np.errstate(invalid="ignore"):
+        up = _inside(points, half) & (points[..., 2] > OFF_TABLE) & (points[..., 2] < TALL)
+    things = points[up]
     normals = _normals(points, up)
     known = np.isfinite(normals).all(axis=1)
     things, normals = things[known], normals[known]
     few = slice(None, None, max(1, len(things) // MOST_CLOUD))
     things, normals = things[few], normals[few]
     step = max(1, len(things) // MOST_THINGS)
-    return _Sight(origin, table[:: max(1, len(table) // MOST_TABLE)], things, normals, step)
+    return _Sight(origin, table, things, normals, step)
 
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -31,9 +31,12 @@ class FrameReel:
 
     def add(self, image: NDArray[np.uint8]) -> None:
         """Take an RGB frame (H, W, 3) uint8; a copy is kept, or nothing."""
-        picture = Image.fromarray(np.ascontiguousarray(image))
-        picture.thumbnail((self.side, self.side), Image.Resampling.BILINEAR, reducing_gap=None)
-        self._newest = np.array(picture)
+        if max(image.shape[:2]) <= self.side:
+            self._newest = image.copy()
+        else:
+            picture = Image.fromarray(np.ascontiguousarray(image))
+            picture.thumbnail((self.side, self.side), Image.Resampling.BILINEAR, reducing_gap=None)
+            self._newest = np.array(picture)
         if self._count % self._stride == 0:
             self._kept.append(self._newest)
             if len(self._kept) > self.limit:

@@ -1,4 +1,4 @@
-"""The folder of a run: atomic files (written aside, flushed to disk, then moved into place), and its recorder."""
+"""The folder of a run: atomic files (written aside, then moved into place), and its recorder."""
 
 from __future__ import annotations
 
@@ -37,28 +37,29 @@ def make_folder(folder: Path) -> Path:
     return folder
 
 
-def write_bytes(path: Path, data: bytes) -> Path:
+def write_bytes(path: Path, data: bytes, *, flushed: bool = True) -> Path:
     """Put ``data`` at ``path``; a reader sees the old file or the new one, never a part.
 
     A missing folder is created. Raises :class:`OutputError` when the folder cannot be written to; the old file is then
-    untouched. Returns ``path``.
+    untouched. Returns ``path``. ``flushed``: see :func:`~gvla2.writing.write_whole`.
     """
     make_folder(path.parent)
-    write_whole(path, data)
+    write_whole(path, data, flushed=flushed)
     return path
 
 
-def write_text(path: Path, text: str) -> Path:
+def write_text(path: Path, text: str, *, flushed: bool = True) -> Path:
     """Put ``text`` at ``path`` in UTF-8, as :func:`write_bytes` does.
 
     Lone surrogates (bytes of a command line that were not UTF-8) become escapes instead of an error.
     """
-    return write_bytes(path, text.encode("utf-8", errors="backslashreplace"))
+    return write_bytes(path, text.encode("utf-8", errors="backslashreplace"), flushed=flushed)
 
 
-def write_json(path: Path, value: object) -> Path:
+def write_json(path: Path, value: object, *, flushed: bool = True) -> Path:
     """Put ``value`` at ``path`` as strict JSON, as :func:`write_bytes` does; see :func:`plain`."""
-    return write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    text = json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return write_text(path, f"{text}\n", flushed=flushed)
 
 
 def plain(value: object) -> Any:

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import math
+import pickle
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
+from gvla2.errors import OutputError
 from gvla2.record import sections, wording
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.conversation import turns_of
 from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.pictures import Pictures
 from gvla2.record.text import count, listing, one_line
+from gvla2.writing import cache_folder, write_whole
 
 
 def render_page(
@@ -58,6 +64,7 @@ def templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=_Compiled(),
     )
     script = f"{_source('page.js')}{_source('viewer.js')}".strip()
     environment.globals.update(
@@ -89,6 +96,25 @@ def templates() -> Environment:
         share=sections.share,
     )
     return environment
+
+
+class _Compiled(BytecodeCache):
+    """Compiled templates in the user's cache, by their names and their text; without a place they are compiled anew."""
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Fill the bucket, if it was kept."""
+        with contextlib.suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
+            bucket.bytecode_from_string(self._path(bucket).read_bytes())
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep what was compiled."""
+        with contextlib.suppress(OSError, OutputError):
+            self._path(bucket).parent.mkdir(parents=True, exist_ok=True)
+            write_whole(self._path(bucket), bucket.bytecode_to_string())
+
+    @staticmethod
+    def _path(bucket: Bucket) -> Path:
+        return cache_folder() / "templates" / f"{bucket.key}-{bucket.checksum}"
 
 
 def data_uri(data: bytes) -> str:

@@ -48,9 +48,9 @@ class Pictures:
 
 def main_picture(observation: Observation) -> bytes:
     """The picture for before and after, of a front camera if there is one, else of the first."""
-    views = observation.pictured()
+    views = observation.views
     main = next((v for v in views if "front" in v.name), views[0])
-    return png(enlarged(Image.fromarray(main.image), 512))
+    return png(enlarged(Image.fromarray(observation.shown(main).image), 512))
 
 
 def plain_pictures(observation: Observation) -> Shots:

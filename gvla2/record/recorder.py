@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -52,6 +53,7 @@ class RunRecorder(FolderRecorder):
         self._written: dict[str, Any] = {}
         self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
         self._awaited: list[Future[Any]] = []
+        self._modelled: tuple[object, ...] = (self, None, None, None)  # nothing yet
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -77,16 +79,16 @@ class RunRecorder(FolderRecorder):
         """Write everything still missing, the animation and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
+        self._write_model(record)
         if self._reel.frames:
             self._later(
                 "The animation", partial(self._show, "episode", "episode.gif", gif, self._reel.frames)
             )
         self.attempt("The film", self._finish_film)
-        self.attempt("The 3D scene", partial(self._show, "model", "scene.glb", scene_glb, record))
         self.settle()
         page = self.folder / "index.html"
         self.attempt("The page", lambda: write_text(page, self._page(record)))
-        self._write_numbers(record)  # again, with the notes about pictures
+        self._write_numbers(record, last=True)  # again, with the notes about pictures
         return page
 
     def settle(self) -> None:
@@ -98,12 +100,12 @@ class RunRecorder(FolderRecorder):
     def _later(self, what: str, make: Callable[[], Any]) -> None:
         self._awaited.append(self._studio.submit(self.attempt, what, make))
 
-    def _write_numbers(self, record: EpisodeRecord) -> None:
-        write_json(self.folder / "result.json", self._noted(record).result(self._command))
+    def _write_numbers(self, record: EpisodeRecord, last: bool = False) -> None:
+        write_json(self.folder / "result.json", self._noted(record).result(self._command), flushed=last)
         for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
-                write_json(self.folder / name, value)
+                write_json(self.folder / name, value, flushed=last)
                 self._written[name] = value
 
     def _write_pictures(self, record: EpisodeRecord) -> None:
@@ -113,13 +115,23 @@ class RunRecorder(FolderRecorder):
         if record.scene is not None:
             keep = partial(self._keep_views, record.scene, record.instruction)
             self._once("The views", keep, record.observation)
+        if record.checks is not None:
+            self._write_model(record)
+
+    def _write_model(self, record: EpisodeRecord) -> None:
+        """The scene in 3D, once for what it shows; at the latest at the end."""
+        shown = (record.observation, record.scene, record.plan, record.checks)
+        if not all(map(operator.is_, shown, self._modelled)):
+            self._modelled = shown
+            self._later("The 3D scene", partial(self._show, "model", "scene.glb", scene_glb, record))
 
     def _show(self, name: str, file: str, make: Callable[..., bytes | Shots], *inputs: Any) -> None:
         """Put what ``make(*inputs)`` gives on the page, and into ``file`` if it has one: several on one sheet."""
         made = make(*inputs)
         setattr(self._pictures, name, made)
         if file and made:
-            write_bytes(self.folder / file, made if isinstance(made, bytes) else contact_sheet_of(made))
+            data = made if isinstance(made, bytes) else contact_sheet_of(made)
+            write_bytes(self.folder / file, data, flushed=False)
 
     def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
         """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""

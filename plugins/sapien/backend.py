@@ -103,7 +103,7 @@ class SapienArm:
         cameras = [self._cell.mounts.camera(name, size, world_from_tcp) for name in self._config.cameras]
         opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
         return Observation(
-            Views(tuple(self._look(cameras))),
+            Views(tuple(self._sight()(cameras))),
             world_from_tcp,
             joints,
             opening,
@@ -111,13 +111,12 @@ class SapienArm:
             self._finer(world_from_tcp, size),
         )
 
-    def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[], Views] | None:
-        """A function that takes this moment's pictures again with more pixels; None if there are enough."""
+    def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[str], View] | None:
+        """A function that takes a camera's picture of this moment with more pixels; None if there are enough."""
         if size >= SHOWN_SIZE:
             return None
-        mounts, names = self._cell.mounts, self._config.cameras
-        sight = self._sight([mounts.camera(name, SHOWN_SIZE, world_from_tcp) for name in names])
-        return cache(lambda: Views(tuple(sight())))
+        camera, sight = self._cell.mounts.camera, self._sight()
+        return cache(lambda name: sight([camera(name, SHOWN_SIZE, world_from_tcp)])[0])
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
@@ -128,7 +127,9 @@ class SapienArm:
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
             view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
-            reel.shoot(Moment(world.time, world.joints.copy(), world.gripper_width), self._sight([view]))
+            reel.shoot(
+                Moment(world.time, world.joints.copy(), world.gripper_width), partial(self._sight(), [view])
+            )
 
         driver = SapienDriver(
             world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
@@ -221,15 +222,13 @@ class SapienArm:
         )
         return self._eyes
 
-    def _look(self, cameras: Sequence[Camera]) -> list[View]:
-        return self._sight(cameras)()
-
-    def _sight(self, cameras: Sequence[Camera]) -> Callable[[], list[View]]:
-        """Draws what the cameras see at this moment, when it is called, from any thread."""
+    def _sight(self) -> Callable[[Sequence[Camera]], list[View]]:
+        """Draws what cameras see at this moment, when it is called, from any thread."""
         world, eyes = self._sane_world("seen"), self._eyes
         if eyes is None or self._lights != self._layout.lights(world.peaks):
             eyes = self._open_eyes()
-        return partial(eyes.look, cameras, world.link_poses(self._links), self._thing_poses(world))
+        links, things = world.link_poses(self._links), self._thing_poses(world)
+        return partial(eyes.look, world_from_link=links, world_from_thing=things)
 
     def _thing_poses(self, world: World) -> dict[str, FloatArray]:
         """world_from_thing (4, 4) of everything that the cameras see besides the robot, now."""

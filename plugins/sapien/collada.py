@@ -102,8 +102,8 @@ def _triangles(
     position = None if vertices is None else vertices.find("c:input[@semantic='POSITION']", space)
     source_id = "" if position is None else position.get("source", "")[1:]
     values = mesh.findtext(f"c:source[@id='{source_id}']/c:float_array", "", space)
-    indices = np.fromiter(map(int, triangles.findtext("c:p", "", space).split()), dtype=np.int64)
-    indices = indices.reshape(-1, stride)[:, int(corner.get("offset", "0"))]
+    corners = triangles.findtext("c:p", "", space).split()[int(corner.get("offset", "0")) :: stride]
+    indices = np.fromiter(map(int, corners), dtype=np.int64, count=len(corners))
     sides = _numbers(triangles.findtext("c:vcount", "", space)).astype(np.int64)
     if (sides != 3).any():
         starts = np.cumsum(sides) - sides

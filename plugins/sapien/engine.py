@@ -6,6 +6,7 @@ import warnings
 from typing import Any
 
 from gvla2.errors import MissingDependencyError
+from gvla2.laziness import waiting
 
 
 def import_sapien() -> Any:
@@ -14,8 +15,9 @@ def import_sapien() -> Any:
         with warnings.catch_warnings():
             # It looks for Vulkan, which CPU physics does not need.
             warnings.simplefilter("ignore")
-            import sapien
-            import sapien.physx
+            with waiting("requests"):  # for downloads that are not made here
+                import sapien
+                import sapien.physx
     except ModuleNotFoundError as error:
         if error.name != "sapien":
             raise

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -151,10 +152,8 @@ class World:
         """Whether all positions and speeds are finite and physically possible."""
         speeds = self._robot.qvel
         robot = np.isfinite(self._robot.qpos).all() and (np.abs(speeds) < IMPOSSIBLE_JOINT_SPEED).all()
-        bodies = all(
-            np.isfinite(e.pose.p).all() and np.isfinite(e.pose.q).all()
-            for e in self._bodies.entities.values()
-        )
+        poses = (entity.pose for entity in self._bodies.entities.values())
+        bodies = all(math.isfinite(sum(pose.p.tolist()) + sum(pose.q.tolist())) for pose in poses)
         return bool(robot and bodies and self._speed() < IMPOSSIBLE_SPEED)
 
     # The robot, as its own sensors know it.
@@ -225,9 +224,10 @@ class World:
         """The robot's links that press on something else now; the base, which stands on the table, left out."""
         base = self._cell.base_links
         touched = set()
-        for one, other, impulse in self._contacts():
+        for one, other, contact in self._contacts():
             mine = {one, other} & self._links.keys()
-            if len(mine) == 1 and not mine & base and np.linalg.norm(impulse) > TOUCH:
+            news = len(mine) == 1 and not mine & (base | touched)
+            if news and np.linalg.norm(_impulse(contact)) > TOUCH:
                 touched |= mine
         return touched
 
@@ -249,25 +249,21 @@ class World:
             return {self._clamp.holding: (np.inf, np.inf)} if self._clamp.holding else {}
         forces: dict[str, dict[str, FloatArray]] = {}
         links = self._cell.gripper.finger_links
-        for one, other, impulse in self._contacts():
+        for one, other, contact in self._contacts():
             for finger, thing in ((one, other), (other, one)):
                 if finger in links and thing not in self._links:
                     by_finger = forces.setdefault(thing, {f: np.zeros(3) for f in links})
-                    by_finger[finger] = by_finger[finger] + impulse * self.rate
+                    by_finger[finger] = by_finger[finger] + _impulse(contact) * self.rate
         return {
             thing: (float(np.linalg.norm(f[links[0]])), float(np.linalg.norm(f[links[1]])))
             for thing, f in forces.items()
         }
 
-    def _contacts(self) -> list[tuple[str, str, FloatArray]]:
-        found = []
+    def _contacts(self) -> Iterator[tuple[str, str, Any]]:
+        """The names of two that are in contact, and the contact, whose :func:`_impulse` is costly to ask for."""
         for contact in self._system.get_contacts():
             one, other = contact.bodies
-            impulse = np.asarray(
-                np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64)
-            )
-            found.append((one.entity.name, other.entity.name, impulse))
-        return found
+            yield one.entity.name, other.entity.name, contact
 
     # The scene's true state: for the cameras' rays and the referee only.
 
@@ -294,8 +290,8 @@ class World:
     def touching(self, name: str) -> set[str]:
         """Names of things that press on a task's body now: other bodies, "table", "robot"."""
         found = set()
-        for one, other, impulse in self._contacts():
-            if PREFIX + name in (one, other) and np.linalg.norm(impulse) > TOUCH:
+        for one, other, contact in self._contacts():
+            if PREFIX + name in (one, other) and np.linalg.norm(_impulse(contact)) > TOUCH:
                 thing = other if one == PREFIX + name else one
                 found.add("robot" if thing in self._links else thing.removeprefix(PREFIX))
         return found
@@ -326,9 +322,14 @@ class World:
         self._clamp.open()
 
 
+def _impulse(contact: Any) -> FloatArray:
+    """(3,) newton seconds, of all points of a contact."""
+    return np.asarray(np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64))
+
+
 def _speed_of(component: Any) -> float:
-    linear, angular = component.linear_velocity, component.angular_velocity
-    return float(max(np.linalg.norm(linear), 0.05 * np.linalg.norm(angular)))
+    linear, angular = component.linear_velocity.tolist(), component.angular_velocity.tolist()
+    return max(math.hypot(*linear), 0.05 * math.hypot(*angular))
 
 
 def _matrix(pose: Any) -> FloatArray:
