@@ -29,6 +29,10 @@ SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
 LONGEST_FOLDER_NAME = 80
 
 
+_offered: tuple[Registry, dict[str, type], tuple[str, ...] | None] | None = None
+"""What :func:`register` was called with last."""
+
+
 class PresetSearchPath(SearchPathPlugin):
     """Adds the search paths that plugins announced; Hydra makes instances itself, hence the class attribute."""
 
@@ -51,8 +55,14 @@ def register(
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
     its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
-    offered. ``groups`` are the ones needed: a command with few groups starts faster.
+    offered; with what it was called with last it does nothing. ``groups`` are the ones needed: a command with few
+    groups starts faster.
     """
+    global _offered
+    offer = (registry, dict(schemas or {}), None if groups is None else tuple(groups))
+    if offer == _offered:
+        return
+    _offered, groups = None, offer[2]
     store = ConfigStore.instance()
     _forget(store.repo)
     for name in registry.groups if groups is None else groups:
@@ -72,6 +82,7 @@ def register(
     PresetSearchPath.paths = registry.search_paths
     Plugins.instance().register(PresetSearchPath)
     register_resolvers()
+    _offered = offer
 
 
 def with_groups(schema: type, groups: Iterable[str]) -> type:
