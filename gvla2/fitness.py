@@ -20,11 +20,15 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 
-@lru_cache(maxsize=1024)
 def structured(component: Component[Any]) -> DictConfig:
     """The component's options as a typed OmegaConf node, with ``name`` filled in; not to be changed."""
-    node = OmegaConf.structured(component.config)
-    node.name = component.name
+    return _structured(component.config, component.name)
+
+
+@lru_cache(maxsize=1024)  # by class and not by component: hooks make new components whenever plugins are loaded
+def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
+    node = OmegaConf.structured(config)
+    node.name = name
     assert isinstance(node, DictConfig)
     return node
 

@@ -34,6 +34,10 @@ _NOTHING = Component(NONE, ComponentConfig, lambda config: None)
 """What a kind or a slot offers that may be left empty."""
 
 
+_offered: tuple[Registry, dict[str, type], tuple[str, ...] | None] | None = None
+"""What :func:`register` was called with last."""
+
+
 class PresetSearchPath(SearchPathPlugin):
     """Adds the search paths that plugins announced; Hydra makes instances itself, hence the class attribute."""
 
@@ -108,8 +112,14 @@ def register(
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
     its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
-    offered. ``groups`` are those that the command knows, by default all.
+    offered; with what it was called with last it does nothing. ``groups`` are those that the command knows, by
+    default all.
     """
+    global _offered
+    offer = (registry, dict(schemas or {}), None if groups is None else tuple(groups))
+    if offer == _offered:
+        return
+    _offered, groups = None, offer[2]
     store = ConfigStore.instance()
     _forget(store.repo)
     ComponentSource.offered = _choosable(registry, groups)
@@ -125,6 +135,7 @@ def register(
     Plugins.instance().register(PresetSearchPath)
     Plugins.instance().register(ComponentSource)
     register_resolvers()
+    _offered = offer
 
 
 def _choosable(

@@ -38,10 +38,11 @@ OWN = {
 }
 """Components that need something of the user's own, and what their error says to do. Their own tests give it them."""
 
+PLUGINS = load_plugins()
 REFERENCE = [
     (kind, name)
     for kind in CHECKS
-    for name in load_plugins().components(kind)
+    for name in PLUGINS.components(kind)
     # Their own tests know whether there is a GPU, give the arm its bus, keep trackers off the network, and give an
     # agent a model that answers.
     if (kind, name) not in OWN and name not in ("gsplat", "piper", "mlflow", "wandb", "rerun", "mini_swe")

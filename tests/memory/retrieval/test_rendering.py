@@ -81,7 +81,7 @@ def test_imitations_and_control_characters_are_neutralised(attack: str) -> None:
 
 
 def test_a_megabyte_is_bounded() -> None:
-    text = render([item("\ufdfa" * 1_000_000), item("word " * 200_000, binding=True)], max_chars=1500)
+    text = render([item("\ufdfa" * 350_000), item("word " * 200_000, binding=True)], max_chars=1500)
     assert_framed(text, lines=6)
     assert len(text) <= 1500
 

@@ -7,65 +7,117 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Self
 
 import pytest
 
 from gvla2.memory.storage.store import Store
 from tests.memory.looking import look
 
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 NOW = 1.8e9
-WRITER = """
-import dataclasses, resource, sys, time
+NURSERY = """
+import dataclasses, os, resource, sys, time
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.errors import MemoryStoreError
 
-url, name, count, limit = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-store = Store.open(url, busy_seconds=30)
-if limit:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-vector = [float(i) for i in range(64)]
-for i in range(count):
-    id = f"{name}-{i}"
-    started = time.perf_counter()
-    try:
-        with store.writing("b", actor=name, now=1.8e9) as t:
-            shared = t.get("shared")
-            values = dict(bank="b", query="q", type="tool_usage", state="active", outcome="verified_success",
-                          confidence=.9, quality=.9, created=t.now, updated=t.now)
-            t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), vector, model="m",
-                  action="add")
-            if shared is None:
-                t.put(Record(id="shared", content="said by all", dedup_key="shared", **values), action="add")
-            else:
-                t.put(dataclasses.replace(shared, count=shared.count + 1), action="merge")
-    except MemoryStoreError as error:
-        print("refused", error, flush=True)
-        break
-    print(id, time.perf_counter() - started, flush=True)
+def say(*words):
+    sys.stdout.write(" ".join(map(str, words)) + "\\n")  # whole lines: others write there, too
+    sys.stdout.flush()
+
+def write(name, count, limit):
+    say("born", os.getpid())
+    store = Store.open(sys.argv[1], busy_seconds=30)
+    if limit:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    vector = [float(i) for i in range(64)]
+    for i in range(count):
+        id = f"{name}-{i}"
+        started = time.perf_counter()
+        try:
+            with store.writing("b", actor=name, now=1.8e9) as t:
+                shared = t.get("shared")
+                values = dict(bank="b", query="q", type="tool_usage", state="active", outcome="verified_success",
+                              confidence=.9, quality=.9, created=t.now, updated=t.now)
+                t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), vector, model="m",
+                      action="add")
+                if shared is None:
+                    t.put(Record(id="shared", content="said by all", dedup_key="shared", **values), action="add")
+                else:
+                    t.put(dataclasses.replace(shared, count=shared.count + 1), action="merge")
+        except MemoryStoreError as error:
+            say("refused", error)
+            break
+        say(id, time.perf_counter() - started)
+
+for line in sys.stdin:
+    *names, count, limit = line.split()
+    children = []
+    for name in names:
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                write(name, int(count), int(limit))
+                status = 0
+            finally:
+                os._exit(status)
+        children.append(child)
+    say("ended", *(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children))
 """
 
 
-def writer(url: str, name: str, count: int, limit: int = 0) -> subprocess.Popen[str]:
-    arguments = [sys.executable, "-c", WRITER, url, name, str(count), str(limit)]
-    return subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+class Nursery:
+    """A process that has everything imported and forks the writers, so that each of them starts at once."""
+
+    def __init__(self, url: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", NURSERY, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error:
+            self._process.kill()  # a writer that nobody hears any more ends by itself
+        self._process.communicate(timeout=100)
+        assert error or self._process.returncode == 0
+
+    def start(self, *names: str, count: int, limit: int = 0) -> None:
+        """Fork a writer of ``count`` records by each name; its files may hold ``limit`` bytes, 0 for any number."""
+        assert self._process.stdin is not None
+        print(*names, count, limit, file=self._process.stdin, flush=True)
+
+    def line(self) -> str:
+        """The next thing that is said."""
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+    def rest(self) -> tuple[str, list[int]]:
+        """What the writers say until all of them have ended, and their exit statuses."""
+        said = ""
+        while not (line := self.line()).startswith("ended"):
+            assert line, "the nursery died"
+            said += line
+        return said, [int(status) for status in line.split()[1:]]
 
 
 def acknowledged(text: str) -> dict[str, float]:
-    """Seconds by id, of whole lines only: a killed process may have left half of one."""
-    lines = [line.split() for line in text.rpartition("\n")[0].splitlines()]
-    return {line[0]: float(line[1]) for line in lines if line[0] != "refused"}
+    """Seconds by id."""
+    lines = [line.split() for line in text.splitlines()]
+    return {line[0]: float(line[1]) for line in lines if line[0] not in ("born", "refused")}
 
 
 def test_processes_fill_a_new_bank_at_once(url: str) -> None:
     """None of them created it before, and nothing is lost or doubled."""
     processes, each = 8, 12
-    writers = [writer(url, f"w{i}", each) for i in range(processes)]
-    said: dict[str, float] = {}
-    for process in writers:
-        out, _ = process.communicate(timeout=100)
-        assert process.returncode == 0
-        said |= acknowledged(out)
+    with Nursery(url) as nursery:
+        nursery.start(*(f"w{i}" for i in range(processes)), count=each)
+        out, statuses = nursery.rest()
+    assert statuses == [0] * processes
+    said = acknowledged(out)
     assert len(said) == processes * each
     with Store.open(url) as store:
         records = {r.id: r for r in look(store, "b").records()}
@@ -82,15 +134,16 @@ def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
     moments = random.Random(1)
     Store.open(url).close()
     rounds = 10 if url.startswith("sqlite") else 3
-    for round_ in range(rounds):
-        process = writer(url, f"r{round_}", 100_000)
-        assert process.stdout is not None
-        first = process.stdout.readline()  # it is under way
-        time.sleep(moments.uniform(0, 0.12))
-        os.kill(process.pid, signal.SIGKILL)
-        said |= set(acknowledged(first + process.stdout.read()))
-        process.wait(10)
-        process.stdout.close()
+    with Nursery(url) as nursery:
+        for round_ in range(rounds):
+            nursery.start(f"r{round_}", count=100_000)
+            writer = int(nursery.line().split()[1])
+            first = nursery.line()  # it is under way
+            time.sleep(moments.uniform(0, 0.12))
+            os.kill(writer, signal.SIGKILL)
+            out, statuses = nursery.rest()
+            assert statuses == [-signal.SIGKILL]
+            said |= set(acknowledged(first + out))
     with Store.open(url) as store:
         stored = {r.id for r in look(store, "b").records()}
         assert len(said) >= rounds
@@ -99,12 +152,12 @@ def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
         assert look(store, "b").verify() == []
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="this system cannot limit the size of files")
 def test_a_full_disk_undoes_one_transaction_and_no_more(sqlite_url: str, tmp_path: Path) -> None:
     Store.open(sqlite_url).close()
-    process = writer(sqlite_url, "w", 100_000, limit=600_000)
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0
+    with Nursery(sqlite_url) as nursery:
+        nursery.start("w", count=100_000, limit=600_000)
+        out, statuses = nursery.rest()
+    assert statuses == [0]
     last = out.splitlines()[-1]
     assert last.startswith("refused")
     assert str(tmp_path / "memory.db") in last
