@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -11,7 +12,7 @@ from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import in_a_worker
+from gvla2.commands.bench_frame import in_a_worker, pictured
 from gvla2.errors import Gvla2Error, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -19,20 +20,38 @@ if TYPE_CHECKING:
     from gvla2.evaluation.datasets import Dataset, Item
     from gvla2.evaluation.judge import ReconstructionJudge
     from gvla2.evaluation.lpips import Lpips
+    from gvla2.evaluation.results import Cell
     from gvla2.reconstruction.contracts import Renderer
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
+_NAMED = ("object", "baseline", "drift", "noise", "variant")
+"""What names a picture."""
 
 
 @dataclass(frozen=True)
 class ObjectUnit:
-    """One process's unit of work: the missing cells of one object and baseline."""
+    """One process's unit of work: cells of one object and baseline, with pictures in ``folder/pictures``."""
 
     dataset: Dataset
     item: Item
     baseline: str
     wanted: tuple[Wanted, ...]
     config: BenchConfig
+    folder: Path
+
+    @property
+    def rows(self) -> Sequence[str]:
+        """The keys of its cells."""
+        return [want.key for want in self.wanted]
+
+    @property
+    def label(self) -> str:
+        """The object and the baseline."""
+        return f"{self.item.name}, {self.baseline}"
+
+    def without(self, known: Container[str]) -> ObjectUnit:
+        """The unit without the cells that are known."""
+        return replace(self, wanted=tuple(want for want in self.wanted if want.key not in known))
 
 
 def chosen_parts(
@@ -74,7 +93,7 @@ def lpips_of(path: str | None) -> Lpips | None:
         return None
 
 
-def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Measured]:
+def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Cell]:
     """The unit's cells; an object that cannot be loaded gives cells that say so.
 
     A worker process first runs a refined cell unmeasured, once per baseline, so that loading compiled code is not
@@ -84,7 +103,8 @@ def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Measured]:
         _warmed().add(unit.baseline)
         refined = (want for want in unit.wanted if want.factors["variant"] == "ab_fusion")
         _measured(replace(unit, wanted=(next(refined, unit.wanted[0]),)), registry)
-    return _measured(unit, registry)
+    measured = _measured(unit, registry)
+    return [pictured(m.cell, m.picture, unit.folder, "-".join(m.cell.told(*_NAMED))) for m in measured]
 
 
 def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, code_of
 from gvla2.commands.bench_measuring import KINDS, ObjectUnit, chosen_parts, lpips_of, measure_unit
@@ -31,9 +30,6 @@ MEASURING_CODE = (
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
 
-_NAMED = ("object", "baseline", "drift", "noise", "variant")
-"""What names a picture."""
-
 log = logging.getLogger(__name__)
 
 
@@ -44,19 +40,10 @@ def run(bench: BenchRun) -> list[Cell]:
     config, data = bench.config, bench.config.data
     dataset = open_dataset(data.kind, data.root, data.objects, size=data.size, samples=data.samples)
     _check_names(config)
-    units = list(_design(config, bench.registry, dataset))
-    keys = [want.key for unit in units for want in unit.wanted]
-    known = bench.known(keys)
-    left = [replace(unit, wanted=tuple(w for w in unit.wanted if w.key not in known)) for unit in units]
-    missing = [unit for unit in left if unit.wanted]
-    with bench.progress(sum(len(unit.wanted) for unit in missing)) as progress:
-        for unit, measured in bench.measured(measure_unit, missing):
-            cells = [
-                bench.pictured(one.cell, one.picture, "-".join(one.cell.told(*_NAMED))) for one in measured
-            ]
-            known |= bench.store(cells)
-            progress.done(len(cells), f"{unit.item.name}, {unit.baseline}")
-    return [known[key] for key in keys]
+    units = list(_design(bench, dataset))
+    with bench.rows(units) as rows:
+        rows.fill([unit.without(rows.known) for unit in units], measure_unit)
+        return rows.of(units)
 
 
 def _check_names(config: BenchConfig) -> None:
@@ -82,12 +69,13 @@ def _check_names(config: BenchConfig) -> None:
                 raise ConfigurationError(f"No {what} '{name}'. Available: {', '.join(there)}.")
 
 
-def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterator[ObjectUnit]:
+def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
     """Every cell of the design with its key, one unit per object and baseline."""
     from gvla2.evaluation.ablation import SUITE, VARIANTS, Wanted
     from gvla2.evaluation.protocol import VERSION
     from gvla2.evaluation.results import cell_key
 
+    config, registry = bench.config, bench.registry
     lpips = lpips_of(config.lpips_weights) is not None
     if not lpips:
         log.warning(
@@ -126,4 +114,4 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                 }
                 key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
                 wanted.append(Wanted(key, factors))
-            yield ObjectUnit(dataset, item, baseline, tuple(wanted), config)
+            yield ObjectUnit(dataset, item, baseline, tuple(wanted), config, bench.folder)
