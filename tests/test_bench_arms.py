@@ -6,12 +6,11 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.bench import as_overrides
+from gvla2.commands.bench import SUITES, as_overrides, check_options
 from gvla2.commands.bench_arms import BenchArm, arm_named, arms_of, check_arms
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import Planned
-from gvla2.commands.bench_options import OPTIONS, check_options
 from gvla2.commands.bench_robot import worth_filming
 from gvla2.commands.bench_subjects import subjects
 from gvla2.commands.primary import PRIMARY
@@ -126,7 +125,7 @@ def test_an_option_that_a_suite_does_not_heed_is_an_error(suite, override):
 
 def test_options_that_are_heeded_or_of_the_user_pass():
     check_options("robot", ["suite=robot", "depth_noise=l515", "+mine.own=3", "robot.image_size=64"])
-    for suite, options in OPTIONS.items():
+    for suite, options in SUITES.items():
         check_options(suite, [f"{name}=1" for name in options])
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun, code_of, given_options, options_of, pictured
-from gvla2.errors import ConfigurationError
+from gvla2.commands.bench_frame import BenchRun, code_of, pictured
+from gvla2.commands.bench_subjects import task_options
 
 if TYPE_CHECKING:
     from gvla2.evaluation.perception.suite import WantedLayout
@@ -80,17 +80,12 @@ def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
 def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: str) -> dict[str, Any]:
     """What to build for a task and a perceiver: the configured perceiver keeps its options.
 
-    Raises :class:`ConfigurationError` when ``scale`` is given for a task that has no such option.
+    Raises :class:`ConfigurationError` for an option that the task does not have.
     """
-    known, place = options_of(registry, "task", task), f"task_options.{task}"
-    given = given_options(place, config.task_options.get(task) or {}, f"the task '{task}'", known)
-    if "scale" not in known and config.scale != 1.0:
-        raise ConfigurationError(f"scale is {config.scale}, but task={task} has no option scale.")
-    scale = {"scale": config.scale} if "scale" in known else {}
     parts = {
         "robot": config.robot,
         "camera": config.camera,
-        "task": {"name": task, **given, **scale},
+        "task": {"name": task, **task_options(config, registry, task)},
         "perceiver": config.perceiver if config.perceiver.name == perceiver else {"name": perceiver},
     }
     return {**parts, "planner": config.planner} if config.planner.name else parts
