@@ -6,10 +6,11 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.bench import as_overrides
-from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
-from gvla2.commands.bench_design import Planned, designs
-from gvla2.commands.bench_options import OPTIONS, check_options
+from gvla2.commands.bench import SUITES, as_overrides, check_options
+from gvla2.commands.bench_arms import BenchArm, arm_named, arms_of, check_arms
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_design import designs
+from gvla2.commands.bench_episodes import Planned
 from gvla2.commands.bench_robot import worth_filming
 from gvla2.commands.bench_subjects import subjects
 from gvla2.commands.primary import PRIMARY
@@ -72,12 +73,14 @@ def test_two_variants_of_one_memory_share_no_cell(registry):
     (design,) = designs(config, registry)
     keys = [key for one in design.plan for key in one.keys.values()]
     assert len(set(keys)) == len(keys) == 2 * 5
-    variants = {one.arm: one.factors.get("variant", "") for one in design.plan}
+    variants = {one.arm.name: one.factors.get("variant", "") for one in design.plan}
     assert variants == {
         "off": "", "on": "", "a": "governed, admission=False", "b": "governed, replay=False", "c": "off, replan=1",
     }  # fmt: skip
     again = designs(replace(config, own_arms={**config.own_arms, "a": {"memory": "governed"}}), registry)
-    changed = {one.arm for one, old in zip(again[0].plan, design.plan, strict=True) if one.keys != old.keys}
+    changed = {
+        one.arm.name for one, old in zip(again[0].plan, design.plan, strict=True) if one.keys != old.keys
+    }
     assert changed == {"a"}, "an arm's options are in its own key alone"
 
 
@@ -122,12 +125,12 @@ def test_an_option_that_a_suite_does_not_heed_is_an_error(suite, override):
 
 def test_options_that_are_heeded_or_of_the_user_pass():
     check_options("robot", ["suite=robot", "depth_noise=l515", "+mine.own=3", "robot.image_size=64"])
-    for suite, options in OPTIONS.items():
+    for suite, options in SUITES.items():
         check_options(suite, [f"{name}=1" for name in options])
 
 
 def planned(arm: str, layout: int) -> Planned:
-    return Planned("lamp_on", arm, layout, {"eased": f"{arm}{layout}"}, {})
+    return Planned(BenchConfig(), "lamp_on", BenchArm(arm, arm), layout, {"eased": f"{arm}{layout}"}, {})
 
 
 def test_pairs_that_differ_are_filmed_before_failures():
@@ -138,7 +141,7 @@ def test_pairs_that_differ_are_filmed_before_failures():
         for arm, d in won.items()
         for i, done in enumerate(d)
     }
-    assert [(one.arm, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
-    two = [(one.arm, one.layout) for one in worth_filming(plan, cells, 2)]
+    assert [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
+    two = [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 2)]
     assert two == [("on", 2), ("off", 2), ("off", 0), ("on", 0)]
     assert worth_filming(plan, cells, 0) == []

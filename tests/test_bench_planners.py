@@ -14,14 +14,16 @@ from omegaconf import OmegaConf
 from gvla2.commands import bench_robot
 from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.commands.bench_design import designs
-from gvla2.commands.bench_episodes import EpisodeOutcome, spent_on
+from gvla2.commands.bench_episodes import cells_of, spent_on
 from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.experience import Experience
 from gvla2.hydra_bridge import register
+from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.plugins import load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.record.contents import EpisodeRecord, Failure
+from gvla2.robot.backend import SuccessCheck
 from gvla2.testing.language import LocalModel, said
 
 BOTH = "planners=[skill,code_policies]"
@@ -64,41 +66,38 @@ def units(monkeypatch):
 
     def pretend(unit, registry):
         ran.append(unit)
-        name = unit.config.planner.name
+        name, won = unit.config.planner.name, unit.layout % 2 == 0
         asks = name != "skill"
-        return [
-            EpisodeOutcome(
-                layout,
-                {"eased": layout % 2 == 0, "strict": False},
-                1.0,
-                "" if layout % 2 == 0 else "grasp",
-                "",
-                {
-                    "planning_seconds": 4.0 if asks else 0.1,
-                    "calls": 2 * asks,
-                    "cached": 0,
-                    "prompt_tokens": 300 * asks,
-                    "completion_tokens": 12 * asks,
-                },
-                {"verdict": "uncertain", "fallback": ""},
-                (experience(unit.task, name, layout),) if unit.arm == "exploration" else (),
-            )
-            for layout in unit.layouts
-        ]
+        record = replace(
+            EpisodeRecord("e", "do it", unit.task, unit.layout, {}),
+            timings={"plan": 4.0 if asks else 0.1},
+            language={"plan": {"calls": 2, "prompt_tokens": 300, "completion_tokens": 12}} if asks else {},
+            judgement=SuccessCheck(won, strict=False),
+            failure=None if won else Failure("execute", "slipped", "It slipped."),
+        )
+        learnt = [experience(unit.task, name, unit.layout)] if unit.arm.name == "exploration" else []
+        return cells_of(unit, record, 1.0, learnt)
 
     monkeypatch.setattr(bench_robot, "run_unit", pretend)
     return ran
 
 
+def lessons_in(unit) -> set[str]:
+    """What the bank of an episode's arm says."""
+    with KnowledgeBank(f"sqlite:///{unit.lessons.bank}") as bank:
+        return {record.content for record in bank.records()}
+
+
 def test_every_planner_meets_the_same_layouts_and_one_table_shows_them(registry, tmp_path, units):
     config = config_of(registry, tmp_path, BOTH, "tasks=[lamp_on,put_block]", "layouts=[200,201,203]")
     assert run_bench(config, registry, tmp_path / "out") == 1
-    ran = {(unit.config.planner.name, unit.task, unit.arm): unit.layouts for unit in units}
-    assert ran == {
-        (planner, task, "off"): (200, 201, 203)
+    ran = [(unit.config.planner.name, unit.task, unit.arm.name, unit.layout) for unit in units]
+    assert ran == [
+        (planner, task, "off", layout)
         for planner in ("skill", "code_policies")
-        for task in ("lamp_on", "put_block")
-    }, "memory is off unless arms are named"
+        for task in ("put_block", "lamp_on")
+        for layout in (200, 201, 203)
+    ], "memory is off unless arms are named"
     rows = rows_of(tmp_path / "out")
     assert [row["layout"] for row in rows] == [200, 201, 203] * 4
     asked = [row for row in rows if row["planner"] == "code_policies"]
@@ -137,20 +136,21 @@ def test_named_layouts_are_no_episodes_of_a_seed(registry, tmp_path):
 def test_each_planner_teaches_itself_unless_a_teacher_is_named(registry, tmp_path, units):
     given = [BOTH, "arms=['off','on']", "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[0,1]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "own")
-    explored = [unit for unit in units if unit.arm == "exploration"]
-    assert [(unit.config.planner.name, unit.layouts) for unit in explored] == [
-        ("skill", (0, 1)),
-        ("code_policies", (0, 1)),
+    explored = [unit for unit in units if unit.arm.name == "exploration"]
+    assert [(unit.config.planner.name, unit.layout) for unit in explored] == [
+        ("skill", 0),
+        ("skill", 1),
+        ("code_policies", 0),
+        ("code_policies", 1),
     ]
     for name in ("skill", "code_policies"):
-        (learnt,) = [u for u in units if u.arm == "on" and u.config.planner.name == name]
-        assert {e.episode.lessons[0].content for e in learnt.experiences} == {f"{name} did lamp_on well."}
-        assert Path(learnt.bank).is_file()
+        (learnt,) = [u for u in units if u.arm.name == "on" and u.config.planner.name == name]
+        assert lessons_in(learnt) == {f"{name} did lamp_on well."}
     done = len(units)
     run_bench(config_of(registry, tmp_path, *given, "teacher=skill"), registry, tmp_path / "taught")
-    again = [(unit.config.planner.name, unit.arm) for unit in units[done:]]
+    again = [(unit.config.planner.name, unit.arm.name) for unit in units[done:]]
     assert again == [("code_policies", "on")], "the teacher has explored, and taught itself, before"
-    assert {e.episode.lessons[0].content for e in units[-1].experiences} == {"skill did lamp_on well."}
+    assert lessons_in(units[-1]) == {"skill did lamp_on well."}
     (row,) = [r for r in rows_of(tmp_path / "taught") if r["arm"] == "on" and r["planner"] == "code_policies"]
     assert row["teacher"] == "skill"
     assert "code_policies, memory on (taught by skill)" in (tmp_path / "taught" / "report.md").read_text()
@@ -161,14 +161,19 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
 
     def only_the_lamp_teaches(unit, registry):
         found = real(unit, registry)
-        return found if unit.task == "lamp_on" else [replace(one, experience=()) for one in found]
+        if unit.task != "lamp_on":
+            for cell in found:
+                cell.notes.pop("experience", None)
+        return found
 
     monkeypatch.setattr(bench_robot, "run_unit", only_the_lamp_teaches)
     given = ["tasks=[lamp_on,put_block]", "arms=['shuffled']", "layouts=[200]", "exploration_seeds=[0]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "out")
-    asked = {unit.task: unit.asked for unit in units if unit.arm == "shuffled"}
-    assert asked["put_block"].query == "do lamp_on"
-    assert asked["lamp_on"] is None, "nothing was learnt elsewhere"
+    told = {unit.task: unit for unit in units if unit.arm.name == "shuffled"}
+    assert told["put_block"].lessons.asked.query == "do lamp_on"
+    assert lessons_in(told["put_block"]) == {"skill did lamp_on well."}
+    assert told["lamp_on"].lessons.asked is None, "nothing was learnt elsewhere"
+    assert not lessons_in(told["lamp_on"])
 
 
 @pytest.mark.parametrize(

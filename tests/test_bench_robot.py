@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.bench import run_bench
+from gvla2.commands.bench_arms import arm_named
 from gvla2.commands.bench_workers import in_processes
 from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
@@ -199,7 +200,7 @@ def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry,
     config = config_of(
         registry, tmp_path, "planner_timeout=7", "max_parts=2", "tasks=[lamp_on]", "arms=['off']"
     )
-    unit = bench_episodes.EpisodeUnit(config, "lamp_on", "off", (1,))
+    unit = bench_episodes.Planned(config, "lamp_on", arm_named(config, "off"), 1, {}, {})
     with pytest.raises(AssertionError):
         bench_episodes.run_unit(unit, registry)
     bench_episodes._forget_parts()

@@ -2,8 +2,8 @@
 
 import pytest
 
+from gvla2.commands.memory import MemoryCommandConfig
 from gvla2.commands.memory_access import WrongWordError, time_of
-from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.errors import ConfigurationError
 
 

@@ -16,8 +16,7 @@ from omegaconf import OmegaConf
 
 from gvla2 import cli
 from gvla2.catalog import Registry
-from gvla2.commands.memory import VerbJob, tell
-from gvla2.commands.memory_config import MemoryCommandConfig
+from gvla2.commands.memory import MemoryCommandConfig, VerbJob, tell
 from gvla2.commands.memory_line import VERBS, UsageError, parser_of, understood
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict

@@ -13,8 +13,7 @@ from omegaconf import OmegaConf
 from gvla2 import cli
 from gvla2.catalog import Offer, Registry
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.reconstruct import reconstruct
-from gvla2.commands.reconstruct_config import BranchConfig, ReconstructConfig
+from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points

@@ -8,8 +8,7 @@ from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.reconstruct import branch_options
-from gvla2.commands.reconstruct_config import BranchConfig, ReconstructConfig, spec_of
+from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, branch_options, spec_of
 from gvla2.errors import ConfigurationError
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.branch import BranchOptions

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import re
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
@@ -19,17 +20,37 @@ if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell
     from gvla2.plugins import Registry
 
-SUITES = {
-    "reconstruction": "gvla2.commands.bench_reconstruction",
-    "memory": "gvla2.commands.bench_memory",
-    "robot": "gvla2.commands.bench_robot",
-    "perception": "gvla2.commands.bench_perception",
-    "agents": "gvla2.commands.bench_agents",
-    "trajectories": "gvla2.commands.bench_trajectories",
-}
-"""The suites by name, and the module of each.
+_GEOMETRY = frozenset(("prior", "axis", "fusion", "renderer"))
+_MEMORY = frozenset(("retriever", "embedder", "inducer", "judge"))
+_ARMS = frozenset(("arms", "own_arms"))
+_EPISODES = frozenset(
+    (
+        "robot", "camera", "perceiver", "reconstructor", "verifier", "depth_noise", "scale", "tasks", "episodes",
+    )
+)  # fmt: skip
+EVERY = frozenset(("suite", "results", "quiet", "experiment"))
+"""Options of every suite."""
+SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "reconstruction": _GEOMETRY | {
+            "data", "baselines", "baseline_options", "drifts", "variants", "noise", "seeds", "mode", "compat",
+            "lpips_weights", "surface_samples", "workers",
+        },
+        "memory": frozenset(("memory", "data")),
+        "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
+            "planner", "planners", "planner_options", "fallback", "agreement", "teacher", "world", "families",
+            "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan", "replan",
+            "max_parts", "planner_timeout", "videos", "language", "workers",
+        },
+        "perception": _EPISODES | {"perceivers", "task_options", "seeds", "workers", "language"},
+        "agents": _MEMORY | _ARMS | {"agents", "agent", "verifier", "language", "seeds"},
+        "trajectories": frozenset(),
+    }
+)  # fmt: skip
+"""The suites by name, and the options of each besides :data:`EVERY`; one without any takes all.
 
-It has ``run(bench: BenchRun) -> cells``, all rows of the design in order, and ``DATA`` where that is fixed.
+The module ``bench_NAME`` has ``run(bench: BenchRun) -> cells``, all rows of the design in order, and ``DATA`` where
+that is fixed.
 """
 
 log = logging.getLogger(__name__)
@@ -41,8 +62,6 @@ def job(config: BenchConfig, registry: Registry, folder: Path) -> float:
     Raises :class:`ConfigurationError` where it does not.
     """
     from hydra.core.hydra_config import HydraConfig
-
-    from gvla2.commands.bench_options import check_options
 
     check_options(config.suite, HydraConfig.get().overrides.task)
     return run_bench(config, registry, folder)
@@ -58,17 +77,18 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     from importlib import import_module
 
     from gvla2.commands.bench_frame import BenchRun
-    from gvla2.commands.reporting import publish
-    from gvla2.evaluation.provenance import commit, versions
+    from gvla2.commands.report import begin_run, publish
+    from gvla2.evaluation.provenance import code_digest, commit, versions
     from gvla2.evaluation.results import Results
     from gvla2.record.files import make_folder, write_json
 
     if config.suite not in SUITES:
         raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(SUITES)}.")
-    suite = import_module(SUITES[config.suite])
+    suite = import_module(f"gvla2.commands.bench_{config.suite}")
     make_folder(folder)
     with Results.open(config.results.url) as results:
-        run_id = results.begin(_run_record(config, folder))
+        composed = OmegaConf.to_yaml(OmegaConf.structured(config))
+        run_id = begin_run(results, config.suite, folder, composed, code_digest(("gvla2",)))
         measured: list[Cell] = suite.run(BenchRun(config, registry, results, run_id, folder))
         # Rows measured just now have no run yet.
         cells = [cell if cell.run else replace(cell, run=run_id) for cell in measured]
@@ -94,19 +114,20 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     return 1 - sum(failed.values()) / max(len(cells), 1)
 
 
-def _run_record(config: BenchConfig, folder: Path) -> Any:
-    from gvla2.evaluation.provenance import code_digest, commit, versions
-    from gvla2.evaluation.results import Run, now
-
-    return Run(
-        suite=config.suite,
-        started=now(),
-        folder=str(folder.absolute()),
-        commit=commit(),
-        code=code_digest(("gvla2",)),
-        config=OmegaConf.to_yaml(OmegaConf.structured(config)),
-        versions=json.dumps(versions()),
-    )
+def check_options(suite: str, overrides: Iterable[str]) -> None:
+    """Raises :class:`ConfigurationError` for an override (``name=value``) that would do nothing in the suite."""
+    own = SUITES.get(suite)
+    if not own:
+        return
+    named = [m[1] for one in overrides if (m := re.match(r"[+~]*([A-Za-z_]\w*)", one))]
+    for name in dict.fromkeys(named):
+        others = [other for other, options in SUITES.items() if name in options]
+        if name not in own | EVERY and others:
+            shown = "arms" if name == "own_arms" else name
+            raise ConfigurationError(
+                f"{shown} does nothing in the suite {suite}: it is an option of {', '.join(others)}. "
+                f"The suite {suite} takes {', '.join(sorted(own))}."
+            )
 
 
 def main(argv: list[str]) -> int:

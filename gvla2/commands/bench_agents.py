@@ -5,14 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.commands.bench_arms import BenchArm, arm_named, has_bank
+from gvla2.commands.bench_arms import arm_named, chosen_memory, configured, has_bank
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_episodes import chosen_memory, configured
 from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, cell_key
@@ -100,7 +98,7 @@ def _sequence(bench: BenchRun, tasks: Sequence[AgentTask], arm: str, seed: int) 
         "agent": str(getattr(config.agent, "name", "")),
         "model": _model_of(config),
         "verifier": str(getattr(config.verifier, "name", "")),
-        "options": _arm(bench, arm).variant if arm in config.own_arms else "",
+        "options": arm_named(bench.config, arm).variant if arm in config.own_arms else "",
         "tasks": Path(config.agents.tasks).name,
     }
     state = Path(config.agents.state or bench.folder / "agents") / keys[-1][:16]
@@ -108,7 +106,7 @@ def _sequence(bench: BenchRun, tasks: Sequence[AgentTask], arm: str, seed: int) 
 
 
 def _kinds(bench: BenchRun, arm: str) -> tuple[str, ...]:
-    kept = has_bank(bench.registry, _arm(bench, arm))
+    kept = has_bank(bench.registry, arm_named(bench.config, arm))
     helped = ("retriever", "embedder", "inducer", "judge") if kept else ()
     return ("agent", "verifier", "memory", *helped)
 
@@ -116,14 +114,8 @@ def _kinds(bench: BenchRun, arm: str) -> tuple[str, ...]:
 def _root(bench: BenchRun, arm: str, bank: str) -> dict[str, Any]:
     return {
         "agent": bench.config.agent,
-        **chosen_memory(bench.config, bench.registry, _arm(bench, arm), bank),
+        **chosen_memory(bench.config, bench.registry, arm_named(bench.config, arm), bank),
     }
-
-
-def _arm(bench: BenchRun, name: str) -> BenchArm:
-    """The arm; ``off`` is the memory of that name, ``none``."""
-    arm = arm_named(bench.config, name)
-    return replace(arm, source="none") if arm.source == "off" else arm
 
 
 def _crew(bench: BenchRun, arm: str, bank: Path) -> Crew:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.catalog import Registry
+from gvla2.catalog import Registry, nothing_in
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import given_options, options_of
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import CONTROLS, MEMORY_OF
 
+MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 WITHOUT_BANK = ("off", "none", "best_theta")
 """Sources of arms that are not memories with a bank."""
 
@@ -34,7 +35,7 @@ class BenchArm:
     @property
     def memory(self) -> str:
         """The name of the memory component."""
-        return MEMORY_OF.get(self.source, self.source)
+        return "none" if self.source == "off" else MEMORY_OF.get(self.source, self.source)
 
     @property
     def variant(self) -> str:
@@ -83,3 +84,21 @@ def check_arms(config: BenchConfig, registry: Registry) -> None:
 def has_bank(registry: Registry, arm: BenchArm) -> bool:
     """Whether the arm's memory keeps its bank in a configurable file."""
     return arm.source not in WITHOUT_BANK and "url" in options_of(registry, "memory", arm.memory)
+
+
+def chosen_memory(config: BenchConfig, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
+    """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
+    options = {"name": arm.memory, **arm.options}
+    if has_bank(registry, arm):
+        options |= {"url": f"sqlite:///{bank}"}
+    return {
+        **{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier", "language")},
+        "memory": options,
+    }
+
+
+def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
+    """The typed options of the kinds (empty slots have none), and of the language model if one of them asks it."""
+    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
+    asking = any("language" in component.needs for _, component in found)
+    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from gvla2.catalog import Registry, nothing_in
-from gvla2.commands.bench_arms import BenchArm, arms_of, check_arms
-from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_episodes import (
-    EXPLORED,
+from gvla2.commands.bench_arms import (
     MEMORY,
+    BenchArm,
+    arms_of,
+    check_arms,
     chosen_memory,
-    chosen_parts,
     configured,
 )
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_episodes import EXPLORED, Planned, chosen_parts
 from gvla2.commands.bench_frame import code_of, given_options, options_of, require_among
 from gvla2.commands.bench_subjects import LEARNABLE, subjects
 from gvla2.commands.run import GEOMETRY, LOOP
@@ -52,36 +54,19 @@ NAMED = "layouts"
 
 
 @dataclass(frozen=True)
-class Planned:
-    """An episode of the design: both its profiles' keys, and the factors that they have in common."""
-
-    task: str
-    arm: str
-    layout: int
-    keys: Mapping[str, str]
-    factors: Mapping[str, str | int]
-
-
-@dataclass(frozen=True)
 class PlannerDesign:
-    """One planner's episodes: ``config`` is the bench with it, ``teaching`` with the planner that explores."""
+    """One planner's episodes; ``config`` is the bench with it. Another planner may be the one that explores."""
 
     config: BenchConfig
-    teaching: BenchConfig
     tasks: Sequence[str]
     plan: Sequence[Planned]
     exploring: Sequence[Planned]
 
     @property
-    def planner(self) -> str:
-        """The planner's name."""
-        return self.config.planner.name
-
-    @property
     def place(self) -> str:
         """A folder name unique among the designs of the bench."""
         world = f"-world{self.config.seeds[0]}" if self.config.world == LEARNABLE else ""
-        return f"{self.planner}{world}"
+        return f"{self.config.planner.name}{world}"
 
 
 def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
@@ -102,12 +87,10 @@ def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
     worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
     found = []
     for world in worlds if config.world == LEARNABLE else [config]:
-        benches = {name: with_planner(world, registry, name) for name in planners}
         teacher = with_planner(world, registry, config.teacher) if config.teacher else None
-        for bench in benches.values():
-            for task in tasks:
-                chosen_parts(bench, registry, task)
-        found += [_design(bench, teacher or bench, registry, tasks, explored) for bench in benches.values()]
+        for name in planners:
+            bench = with_planner(world, registry, name)
+            found.append(_design(bench, teacher or bench, registry, tasks, explored))
     return found
 
 
@@ -154,17 +137,38 @@ def _design(
     tasks: Sequence[str],
     explored: Sequence[str],
 ) -> PlannerDesign:
-    taught = _around(teaching, registry, explored)
+    around, taught = _around(config, registry, tasks), _around(teaching, registry, explored)
+    how = (config.exploration, config.exploration_replan)
+    explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     exploring = []
-    for task in explored:
-        for seed in dict.fromkeys(config.exploration_seeds):
-            place: dict[str, str | int] = {"task": task, "arm": EXPLORED, "seed": seed}
-            how = (config.exploration, config.exploration_replan)
-            key = cell_key(EXPLORATION, place, taught[task], *how)
-            factors = {**place, "planner": planner_label(teaching)}
-            exploring.append(Planned(task, EXPLORED, seed, {"both": key}, factors))
-    plan = _episodes(config, teaching, registry, tasks, [taught[task] for task in explored])
-    return PlannerDesign(config, teaching, tasks, plan, exploring)
+    for task, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
+        here: dict[str, str | int] = {"task": task, "arm": EXPLORED, "seed": seed}
+        key = cell_key(EXPLORATION, here, taught[task], *how)
+        factors = {**here, "planner": planner_label(teaching)}
+        exploring.append(Planned(teaching, task, explorer, seed, {"both": key}, factors))
+    learnt = (list(explored), config.exploration_seeds, *how, [taught[task] for task in explored])
+    common: dict[str, str | int] = {
+        **{kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")},
+        "planner": planner_label(config),
+        "model": _model(config, registry),
+        "depth_noise": _noise_label(config),
+        "scale": str(config.scale),
+        **({"world": config.world} if config.world == LEARNABLE else {}),
+        **({"replan": config.replan} if config.replan else {}),
+    }
+    teacher = planner_label(teaching) if planner_label(teaching) != planner_label(config) else ""
+    arms = [(arm, _memory_key(config, registry, arm)) for arm in arms_of(config)]
+    plan = []
+    for task, (arm, memory) in product(tasks, arms):
+        past: Any = () if arm.source in ("off", "none") else (learnt, memory)
+        told = {"teacher": teacher if past else "", **({"variant": arm.variant} if arm.variant else {})}
+        if arm.replan is not None or arm.explored is not None:
+            past = (past, arm.replan, arm.explored)
+        for place, layout in _places(config):
+            here = {"task": task, "arm": arm.name, **place}
+            keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}
+            plan.append(Planned(config, task, arm, layout, keys, {**here, **told, **common}))
+    return PlannerDesign(config, tasks, plan, exploring)
 
 
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
@@ -185,44 +189,6 @@ def _model(config: BenchConfig, registry: Registry) -> str:
     if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
         return ""
     return Path(str(getattr(config.language, "model", ""))).name.removesuffix(".gguf") or config.language.name
-
-
-def _episodes(
-    config: BenchConfig,
-    teaching: BenchConfig,
-    registry: Registry,
-    tasks: Sequence[str],
-    taught: Sequence[Any],
-) -> list[Planned]:
-    around = _around(config, registry, tasks)
-    learnt = (
-        list(_explored_tasks(config, tasks)), config.exploration_seeds, config.exploration,
-        config.exploration_replan, taught,
-    )  # fmt: skip
-    common: dict[str, str | int] = {
-        **{kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")},
-        "planner": planner_label(config),
-        "model": _model(config, registry),
-        "depth_noise": _noise_label(config),
-        "scale": str(config.scale),
-        **({"world": config.world} if config.world == LEARNABLE else {}),
-        **({"replan": config.replan} if config.replan else {}),
-    }
-    other = teaching is not config and planner_label(teaching) != planner_label(config)
-    arms = [(arm, _memory_key(config, registry, arm)) for arm in arms_of(config)]
-    plan = []
-    for task in tasks:
-        for arm, memory in arms:
-            past: Any = () if arm.source in ("off", "none") else (learnt, memory)
-            teacher = planner_label(teaching) if past and other else ""
-            told = {"teacher": teacher, **({"variant": arm.variant} if arm.variant else {})}
-            if arm.replan is not None or arm.explored is not None:
-                past = (past, arm.replan, arm.explored)
-            for place, layout in _places(config):
-                here: dict[str, str | int] = {"task": task, "arm": arm.name, **place}
-                keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}
-                plan.append(Planned(task, arm.name, layout, keys, {**here, **told, **common}))
-    return plan
 
 
 def _noise_label(config: BenchConfig) -> str:

@@ -1,71 +1,74 @@
-"""Running the robot suite's episodes in a worker process: building the parts once, one episode after the other."""
+"""One episode of the robot suite, as a worker process runs it: its parts, its memory, its rows."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry, nothing_in
-from gvla2.commands.bench_arms import BenchArm, arm_named, has_bank
+from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import MEMORY, BenchArm, chosen_memory, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_subjects import subject_options
 from gvla2.commands.run import GEOMETRY, LOOP, EpisodeReporter, build_parts
-from gvla2.evaluation.robot.design import failure_class
+from gvla2.evaluation.robot.design import NOT_MEASURED, failure_class
 
 if TYPE_CHECKING:
     from gvla2.episode import Parts
+    from gvla2.evaluation.results import Cell
     from gvla2.evaluation.robot.experience import Experience
-    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Memory, MemoryTask
     from gvla2.record.contents import EpisodeRecord
-    from gvla2.record.recorder import RunRecorder
 
-MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
 EXPLORED = "exploration"
-"""The arm whose episodes the others learn from."""
+"""The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
 RARELY = 0.05
 """Pictures per second of an episode that is not filmed."""
 
 
 @dataclass(frozen=True)
-class EpisodeUnit:
-    """One process's unit of work: some episodes of one row of the bench (``task``) in one arm.
+class Lessons:
+    """What an arm has learnt before an episode: ``bank`` is its frozen bank's file, "" if it keeps none.
 
-    ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls nothing.
-    ``bank`` is the file of the arm's frozen bank, "" if it has none; ``experiences`` are what an arm without a file
-    learns from; ``asked`` is what ``shuffled`` asks instead (None: no such question). ``film`` names a folder for
-    complete run pages.
+    ``experiences`` are what an arm without a file learns from; ``asked`` is what ``shuffled`` asks instead of the
+    episode's own question (None: no such question).
+    """
+
+    bank: str = ""
+    experiences: tuple[Experience, ...] = ()
+    asked: MemoryTask | None = None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """An episode of the design: a row of the bench (``task``) in one arm, laid out by the seed ``layout``.
+
+    ``keys`` of its cells are by profile, ``factors`` what these have in common; ``config`` is the bench with the
+    planner that plans. ``film`` names a folder for a complete run page.
     """
 
     config: BenchConfig
     task: str
-    arm: str
-    layouts: tuple[int, ...]
-    bank: str = ""
-    experiences: tuple[Experience, ...] = ()
-    asked: MemoryTask | None = None
+    arm: BenchArm
+    layout: int
+    keys: Mapping[str, str]
+    factors: Mapping[str, str | int]
+    lessons: Lessons = Lessons()
     film: str = ""
 
+    @property
+    def rows(self) -> Sequence[str]:
+        """The keys of its cells."""
+        return tuple(self.keys.values())
 
-@dataclass(frozen=True)
-class EpisodeOutcome:
-    """The result of one episode; plain data. ``succeeded`` by profile; ``spent`` is what planning took, by measure;
-    ``experience`` comes from exploration only, one per attempt and part.
-    """
-
-    layout: int
-    succeeded: Mapping[str, bool]
-    seconds: float
-    failure: str
-    message: str
-    spent: Mapping[str, float | None]
-    notes: Mapping[str, Any]
-    experience: tuple[Experience, ...] = ()
+    @property
+    def label(self) -> str:
+        """Its planner, task and arm."""
+        return f"{self.config.planner.name}, {self.task}, {self.arm.name}"
 
 
 def chosen_parts(
@@ -83,84 +86,68 @@ def chosen_parts(
     return {**root, "task": subject_options(config, registry, subject), "memory": {"name": "none"}}
 
 
-def chosen_memory(config: BenchConfig, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
-    """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
-    options = {"name": arm.memory, **arm.options}
-    if has_bank(registry, arm):
-        options |= {"url": f"sqlite:///{bank}"}
-    return {
-        **{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier", "language")},
-        "memory": options,
-    }
-
-
-def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds (empty slots have none), and of the language model if one of them asks it."""
-    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
-    asking = any("language" in component.needs for _, component in found)
-    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
-
-
-def run_unit(unit: EpisodeUnit, registry: Registry) -> list[EpisodeOutcome]:
-    """Run the unit's episodes here. An episode in which a component crashed is a failure; the next has fresh parts."""
-    outcomes = []
-    for layout in unit.layouts:
-        with _memory(unit, registry) as memory:
-            parts = replace(_parts_of(unit, registry), memory=memory)
-            if unit.arm == EXPLORED:
-                parts = replace(parts, planner=_exploring(unit.config, registry, layout, parts.language))
-            outcomes.append(_run(unit, parts, layout))
-        if outcomes[-1].failure == "error":
-            _forget_parts()
-    return outcomes
-
-
-def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> EpisodeOutcome:
-    from gvla2.episode import EpisodeRequest, run_episode
+def run_unit(unit: Planned, registry: Registry) -> list[Cell]:
+    """Run the episode here. One in which a component crashed is a failure; the next has fresh parts."""
     from gvla2.evaluation.robot.experience import Experience
+
+    with _memory(unit, registry) as memory:
+        parts = replace(_parts_of(unit, registry), memory=memory)
+        if unit.arm.name == EXPLORED:
+            parts = replace(parts, planner=_exploring(unit, registry, parts))
+        record, seconds = _run(unit, parts)
+        explored = Experience.of(record, parts.skills) if unit.arm.name == EXPLORED else ()
+    if failure_class(record) == "error":
+        _forget_parts()
+    return cells_of(unit, record, seconds, explored)
+
+
+def _run(unit: Planned, parts: Parts) -> tuple[EpisodeRecord, float]:
+    """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
+    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.record.recorder import RunRecorder
 
     same = ("depth_noise", "planner_timeout", "max_parts", "agreement")
     options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
-    source = f"{unit.task}-{unit.arm}-{layout}"
-    request = EpisodeRequest(seed=layout, source=source, replan=_tries(unit), **options)
-    listener = EpisodeReporter(_filming(unit, layout))
+    replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
+    source = f"{unit.task}-{unit.arm.name}-{unit.layout}"
+    request = EpisodeRequest(seed=unit.layout, source=source, replan=replan, **options)
+    told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm.name}\n"
+    film = RunRecorder(Path(unit.film) / str(unit.layout), told, command="bench") if unit.film else None
+    listener = EpisodeReporter(film)
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
         run_episode(parts, request, listener)
     seconds = time.perf_counter() - started
-    record = listener.latest
-    assert record is not None
+    assert listener.latest is not None
     listener.finish()
+    return listener.latest, round(seconds, 3)
+
+
+def cells_of(
+    unit: Planned, record: EpisodeRecord, seconds: float, explored: Sequence[Experience] = ()
+) -> list[Cell]:
+    """The episode's cells, one for each profile; ``explored`` is what others can learn from it."""
+    from gvla2.evaluation.results import Cell
+
     judged = record.judgement
-    succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
-    failure = failure_class(record)
-    explored = Experience.of(record, parts.skills) if unit.arm == EXPLORED else ()
-    return EpisodeOutcome(
-        layout,
-        succeeded,
-        round(seconds, 3),
-        failure or ("" if succeeded["eased"] else "unnoticed"),
-        record.failure.message if record.failure else "",
-        spent_on(record),
-        _notes(record),
-        explored,
-    )
-
-
-def _filming(unit: EpisodeUnit, layout: int) -> RunRecorder | None:
-    """A recorder that writes everything `gvla2 run` does, if a film was requested."""
-    from gvla2.record.recorder import RunRecorder
-
-    told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm}\n"
-    return RunRecorder(Path(unit.film) / str(layout), told, command="bench") if unit.film else None
-
-
-def _tries(unit: EpisodeUnit) -> int:
-    """Further attempts that an episode of the unit may make."""
-    if unit.arm == EXPLORED:
-        return unit.config.exploration_replan
-    own = arm_named(unit.config, unit.arm).replan
-    return unit.config.replan if own is None else own
+    eased, strict = bool(judged and judged.eased), bool(judged and judged.strict)
+    why = failure_class(record) or ("" if eased else "unnoticed")
+    message = record.failure.message if record.failure else ""
+    measured = why not in NOT_MEASURED
+    status = "ok" if measured else f"not measured: {why}"
+    notes: dict[str, Any] = {"status": status, "layout": unit.layout, **_notes(record)}
+    if explored:
+        notes["experience"] = [one.to_json() for one in explored]
+    cells = []
+    for profile, key in unit.keys.items():
+        done = strict if profile == "strict" else eased
+        told = (
+            {"failure": "", "message": ""} if done else {"failure": why or "not_strictly", "message": message}
+        )
+        factors = dict(unit.factors) | ({} if profile == "both" else {"profile": profile})
+        measures = {"success": done if measured else None, "seconds": seconds, **spent_on(record)}
+        cells.append(Cell(key, factors, measures, {**notes, **told}))
+    return cells
 
 
 def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
@@ -207,48 +194,43 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _exploring(config: BenchConfig, registry: Registry, layout: int, language: LanguageModel | None) -> Any:
+def _exploring(unit: Planned, registry: Registry, parts: Parts) -> Any:
     """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
-    given = {field.name for field in fields(config.planner)}
-    planner = config.planner
-    if {"explore", "explore_seed"} <= given:
-        planner = replace(planner, explore=config.exploration, explore_seed=layout)  # type: ignore[call-arg]
-    return registry.build({"planner": planner}, "planner", {"language": language} if language else None)
+    planner = unit.config.planner
+    if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
+        planner = replace(planner, explore=unit.config.exploration, explore_seed=unit.layout)  # type: ignore[call-arg]
+    given = {"language": parts.language} if parts.language else None
+    return registry.build({"planner": planner}, "planner", given)
 
 
 @contextmanager
-def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
-    """The frozen memory of the unit's arm."""
+def _memory(unit: Planned, registry: Registry) -> Iterator[Memory]:
+    """The frozen memory of the episode's arm."""
     from gvla2.evaluation.robot.arms import BestTheta, Frozen, Shuffled
     from gvla2.evaluation.robot.experience import teach
 
-    arm = arm_named(unit.config, "off" if unit.arm == EXPLORED else unit.arm)
+    arm, lessons = unit.arm, unit.lessons
     if arm.source == "best_theta":
-        yield BestTheta(unit.experiences)
+        yield BestTheta(lessons.experiences)
         return
-    if arm.source == "off":
-        with closing(registry.build({"memory": {"name": "none"}}, "memory")) as memory:
-            yield Frozen(memory)
-        return
-    root = chosen_memory(unit.config, registry, arm, unit.bank)
-    with closing(registry.build(root, "memory")) as memory:
+    with closing(registry.build(chosen_memory(unit.config, registry, arm, lessons.bank), "memory")) as memory:
         if not has_bank(registry, arm):
-            teach(memory, unit.experiences)
-        yield Shuffled(memory, unit.asked) if arm.source == "shuffled" else Frozen(memory)
+            teach(memory, lessons.experiences)
+        yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
 
 
 _kept: dict[str, Parts] = {}
 """The parts of the task that this process worked on last: a robot takes a second to build."""
 
 
-def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
+def _parts_of(unit: Planned, registry: Registry) -> Parts:
     key = repr((unit.config, unit.task, bool(unit.film)))
     if key not in _kept:
         _forget_parts()
         root = chosen_parts(unit.config, registry, unit.task, filmed=bool(unit.film))
         named = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
         _kept[key] = build_parts(root, registry, {**named, "task": unit.task})
-    return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
+    return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
 
 
 def _forget_parts() -> None:

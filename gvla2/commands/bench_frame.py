@@ -1,14 +1,15 @@
-"""The base of every suite of ``gvla2 bench``: known rows, shared work, stored rows."""
+"""The frame of every suite of ``gvla2 bench``: units of work with keys, known and stored rows, worker processes."""
 
 from __future__ import annotations
 
 import logging
 import multiprocessing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
@@ -21,10 +22,24 @@ from gvla2.record.files import write_bytes
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
 
-Unit = TypeVar("Unit")
-Made = TypeVar("Made")
-
 log = logging.getLogger(__name__)
+
+
+class Unit(Protocol):
+    """What is measured at once, in one process: the keys of its rows, and its name on the progress line."""
+
+    @property
+    def rows(self) -> Sequence[str]:
+        """The keys of the rows that it gives; there may be others besides."""
+
+    @property
+    def label(self) -> str:
+        """A few words."""
+
+
+UnitT = TypeVar("UnitT", bound=Unit)
+Work = Callable[[UnitT, Registry], Sequence["Cell"]]
+"""Measures a unit: a function of a module, where worker processes shall find it."""
 
 
 @dataclass(frozen=True)
@@ -50,31 +65,67 @@ class BenchRun:
         self.results.add(self.run_id, suite or self.config.suite, cells)
         return {cell.key: cell for cell in cells}
 
-    def pictured(self, cell: Cell, picture: bytes | None, name: str) -> Cell:
-        """The row with the path of its picture (PNG), written into ``folder/pictures``; as it is for None."""
-        if picture is None:
-            return cell
-        path = write_bytes(self.folder / "pictures" / f"{name}.png", picture)
-        return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
-
     def progress(self, total: int) -> BenchProgress:
         """The bench's progress display, for so many rows."""
         return BenchProgress(total, self.config.quiet)
 
-    def measured(
-        self, work: Callable[[Unit, Registry], Made], units: Sequence[Unit], tries: int = 1
-    ) -> Iterator[tuple[Unit, Made]]:
-        """Each unit with a module function's result for it: computed here, or in processes as ``workers`` says."""
-        workers = workers_for(self.config.workers, len(units))
-        if workers == 1:
-            for unit in units:
-                yield unit, work(unit, self.registry)
-            return
-        for (_, unit), made in in_processes(_there, [(work, unit) for unit in units], workers, tries):
-            yield unit, made
+    @contextmanager
+    def rows(self, units: Iterable[Unit], known: dict[str, Cell] | None = None) -> Iterator[BenchRows]:
+        """The rows of the whole design, with a progress display for those that are not ``known``, by default to the
+        database.
+        """
+        keys = list(dict.fromkeys(key for unit in units for key in unit.rows))
+        known = self.known(keys) if known is None else known
+        with self.progress(len(keys) - len(known.keys() & set(keys))) as progress:
+            yield BenchRows(self, known, progress)
 
 
-def _there(task: tuple[Callable[[Any, Registry], Made], Any]) -> Made:
+@dataclass(frozen=True)
+class BenchRows:
+    """The rows of a design by key: ``known`` ones, to which measured ones are added."""
+
+    bench: BenchRun
+    known: dict[str, Cell]
+    progress: BenchProgress
+
+    def lacking(self, units: Iterable[UnitT]) -> list[UnitT]:
+        """The units with an unknown row, each once."""
+        once = {tuple(unit.rows): unit for unit in units}
+        return [unit for keys, unit in once.items() if not self.known.keys() >= set(keys)]
+
+    def fill(
+        self,
+        units: Iterable[UnitT],
+        work: Work[UnitT],
+        suite: str = "",
+        *,
+        workers: int | None = None,
+        tries: int = 1,
+    ) -> None:
+        """Measure the units with unknown rows, here or in ``workers`` processes (by default as configured), and store
+        the rows of each when it is done, under ``suite`` (by default the bench's).
+
+        Work whose process died is repeated, ``tries`` times in all.
+        """
+        bench, lacking = self.bench, self.lacking(units)
+        workers = workers_for(bench.config.workers if workers is None else workers, len(lacking))
+        tasks = [(work, unit) for unit in lacking]
+        made: Iterable[tuple[Any, Sequence[Cell]]] = (
+            ((task, work(task[1], bench.registry)) for task in tasks)
+            if workers == 1
+            else in_processes(_there, tasks, workers, tries)
+        )
+        for (_, unit), cells in made:
+            new = set(unit.rows) - self.known.keys()
+            self.known.update(bench.store(cells, suite))
+            self.progress.done(len(new), unit.label)
+
+    def of(self, units: Iterable[Unit]) -> list[Cell]:
+        """The rows of these units, in their order."""
+        return [self.known[key] for unit in units for key in unit.rows]
+
+
+def _there(task: tuple[Work[Any], Any]) -> Sequence[Cell]:
     """Work in a worker process, which finds the plugins itself.
 
     Errors travel back only as their message: exceptions with constructors of their own do not survive pickling.
@@ -90,6 +141,14 @@ def _there(task: tuple[Callable[[Any, Registry], Made], Any]) -> Made:
 @cache
 def _registry() -> Registry:
     return load_plugins()
+
+
+def pictured(cell: Cell, picture: bytes | None, folder: Path, name: str) -> Cell:
+    """The row with the path of its picture (PNG), written into ``folder/pictures``; as it is for None."""
+    if picture is None:
+        return cell
+    path = write_bytes(folder / "pictures" / f"{name}.png", picture)
+    return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
 
 
 def in_a_worker() -> bool:

@@ -32,13 +32,18 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class _Planned:
-    """A test with its size and the keys of its rows."""
+class PlannedTest:
+    """A test with its size, the keys of its rows, and its place among all tests."""
 
     test: Test
     size: int
-    keys: tuple[str, ...]
+    rows: tuple[str, ...]
     order: int
+
+    @property
+    def label(self) -> str:
+        """The test's."""
+        return self.test.label
 
 
 def run(bench: BenchRun) -> list[Cell]:
@@ -54,22 +59,16 @@ def run(bench: BenchRun) -> list[Cell]:
     tests = chosen_tests(options.tests)
     questions = find_file(config.data.root)
     plan = [_planned(test, config, questions) for test in tests]
-    keys = [key for planned in plan for key in planned.keys]
-    known = bench.known(keys)
-    missing = [planned for planned in plan if not known.keys() >= set(planned.keys)]
-    parent = options.folder or str(bench.folder)
-    with bench.progress(len(missing)) as progress, _scratch(parent) as scratch:
+    with bench.rows(plan) as rows, _scratch(options.folder or str(bench.folder)) as scratch:
         embedders = _embedders(bench.registry)
         setting = Setting(
             scratch, scale=options.scale, seed=options.seed, question_file=questions, embedders=embedders
         )
-        for planned in missing:
-            known |= bench.store(_measure(planned, setting))
-            progress.done(1, planned.test.label)
-    return [known[key] for key in keys]
+        rows.fill(plan, lambda planned, _: _measure(planned, setting), workers=1)
+        return rows.of(plan)
 
 
-def _planned(test: Test, config: BenchConfig, questions: Path | None) -> _Planned:
+def _planned(test: Test, config: BenchConfig, questions: Path | None) -> PlannedTest:
     """The keys name what could change the numbers: the test, its size, the code, the machine, the data."""
     from gvla2.evaluation.memory.suite import SUITE, TESTS, VERSION
     from gvla2.evaluation.provenance import code_digest, versions
@@ -83,10 +82,10 @@ def _planned(test: Test, config: BenchConfig, questions: Path | None) -> _Planne
     options = config.memory
     chosen = (size, test.on, options.scale, options.seed, options.folder, data)
     keys = tuple(cell_key(SUITE, test.name, row.name, *chosen, around) for row in test.rows)
-    return _Planned(test, size, keys, [known.label for known in TESTS].index(test.label))
+    return PlannedTest(test, size, keys, [known.label for known in TESTS].index(test.label))
 
 
-def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
+def _measure(planned: PlannedTest, setting: Setting) -> list[Cell]:
     """The cells of a test; one that cannot be measured says why, and the others continue."""
     from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
 
@@ -110,7 +109,7 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
             order=[planned.order, planned.size, place],
             status=status,
         )
-        for place, (key, row) in enumerate(zip(planned.keys, test.rows, strict=True))
+        for place, (key, row) in enumerate(zip(planned.rows, test.rows, strict=True))
     ]
 
 

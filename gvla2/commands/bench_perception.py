@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun, code_of, given_options, options_of
-from gvla2.errors import ConfigurationError
+from gvla2.commands.bench_frame import BenchRun, code_of, pictured
+from gvla2.commands.bench_subjects import task_options
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.perception.suite import MeasuredLayout, WantedLayout
-    from gvla2.evaluation.results import Cell, Results
+    from gvla2.evaluation.perception.suite import WantedLayout
+    from gvla2.evaluation.results import Cell
 
 DATA = "simulated"
 MEASURING_CODE = (
@@ -31,6 +32,17 @@ class LayoutUnit:
     perceiver: str
     wanted: WantedLayout
     config: BenchConfig
+    folder: Path
+
+    @property
+    def rows(self) -> Sequence[str]:
+        """The key of the layout's own row."""
+        return (self.wanted.key,)
+
+    @property
+    def label(self) -> str:
+        """The task and the perceiver."""
+        return f"{self.task}, {self.perceiver}"
 
 
 def run(bench: BenchRun) -> list[Cell]:
@@ -38,32 +50,22 @@ def run(bench: BenchRun) -> list[Cell]:
 
     Pictures go to ``folder/pictures``.
     """
-    units = list(_design(bench.config, bench.registry))
-    scenes = bench.known([unit.wanted.key for unit in units])
-    known = _with_things(scenes, bench.results)
-    missing = [unit for unit in units if unit.wanted.key not in known]
+    units = list(_design(bench))
     try:
-        with bench.progress(len(missing)) as progress:
-            for unit, measured in bench.measured(measure_unit, missing):
-                scene, *things = measured.cells
-                name = f"{unit.task}-{unit.perceiver}-{bench.config.depth_noise.kind}"
-                cells = [bench.pictured(scene, measured.picture, name), *things]
-                bench.store(cells)
-                known[unit.wanted.key] = cells
-                progress.done(1, f"{unit.task}, {unit.perceiver}")
+        with bench.rows(units, _whole(bench, units)) as rows:
+            rows.fill(units, measure_unit)
+            scenes = rows.of(units)
+            return [cell for one in scenes for cell in (one, *(rows.known[k] for k in one.notes["objects"]))]
     finally:
         _let_go()
-    return [cell for unit in units for cell in known[unit.wanted.key]]
 
 
-def _with_things(scenes: dict[str, Cell], results: Results) -> dict[str, list[Cell]]:
-    """The rows of layouts with those of their things, by the layout's key; without incomplete ones."""
-    things = results.with_keys([name for cell in scenes.values() for name in cell.notes["objects"]])
-    return {
-        key: [cell, *(things[name] for name in cell.notes["objects"])]
-        for key, cell in scenes.items()
-        if all(name in things for name in cell.notes["objects"])
-    }
+def _whole(bench: BenchRun, units: Sequence[LayoutUnit]) -> dict[str, Cell]:
+    """The known rows of layouts and their things, by key; without incomplete layouts."""
+    scenes = bench.known([unit.wanted.key for unit in units])
+    things = bench.results.with_keys([key for cell in scenes.values() for key in cell.notes["objects"]])
+    whole = {key: cell for key, cell in scenes.items() if things.keys() >= set(cell.notes["objects"])}
+    return {**things, **whole}
 
 
 def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
@@ -78,28 +80,24 @@ def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
 def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: str) -> dict[str, Any]:
     """What to build for a task and a perceiver: the configured perceiver keeps its options.
 
-    Raises :class:`ConfigurationError` when ``scale`` is given for a task that has no such option.
+    Raises :class:`ConfigurationError` for an option that the task does not have.
     """
-    known, place = options_of(registry, "task", task), f"task_options.{task}"
-    given = given_options(place, config.task_options.get(task) or {}, f"the task '{task}'", known)
-    if "scale" not in known and config.scale != 1.0:
-        raise ConfigurationError(f"scale is {config.scale}, but task={task} has no option scale.")
-    scale = {"scale": config.scale} if "scale" in known else {}
     parts = {
         "robot": config.robot,
         "camera": config.camera,
-        "task": {"name": task, **given, **scale},
+        "task": {"name": task, **task_options(config, registry, task)},
         "perceiver": config.perceiver if config.perceiver.name == perceiver else {"name": perceiver},
     }
     return {**parts, "planner": config.planner} if config.planner.name else parts
 
 
-def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
+def _design(bench: BenchRun) -> Iterator[LayoutUnit]:
     """Every layout with its key, those of a task and perceiver together."""
     from gvla2.evaluation.perception.suite import SUITE, VERSION, WantedLayout, layout_seed
     from gvla2.evaluation.provenance import versions
     from gvla2.evaluation.results import cell_key
 
+    config, registry = bench.config, bench.registry
     for task, perceiver in product(chosen_tasks(config, registry), dict.fromkeys(config.perceivers)):
         root = chosen_parts(config, registry, task, perceiver)
         kinds = [kind for kind in ("robot", "task", "perceiver", "planner") if kind in root]
@@ -119,15 +117,15 @@ def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
             first = seed == config.seeds[0] and episode == 0
             key = cell_key(SUITE, factors, protocol)
             wanted = WantedLayout(key, factors, layout_seed(seed, episode), pictured=first)
-            yield LayoutUnit(task, perceiver, wanted, config)
+            yield LayoutUnit(task, perceiver, wanted, config, bench.folder)
 
 
 _kept: dict[str, dict[str, Any]] = {}
 """The components that this process used last, by perceiver, with tasks by name: building a robot takes a second."""
 
 
-def measure_unit(unit: LayoutUnit, registry: Registry) -> MeasuredLayout:
-    """The rows of one layout."""
+def measure_unit(unit: LayoutUnit, registry: Registry) -> list[Cell]:
+    """The rows of one layout, the first with its picture."""
     from gvla2.evaluation.perception.suite import Bench, measure
 
     root = chosen_parts(unit.config, registry, unit.task, unit.perceiver)
@@ -138,9 +136,11 @@ def measure_unit(unit: LayoutUnit, registry: Registry) -> MeasuredLayout:
     parts, task, noise = _kept[unit.perceiver], f"task {unit.task}", unit.config.depth_noise
     if task not in parts:
         parts[task] = registry.build(root, "task")
-    return measure(
-        unit.wanted, Bench(parts["robot"], parts[task], parts["perceiver"], parts.get("planner"), noise)
-    )
+    bench = Bench(parts["robot"], parts[task], parts["perceiver"], parts.get("planner"), noise)
+    measured = measure(unit.wanted, bench)
+    scene, *things = measured.cells
+    name = f"{unit.task}-{unit.perceiver}-{noise.kind}"
+    return [pictured(scene, measured.picture, unit.folder, name), *things]
 
 
 def _let_go() -> None:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun, code_of
-from gvla2.commands.bench_measuring import KINDS, ObjectUnit, chosen_parts, lpips_of, measure_unit
-from gvla2.errors import ConfigurationError
+from gvla2.commands.bench_frame import BenchRun, code_of, in_a_worker, pictured
+from gvla2.commands.run import GEOMETRY
+from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.datasets import Dataset
+    from gvla2.evaluation.ablation import AblationParts, Measured, Wanted
+    from gvla2.evaluation.datasets import Dataset, Item
+    from gvla2.evaluation.judge import ReconstructionJudge
+    from gvla2.evaluation.lpips import Lpips
     from gvla2.evaluation.results import Cell
+    from gvla2.reconstruction.contracts import Renderer
 
 MEASURING_CODE = (
     "gvla2.geometry",
@@ -37,6 +45,32 @@ _NAMED = ("object", "baseline", "drift", "noise", "variant")
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
+class ObjectUnit:
+    """One process's unit of work: cells of one object and baseline, with pictures in ``folder/pictures``."""
+
+    dataset: Dataset
+    item: Item
+    baseline: str
+    wanted: tuple[Wanted, ...]
+    config: BenchConfig
+    folder: Path
+
+    @property
+    def rows(self) -> Sequence[str]:
+        """The keys of its cells."""
+        return [want.key for want in self.wanted]
+
+    @property
+    def label(self) -> str:
+        """The object and the baseline."""
+        return f"{self.item.name}, {self.baseline}"
+
+    def without(self, known: Container[str]) -> ObjectUnit:
+        """The unit without the cells that are known."""
+        return replace(self, wanted=tuple(want for want in self.wanted if want.key not in known))
+
+
 def run(bench: BenchRun) -> list[Cell]:
     """Measure what the database lacks, one object and baseline after another. Pictures go to ``folder/pictures``."""
     from gvla2.evaluation.datasets import open_dataset
@@ -44,19 +78,10 @@ def run(bench: BenchRun) -> list[Cell]:
     config, data = bench.config, bench.config.data
     dataset = open_dataset(data.kind, data.root, data.objects, size=data.size, samples=data.samples)
     _check_names(config)
-    units = list(_design(config, bench.registry, dataset))
-    keys = [want.key for unit in units for want in unit.wanted]
-    known = bench.known(keys)
-    left = [replace(unit, wanted=tuple(w for w in unit.wanted if w.key not in known)) for unit in units]
-    missing = [unit for unit in left if unit.wanted]
-    with bench.progress(sum(len(unit.wanted) for unit in missing)) as progress:
-        for unit, measured in bench.measured(measure_unit, missing):
-            cells = [
-                bench.pictured(one.cell, one.picture, "-".join(one.cell.told(*_NAMED))) for one in measured
-            ]
-            known |= bench.store(cells)
-            progress.done(len(cells), f"{unit.item.name}, {unit.baseline}")
-    return [known[key] for key in keys]
+    units = list(_design(bench, dataset))
+    with bench.rows(units) as rows:
+        rows.fill([unit.without(rows.known) for unit in units], measure_unit)
+        return rows.of(units)
 
 
 def _check_names(config: BenchConfig) -> None:
@@ -82,12 +107,13 @@ def _check_names(config: BenchConfig) -> None:
                 raise ConfigurationError(f"No {what} '{name}'. Available: {', '.join(there)}.")
 
 
-def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterator[ObjectUnit]:
+def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
     """Every cell of the design with its key, one unit per object and baseline."""
     from gvla2.evaluation.ablation import SUITE, VARIANTS, Wanted
     from gvla2.evaluation.protocol import VERSION
     from gvla2.evaluation.results import cell_key
 
+    config, registry = bench.config, bench.registry
     lpips = lpips_of(config.lpips_weights) is not None
     if not lpips:
         log.warning(
@@ -99,8 +125,8 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
     chosen: dict[tuple[str, int, str], tuple[dict[str, Any], str]] = {}
     for baseline, seed, noise in product(baselines, seeds, noises):
         root = chosen_parts(config, registry, baseline, seed, noise)
-        typed = [registry.configure(root, kind)[0] for kind in KINDS]
-        options = dict(zip(KINDS, map(asdict, typed), strict=True))
+        typed = [registry.configure(root, kind)[0] for kind in GEOMETRY]
+        options = dict(zip(GEOMETRY, map(asdict, typed), strict=True))
         chosen[baseline, seed, noise] = options, code_of(typed, *MEASURING_CODE)
     weights = (lpips, config.lpips_weights, config.surface_samples)
     protocol = (VERSION, dataset.size, dataset.samples, *weights)
@@ -126,4 +152,96 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                 }
                 key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
                 wanted.append(Wanted(key, factors))
-            yield ObjectUnit(dataset, item, baseline, tuple(wanted), config)
+            yield ObjectUnit(dataset, item, baseline, tuple(wanted), config, bench.folder)
+
+
+def chosen_parts(
+    config: BenchConfig, registry: Registry, baseline: str, seed: int, noise: str
+) -> dict[str, Any]:
+    """What to build; a reconstructor and a prior with a ``seed`` option get it, ``depth`` its noise."""
+    from gvla2.evaluation.prior_noise import NOISES
+
+    options = {"name": baseline, **dict(config.baseline_options.get(baseline) or {})}
+    if "seed" in {field.name for field in fields(registry.get("reconstructor", baseline).config)}:
+        options["seed"] = seed
+    prior: Any = config.prior
+    if prior.name == "depth":
+        plain = OmegaConf.to_container(OmegaConf.structured(prior) if is_dataclass(prior) else prior)
+        assert isinstance(plain, dict)
+        prior = {**plain, **NOISES[noise][1], "seed": seed}
+    return {
+        "reconstructor": options,
+        "prior": prior,
+        "axis": config.axis,
+        "fusion": config.fusion,
+        "renderer": config.renderer,
+    }
+
+
+def lpips_of(path: str | None) -> Lpips | None:
+    """LPIPS with a user's own weights, or those of the cache; None when the cache has none.
+
+    Raises :class:`Gvla2Error` when the given file cannot be used.
+    """
+    from gvla2.evaluation.lpips import Lpips
+    from gvla2.evaluation.lpips_weights import read_weights
+
+    if path is not None:
+        return Lpips(read_weights(Path(path).expanduser()))
+    try:
+        return Lpips()
+    except MissingDependencyError:
+        return None
+
+
+def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Cell]:
+    """The unit's cells; an object that cannot be loaded gives cells that say so.
+
+    A worker process first runs a refined cell unmeasured, once per baseline, so that loading compiled code is not
+    timed.
+    """
+    if in_a_worker() and unit.wanted and unit.baseline not in _warmed():
+        _warmed().add(unit.baseline)
+        refined = (want for want in unit.wanted if want.factors["variant"] == "ab_fusion")
+        _measured(replace(unit, wanted=(next(refined, unit.wanted[0]),)), registry)
+    measured = _measured(unit, registry)
+    return [pictured(m.cell, m.picture, unit.folder, "-".join(m.cell.told(*_NAMED))) for m in measured]
+
+
+def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
+    from gvla2.evaluation.ablation import AblationParts, Measured, failed, measure_object
+    from gvla2.evaluation.judge import ReconstructionJudge
+    from gvla2.reconstruction.branch import BranchOptions
+
+    config = unit.config
+    try:
+        views = unit.dataset.load(unit.item)
+    except Gvla2Error as error:
+        return [Measured(failed(want, error)) for want in unit.wanted]
+    built: dict[tuple[str, str], Any] = {}
+
+    def parts_for(seed: int, noise: str) -> AblationParts:
+        """The components for a seed and a noise, each built once for its options: one G0 serves all priors."""
+        root = chosen_parts(config, registry, unit.baseline, seed, noise)
+        for kind in GEOMETRY:
+            if (kind, repr(root[kind])) not in built:
+                built[kind, repr(root[kind])] = registry.build(root, kind)
+        return AblationParts(**{kind: built[kind, repr(root[kind])] for kind in GEOMETRY})
+
+    def judge_for(renderer: Renderer) -> ReconstructionJudge:
+        threads = 1 if in_a_worker() else -1
+        return ReconstructionJudge(
+            views, renderer, lpips_of(config.lpips_weights), threads, config.surface_samples
+        )
+
+    options = BranchOptions(
+        mode=cast(Literal["default", "paper"], config.mode),
+        compat=cast(Literal["none", "official"], config.compat),
+    )
+    return list(measure_object(views, unit.wanted, parts_for, judge_for, options))
+
+
+@cache
+def _warmed() -> set[str]:
+    """The baselines that this process has run; empty at first."""
+    return set()

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from gvla2.commands.bench_arms import arm_named, has_bank
-from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_design import Planned, PlannerDesign, designs
-from gvla2.commands.bench_episodes import EXPLORED, EpisodeOutcome, EpisodeUnit, chosen_memory, run_unit
-from gvla2.commands.bench_frame import BenchRun
-from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_arms import chosen_memory, has_bank
+from gvla2.commands.bench_design import PlannerDesign, designs
+from gvla2.commands.bench_episodes import Lessons, Planned, run_unit
+from gvla2.commands.bench_frame import BenchRows, BenchRun
 from gvla2.commands.bench_subjects import kind_of
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.robot.design import EXPLORATION, NOT_MEASURED, SUITE, others_of
+from gvla2.evaluation.robot.design import EXPLORATION, SUITE, others_of
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell
     from gvla2.evaluation.robot.experience import Experience
 
 DATA = "simulated"
-TOGETHER = 5
-"""Episodes that a process runs before their rows are stored."""
+TRIES = 3
+"""How often an episode is run whose process died."""
 COMPARED = "off"
 """The arm that the others are compared to."""
 
@@ -40,159 +38,63 @@ def run(bench: BenchRun) -> list[Cell]:
     ``folder/banks`` are made.
     """
     parted = designs(bench.config, bench.registry)
-    episodes = [one for design in parted for one in (*design.plan, *design.exploring)]
-    known = bench.known([key for one in episodes for key in one.keys.values()])
-    with bench.progress(len(_lacking(episodes, known))) as progress:
-        return [c for design in parted for c in _PlannerBench(design, bench, progress).measure(known)]
+    with bench.rows([one for design in parted for one in (*design.plan, *design.exploring)]) as rows:
+        for design in parted:
+            rows.fill(design.exploring, run_unit, EXPLORATION, tries=TRIES)
+            school = School(bench, design, rows.known)
+            rows.fill(map(school.taught, rows.lacking(design.plan)), run_unit, SUITE, tries=TRIES)
+            _film(rows, design, school)
+        return [cell for design in parted for cell in rows.of(design.plan)]
 
 
-def _lacking(wanted: Iterable[Planned], known: Mapping[str, Cell]) -> list[Planned]:
-    """The episodes with an unmeasured profile, each once."""
-    once = {tuple(one.keys.values()): one for one in wanted}
-    return [one for keys, one in once.items() if not known.keys() >= set(keys)]
+class School:
+    """Teaches the arms of one planner from its exploration. A bank is written, once, when an episode needs it.
 
+    Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learnt less would be mistaken for full ones.
+    """
 
-@dataclass(frozen=True)
-class _PlannerBench:
-    """One planner's stages: explore, freeze, test, film."""
+    def __init__(self, bench: BenchRun, design: PlannerDesign, known: Mapping[str, Cell]) -> None:
+        self._bench, self._design = bench, design
+        self._experiences = _experiences(design.exploring, known)
+        self._lessons: dict[tuple[str, str], Lessons] = {}
 
-    design: PlannerDesign
-    bench: BenchRun
-    progress: BenchProgress
+    def taught(self, one: Planned) -> Planned:
+        """The episode with what its arm has learnt."""
+        place = one.task, one.arm.name
+        if place not in self._lessons:
+            self._lessons[place] = self._learnt(one)
+        return replace(one, lessons=self._lessons[place])
 
-    def measure(self, known: dict[str, Cell]) -> list[Cell]:
-        """The planner's rows; what is measured is stored and added to ``known``."""
-        design = self.design
-        lacking = _lacking(design.exploring, known)
-        self._carry_out(lacking, _units(design.teaching, lacking), EXPLORATION, known)
-        experiences = _experiences(design.exploring, known)
-        lacking = _lacking(design.plan, known)
-        banks = self._banks(lacking, experiences)
-        units = _units(design.config, lacking, experiences, banks, design.tasks)
-        self._carry_out(lacking, units, SUITE, known)
-        cells = {key: known[key] for one in design.plan for key in one.keys.values()}
-        filmed = self._filmed(cells, experiences, banks)
-        self.bench.store(list(filmed.values()))
-        return list((cells | filmed).values())
+    def _learnt(self, one: Planned) -> Lessons:
+        learnt = first(self._experiences, one.arm.explored)
+        if one.arm.source == "shuffled":
+            others = sorted(
+                others_of(one.task, self._design.tasks), key=lambda other: kind_of(other) != kind_of(one.task)
+            )
+            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
+            # An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
+            learnt = {task: some for task, some in learnt.items() if task != one.task}
+            number = list(self._design.tasks).index(one.task)
+            return Lessons(self._bank(one, f"{one.arm.name}-{number}", learnt), asked=asked)
+        if has_bank(self._bench.registry, one.arm):
+            return Lessons(self._bank(one, one.arm.name, learnt))
+        if one.arm.source == "best_theta":
+            return Lessons(experiences=tuple(learnt.get(one.task, ())))
+        return Lessons(experiences=tuple(e for some in learnt.values() for e in some))
 
-    def _carry_out(
-        self, planned: Sequence[Planned], units: Sequence[EpisodeUnit], suite: str, known: dict[str, Cell]
-    ) -> None:
-        by_place = {(one.task, one.arm, one.layout): one for one in planned}
-        for unit, outcomes in self.bench.measured(run_unit, units, tries=3):
-            cells = [c for each in outcomes for c in _cells(by_place[unit.task, unit.arm, each.layout], each)]
-            known |= self.bench.store(cells, suite)
-            self.progress.done(len(outcomes), f"{unit.config.planner.name}, {unit.task}, {unit.arm}")
-
-    def _banks(
-        self, planned: Iterable[Planned], experiences: Mapping[str, Sequence[Experience]]
-    ) -> dict[tuple[str, str], str]:
-        """Teach each memory that keeps a file, once; the files by row and arm.
-
-        An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
-        """
+    def _bank(self, one: Planned, name: str, learnt: Mapping[str, Sequence[Experience]]) -> str:
+        """The file of a bank that knows these lessons, taught unless another row of the arm has done so."""
         from gvla2.evaluation.robot.experience import teach
         from gvla2.record.files import make_folder
 
-        banks: dict[tuple[str, str], str] = {}
-        taught: dict[str, str] = {}
-        for task, arm in dict.fromkeys((one.task, one.arm) for one in planned):
-            made = arm_named(self.design.config, arm)
-            if not has_bank(self.bench.registry, made):
-                continue
-            own = made.source == "shuffled"
-            name = f"{arm}-{list(self.design.tasks).index(task)}" if own else arm
-            if name not in taught:
-                path = make_folder(self.bench.folder / "banks" / self.design.place).absolute() / f"{name}.db"
-                root = chosen_memory(self.design.config, self.bench.registry, made, str(path))
-                lessons = first(experiences, made.explored)
-                with closing(self.bench.registry.build(root, "memory")) as memory:
-                    for other, learnt in lessons.items():
-                        if not own or other != task:
-                            teach(memory, learnt)
-                taught[name] = str(path)
-            banks[task, arm] = taught[name]
-        return banks
-
-    def _filmed(
-        self,
-        cells: Mapping[str, Cell],
-        experiences: Mapping[str, Sequence[Experience]],
-        banks: Mapping[tuple[str, str], str],
-    ) -> dict[str, Cell]:
-        """The cells that get a film folder: their episode is run again, with the same result."""
-        design = self.design
-        found: dict[str, Cell] = {}
-        chosen = [
-            one
-            for one in worth_filming(design.plan, cells, design.config.videos)
-            if not Path(str(cells[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
-        ]
-        banks = {**banks, **self._banks((o for o in chosen if (o.task, o.arm) not in banks), experiences)}
-        for one in chosen:
-            place = (self.bench.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
-            (unit,) = _units(design.config, [one], experiences, banks, design.tasks, str(place))
-            log.info("Filming %s, %s, %s, layout %d.", design.planner, one.task, one.arm, one.layout)
-            (outcome,) = run_unit(unit, self.bench.registry)
-            cell = cells[one.keys["eased"]]
-            same = outcome.succeeded["eased"] == cell.measures["success"]
-            notes = {"film": str(place / str(one.layout)), "film_agrees": same}
-            found[cell.key] = replace(cell, notes={**cell.notes, **notes})
-        return found
-
-
-def worth_filming(plan: Sequence[Planned], cells: Mapping[str, Cell], videos: int) -> list[Planned]:
-    """Episodes of a plan to film, at most ``videos`` per row and arm.
-
-    Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
-    """
-    at = {(one.task, one.arm, one.layout): one for one in plan}
-    ended = {id(one): cells[one.keys["eased"]].measures["success"] for one in plan}
-    chosen: list[Planned] = []
-    taken: Counter[tuple[str, str]] = Counter()
-
-    def take(one: Planned) -> None:
-        if one not in chosen and taken[one.task, one.arm] < videos:
-            chosen.append(one)
-            taken[one.task, one.arm] += 1
-
-    for one in plan:
-        other = at.get((one.task, COMPARED, one.layout), one)
-        if {ended[id(one)], ended[id(other)]} == {True, False} and taken[one.task, one.arm] < videos:
-            take(one)
-            take(other)
-    for one in plan:
-        if ended[id(one)] == 0:
-            take(one)
-    return chosen
-
-
-def _units(
-    config: BenchConfig,
-    planned: Sequence[Planned],
-    experiences: Mapping[str, Sequence[Experience]] | None = None,
-    banks: Mapping[tuple[str, str], str] | None = None,
-    tasks: Sequence[str] = (),
-    film: str = "",
-) -> list[EpisodeUnit]:
-    """Some episodes of one task and arm each; a task's arms come one after the other, so that its parts are reused."""
-    grouped: dict[tuple[str, str], list[int]] = defaultdict(list)
-    for one in planned:
-        grouped[one.task, one.arm].append(one.layout)
-    units = []
-    for (task, arm), layouts in grouped.items():
-        asked = None
-        learnt = first(experiences or {}, None if arm == EXPLORED else arm_named(config, arm).explored)
-        source = "off" if arm == EXPLORED else arm_named(config, arm).source
-        if source == "shuffled":
-            others = sorted(others_of(task, tasks), key=lambda other: kind_of(other) != kind_of(task))
-            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
-        own = learnt.get(task, ()) if source == "best_theta" else [e for one in learnt.values() for e in one]
-        for start in range(0, len(layouts), TOGETHER):
-            some = tuple(layouts[start : start + TOGETHER])
-            bank = (banks or {}).get((task, arm), "")
-            units.append(EpisodeUnit(config, task, arm, some, bank, tuple(own), asked, film))
-    return units
+        path = make_folder(self._bench.folder / "banks" / self._design.place).absolute() / f"{name}.db"
+        known = {lessons.bank for lessons in self._lessons.values()}
+        if str(path) not in known:
+            root = chosen_memory(self._design.config, self._bench.registry, one.arm, str(path))
+            with closing(self._bench.registry.build(root, "memory")) as memory:
+                for some in learnt.values():
+                    teach(memory, some)
+        return str(path)
 
 
 def first(
@@ -208,30 +110,8 @@ def first(
     return found
 
 
-def _cells(planned: Planned, outcome: EpisodeOutcome) -> list[Cell]:
-    from gvla2.evaluation.results import Cell
-
-    measured = outcome.failure not in NOT_MEASURED
-    status = "ok" if measured else f"not measured: {outcome.failure}"
-    notes: dict[str, Any] = {"status": status, "layout": outcome.layout, **outcome.notes}
-    if outcome.experience:
-        notes["experience"] = [one.to_json() for one in outcome.experience]
-    cells = []
-    for profile, key in planned.keys.items():
-        done = outcome.succeeded.get(profile, outcome.succeeded["eased"])
-        failure = "" if done else outcome.failure or "not_strictly"
-        told = {"failure": failure, "message": "" if done else outcome.message}
-        factors = dict(planned.factors) | ({} if profile == "both" else {"profile": profile})
-        measures = {"success": done if measured else None, "seconds": outcome.seconds, **outcome.spent}
-        cells.append(Cell(key, factors, measures, {**notes, **told}))
-    return cells
-
-
 def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str, list[Experience]]:
-    """Each task's experience from exploration, in the order of its seeds.
-
-    Raises :class:`Gvla2Error` if exploration has gaps: arms that learnt less would be mistaken for full ones.
-    """
+    """Each task's experience from exploration, in the order of its seeds."""
     from gvla2.evaluation.robot.experience import Experience
 
     gaps = [one for one in plan if known[one.keys["both"]].notes.get("status") != "ok"]
@@ -246,3 +126,43 @@ def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str
         told = known[one.keys["both"]].notes.get("experience") or ()
         found.setdefault(one.task, []).extend(map(Experience.from_json, told))
     return found
+
+
+def _film(rows: BenchRows, design: PlannerDesign, school: School) -> None:
+    """Run the episodes worth it once more with the camera on, with the same result; their cells name the films."""
+    for one in worth_filming(design.plan, rows.known, design.config.videos):
+        cell = rows.known[one.keys["eased"]]
+        if Path(str(cell.notes.get("film", "")) or "/nowhere").is_dir():
+            continue
+        place = rows.bench.folder / "failures" / design.place / f"{one.task}-{one.arm.name}"
+        log.info("Filming %s, layout %d.", one.label, one.layout)
+        filmed = replace(school.taught(one), film=str(place.absolute()))
+        same = run_unit(filmed, rows.bench.registry)[0].measures["success"] == cell.measures["success"]
+        notes = {"film": str(place.absolute() / str(one.layout)), "film_agrees": same}
+        rows.known.update(rows.bench.store([replace(cell, notes={**cell.notes, **notes})]))
+
+
+def worth_filming(plan: Sequence[Planned], cells: Mapping[str, Cell], videos: int) -> list[Planned]:
+    """Episodes of a plan to film, at most ``videos`` per row and arm.
+
+    Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
+    """
+    at = {(one.task, one.arm.name, one.layout): one for one in plan}
+    ended = {id(one): cells[one.keys["eased"]].measures["success"] for one in plan}
+    chosen: list[Planned] = []
+    taken: Counter[tuple[str, str]] = Counter()
+
+    def take(one: Planned) -> None:
+        if one not in chosen and taken[one.task, one.arm.name] < videos:
+            chosen.append(one)
+            taken[one.task, one.arm.name] += 1
+
+    for one in plan:
+        other = at.get((one.task, COMPARED, one.layout), one)
+        if {ended[id(one)], ended[id(other)]} == {True, False} and taken[one.task, one.arm.name] < videos:
+            take(one)
+            take(other)
+    for one in plan:
+        if ended[id(one)] == 0:
+            take(one)
+    return chosen

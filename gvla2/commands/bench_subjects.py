@@ -24,24 +24,34 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
     found: dict[str, dict[str, Any]] = {}
     names = ordered(config.tasks or default_tasks(config, registry))
     require_among("task_options", config.task_options, names, "tasks")
+    world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
-        known, place = options_of(registry, "task", name), f"task_options.{name}"
-        options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
-        told = ", ".join(f"{option}={value}" for option, value in sorted(options.items()))
+        options = task_options(config, registry, name)
+        given = config.task_options.get(name) or {}
+        told = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
         label = f"{name} ({told})" if told else name
-        world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
-        for asked, option in ((config.scale != 1, "scale"), (config.world == LEARNABLE, "family")):
-            if asked and option not in known:
-                why = f"scale is {config.scale}" if option == "scale" else f"world is {LEARNABLE}"
-                raise ConfigurationError(f"{why}, but the task '{name}' has no option '{option}'.")
-        if config.scale != 1:
-            options["scale"] = config.scale
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
+        if "family" not in options_of(registry, "task", name):
+            raise ConfigurationError(f"world is {LEARNABLE}, but the task '{name}' has no option 'family'.")
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
     return found
+
+
+def task_options(config: BenchConfig, registry: Registry, name: str) -> dict[str, Any]:
+    """The options of a task by its name, with the bench's ``scale`` unless that is 1.
+
+    Raises :class:`ConfigurationError` for one that it does not have.
+    """
+    known, place = options_of(registry, "task", name), f"task_options.{name}"
+    options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
+    if config.scale == 1:
+        return options
+    if "scale" not in known:
+        raise ConfigurationError(f"scale is {config.scale}, but the task '{name}' has no option scale.")
+    return {**options, "scale": config.scale}
 
 
 def subject_options(config: BenchConfig, registry: Registry, label: str) -> dict[str, Any]:

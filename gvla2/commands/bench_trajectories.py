@@ -9,8 +9,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gvla2.commands.bench_arms import BenchArm
-from gvla2.commands.bench_episodes import chosen_memory, configured
+from gvla2.commands.bench_arms import BenchArm, chosen_memory, configured
 from gvla2.commands.bench_frame import BenchRun
 from gvla2.commands.bench_memory import figure_cell
 from gvla2.errors import ConfigurationError

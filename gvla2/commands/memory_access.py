@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.commands.memory_config import MemoryCommandConfig
+from gvla2.commands.memory import MemoryCommandConfig
 from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record

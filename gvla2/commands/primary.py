@@ -8,8 +8,8 @@ from types import MappingProxyType
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.calibrate import CalibrateConfig
 from gvla2.commands.data import DataCommandConfig
-from gvla2.commands.memory_config import MemoryCommandConfig
-from gvla2.commands.reconstruct_config import ReconstructConfig
+from gvla2.commands.memory import MemoryCommandConfig
+from gvla2.commands.reconstruct import ReconstructConfig
 from gvla2.commands.report import ReportConfig
 from gvla2.commands.run_config import RunConfig
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from gvla2.commands.reconstruct_config import NO_TARGETS, ReconstructConfig
+from gvla2.commands.reconstruct import NO_TARGETS, ReconstructConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.evaluation.gso_truth import true_mesh
 from gvla2.evaluation.protocol import TARGETS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +12,10 @@ from gvla2.commands.run_config import ResultsConfig
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gvla2.evaluation.results import Cell, Results, Run
+    from gvla2.evaluation.sheets import Sheet
     from gvla2.plugins import Registry
 
 FORMATS = ("terminal", "markdown", "latex", "html")
@@ -40,7 +46,6 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
 
     Raises :class:`ConfigurationError` when the database does not exist, or nothing in it fits the selection.
     """
-    from gvla2.commands.reporting import publish
     from gvla2.evaluation.reports import REPORTS
     from gvla2.evaluation.results import Results, file_of
 
@@ -62,7 +67,7 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
     return len(cells)
 
 
-def _nothing(config: ReportConfig, cells: list, runs: list[int | None]) -> str:  # type: ignore[type-arg]
+def _nothing(config: ReportConfig, cells: Sequence[Cell], runs: Sequence[int | None]) -> str:
     """Why nothing was found, and what there is."""
     if not cells:
         return f"{config.results.url} holds no cells of the suite '{config.suite}'."
@@ -71,6 +76,74 @@ def _nothing(config: ReportConfig, cells: list, runs: list[int | None]) -> str: 
         values = sorted({str(cell.factors.get(name)) for cell in cells})
         parts.append(f"{name}: {', '.join(values)}.")
     return " ".join(parts)
+
+
+def begin_run(results: Results, suite: str, folder: Path, config: str, code: str = "") -> int:
+    """Record the start of a run with this configuration (YAML) and code (a digest); returns its number."""
+    from gvla2.evaluation.provenance import commit, versions
+    from gvla2.evaluation.results import Run, now
+
+    run = Run(
+        suite=suite,
+        started=now(),
+        folder=str(folder.absolute()),
+        commit=commit(),
+        code=code,
+        config=config,
+        versions=json.dumps(versions()),
+    )
+    return results.begin(run)
+
+
+def publish(
+    cells: Sequence[Cell],
+    runs: Sequence[Run],
+    suite: str,
+    folder: Path,
+    formats: Sequence[str] = FORMATS,
+    out: Console | None = None,
+) -> list[Path]:
+    """Make the suite's tables of these cells in every format asked for; returns the files written into ``folder``."""
+    from gvla2.commands.tables import console
+    from gvla2.evaluation.report_page import render_report
+    from gvla2.evaluation.reports import REPORTS
+    from gvla2.evaluation.table_formats import to_latex, to_markdown
+    from gvla2.record.files import write_text
+
+    report = REPORTS[suite]
+    sheets, curve = report.sheets(cells), report.curve(cells)
+    if "terminal" in formats:
+        show(sheets, out or console())
+    written = []
+    if "markdown" in formats:
+        written.append(write_text(folder / "report.md", to_markdown(sheets)))
+    if "latex" in formats:
+        written.append(write_text(folder / "report.tex", to_latex(sheets)))
+    if curve and formats:
+        written.append(write_text(folder / "curve.svg", curve))
+    if "html" in formats:
+        page = render_report(sheets, runs, f"gvla2: {report.title}", curve)
+        written.append(write_text(folder / "index.html", page))
+    return written
+
+
+def show(sheets: Sequence[Sheet], out: Console) -> None:
+    """Print tables, one below the other, with what their numbers mean."""
+    from rich.text import Text
+
+    from gvla2.commands.tables import row, table
+    from gvla2.evaluation.sheets import explanations
+
+    for sheet in sheets:
+        listing = table("", *sheet.headings)
+        for line in sheet.rows:
+            row(listing, line.label, *("\n".join(cell.lines) for cell in line.cells))
+        out.print(Text(sheet.title, style="bold"), soft_wrap=True)
+        out.print(listing)
+        out.print(Text(sheet.footnote, style="dim"), soft_wrap=True)
+        out.print()
+    if sheets:
+        out.print(Text(explanations(sheets), style="dim"), soft_wrap=True)
 
 
 def main(argv: list[str]) -> int:

@@ -139,9 +139,8 @@ def conclude(status: int, argv: Sequence[str]) -> int:
 
 
 def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
-    from gvla2.commands.reporting import publish
-    from gvla2.evaluation.provenance import commit, versions
-    from gvla2.evaluation.results import Cell, Results, Run, cell_key, now
+    from gvla2.commands.report import begin_run, publish
+    from gvla2.evaluation.results import Cell, Results, cell_key
     from gvla2.evaluation.runs import SUITE
     from gvla2.record.files import write_text
 
@@ -160,10 +159,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         if number is None:
             files = [place / "config.yaml" for place, _ in rows]
             config = next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
-            number = results.begin(
-                Run(suite=SUITE, started=now(), folder=str(folder), commit=commit(), config=config,
-                    versions=json.dumps(versions()))
-            )  # fmt: skip
+            number = begin_run(results, SUITE, folder, config)
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
         runs = results.runs(SUITE)
