@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.ndimage import binary_closing, binary_dilation
 from scipy.spatial import cKDTree
-from skimage.morphology import disk
+from skimage import morphology
 
 from gvla2.evaluation.perception.truth import BoolArray, measured
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
@@ -22,6 +22,9 @@ WIDEST_GAP = 8
 
 MARGIN = 0.002
 """Metres about a box within which a pixel counts as in it, and above its foot from which it is not on the table."""
+
+
+_disk: Callable[[int], BoolArray] = morphology.disk
 
 
 def object_masks(observation: Observation, objects: Sequence[SceneObject]) -> BoolArray:
@@ -60,7 +63,7 @@ def _projected(view: View, points: FloatArray) -> BoolArray:
 def _closed(view: View, mask: BoolArray) -> BoolArray:
     reach = _spacing(mask)
     # Padded, so that what touches the picture's border is not eaten from there.
-    whole = binary_closing(np.pad(mask, reach), disk(reach))[reach:-reach, reach:-reach]
+    whole = binary_closing(np.pad(mask, reach), _disk(reach))[reach:-reach, reach:-reach]
     return _off_robot(view, np.asarray(whole))
 
 
@@ -75,7 +78,7 @@ def _filled(
     filled = []
     for k, (thing, mask) in enumerate(zip(objects, closed, strict=True)):
         if sparse[k]:
-            near = binary_dilation(mask, disk(2 * _spacing(spots[k]))) & ~mask
+            near = binary_dilation(mask, _disk(2 * _spacing(spots[k]))) & ~mask
             near[near] = _in_box(thing, points[near])
             others = [other for j, other in enumerate(closed) if j != k]
             mask = mask | _off_robot(view, near & ~np.any([np.zeros_like(near), *others], axis=0))

@@ -61,7 +61,9 @@ def match(things: Sequence[TrueThing], scene: Scene, masks: BoolArray) -> list[M
     best = np.maximum(alone, joined)
     heaps = {k: _pieces(thing, masks) for k, thing in enumerate(things) if thing.count > 1}
     for heap, pieces in heaps.items():
-        whole = float(overlaps([things[heap].whole], masks[pieces].any(axis=0, keepdims=True))[0, 0])
+        whole = float(
+            overlaps([things[heap].whole], np.asarray(masks[pieces].any(axis=0, keepdims=True)))[0, 0]
+        )
         if pieces and whole > best[heap].max():
             best[heap, pieces[0]] = whole  # stands for all of them
         else:
