@@ -25,7 +25,9 @@ def structured(component: Component[Any]) -> DictConfig:
     return _structured(component.config, component.name)
 
 
-@lru_cache(maxsize=1024)  # by class and not by component: hooks make new components whenever plugins are loaded
+@lru_cache(
+    maxsize=1024
+)  # by class and not by component: hooks make new components whenever plugins are loaded
 def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
     node = OmegaConf.structured(config)
     node.name = name

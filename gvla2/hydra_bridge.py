@@ -63,6 +63,9 @@ def register(
     if offer == _offered:
         return
     _offered, groups = None, offer[2]
+    # Hydra copies all that is stored for each composition and for each group that its help lists (seven seconds of
+    # `gvla2 run --help`). It copies every node that it takes out besides, so the store itself may be shared.
+    setattr(ConfigStore, "__deepcopy__", _itself)  # noqa: B010  # mypy knows no such method
     store = ConfigStore.instance()
     _forget(store.repo)
     for name in registry.groups if groups is None else groups:
@@ -83,6 +86,10 @@ def register(
     Plugins.instance().register(PresetSearchPath)
     register_resolvers()
     _offered = offer
+
+
+def _itself(store: ConfigStore, memo: object) -> ConfigStore:
+    return store
 
 
 def with_groups(schema: type, groups: Iterable[str]) -> type:
