@@ -1,9 +1,9 @@
 """Stable-Baselines3 learns to bring the hand over the block, by small changes of the joints, 20 a second.
 
-    python examples/07_reinforcement_learning.py [STEPS]
+    python examples/07_reinforcement_learning.py [STEPS [EPISODES]]
 
 Sparse success alone teaches little, so the wrapper adds what a trainer would: a reward for coming closer. Some three
-minutes of a processor for 40,000 steps. Needs `pip install "gvla2[sim,gym,rl]"`.
+minutes of a processor for 40,000 steps; EPISODES judge it, 20 unless told. Needs `pip install "gvla2[sim,gym,rl]"`.
 """
 
 import sys
@@ -44,7 +44,7 @@ class Reach(gymnasium.Wrapper):
         return np.concatenate([to_go / SPAN, seen["joints"]]).astype(np.float32)
 
 
-def share_reached(act, episodes=20):
+def share_reached(act, episodes):
     """How many of fresh layouts end above the block."""
     env, reached = Reach(), 0
     for seed in range(10_000, 10_000 + episodes):
@@ -59,6 +59,7 @@ def share_reached(act, episodes=20):
 
 def main():
     steps = int(sys.argv[1]) if len(sys.argv) > 1 else 40_000
+    episodes = int(sys.argv[2]) if len(sys.argv) > 2 else 20
     torch.set_num_threads(1)  # the network is small: more threads wait for one another
     envs = make_vec_env(Reach, n_envs=2, seed=0)
     model = PPO(
@@ -66,11 +67,11 @@ def main():
         policy_kwargs={"log_std_init": -1.0},
     )  # fmt: skip
     rng = np.random.default_rng(0)
-    print(f"before: {share_reached(lambda seen: rng.uniform(-1, 1, 7)):.0%} reached by actions at random")
+    share = share_reached(lambda seen: rng.uniform(-1, 1, 7), episodes)
+    print(f"before: {share:.0%} reached by actions at random")
     model.learn(steps, progress_bar=False)
-    print(
-        f"after {steps} steps: {share_reached(lambda seen: model.predict(seen, deterministic=True)[0]):.0%} reached"
-    )
+    share = share_reached(lambda seen: model.predict(seen, deterministic=True)[0], episodes)
+    print(f"after {steps} steps: {share:.0%} reached")
     envs.close()
 
 

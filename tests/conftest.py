@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
@@ -64,18 +64,26 @@ def registry() -> Registry:
     return load_plugins()
 
 
+@pytest.fixture(scope="session")
+def _compositions() -> dict[tuple[str, ...], DictConfig]:
+    """What was composed before, by its overrides: Hydra needs a third of a second for each."""
+    return {}
+
+
 @pytest.fixture
-def compose_run(registry: Registry, tmp_path: Path):
+def compose_run(registry: Registry, _compositions: dict[tuple[str, ...], DictConfig], tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
     register(registry, PRIMARY)
 
     def composed(*overrides: str) -> RunConfig:
-        own = [f"memory.url=sqlite:///{tmp_path / 'memory.db'}"]
-        if any(o.startswith(("memory=", "memory.url=")) for o in overrides):
-            own = []
-        with initialize_config_module("gvla2.conf", version_base="1.3"):
-            config = compose("run", overrides=["quiet=true", *own, *overrides])
-        return OmegaConf.to_object(config)
+        if overrides not in _compositions:
+            with initialize_config_module("gvla2.conf", version_base="1.3"):
+                _compositions[overrides] = compose("run", overrides=["quiet=true", *overrides])
+        config = OmegaConf.to_object(_compositions[overrides])  # a new object each time
+        assert isinstance(config, RunConfig)
+        if not any(o.startswith(("memory=", "memory.url=")) for o in overrides):
+            config.memory.url = f"sqlite:///{tmp_path / 'memory.db'}"
+        return config
 
     return composed
 

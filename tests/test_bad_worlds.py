@@ -235,9 +235,8 @@ def test_a_run_of_several_goes_on_after_an_explosion(registry, compose_run, tmp_
 
     monkeypatch.setattr(SapienDriver, "follow", explosive)
     out = tmp_path / "out"
-    share = run_episodes(
-        compose_run("memory=none", "episodes=2", "robot.image_size=160", "robot.video_fps=2"), registry, out
-    )
+    small = ("robot.image_size=160", "robot.video_fps=2", "robot.video_size=16")
+    share = run_episodes(compose_run("memory=none", "episodes=2", *small), registry, out)
     told = json.loads((out / "result.json").read_text())
     first, second = told["rows"]
     assert first["failure"]["kind"] == "simulation"

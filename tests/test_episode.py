@@ -23,6 +23,9 @@ ORDER = (
 )  # fmt: skip
 
 
+SMALL = ("robot.image_size=160", "robot.video_size=16")
+
+
 class Listener(SilentListener):
     def __init__(self):
         self.records, self.frames = {}, 0
@@ -40,7 +43,7 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(*overrides):
-        parts = build_parts(compose_run(*overrides), registry)
+        parts = build_parts(compose_run(*SMALL, *overrides), registry)
         opened.extend((parts.robot, parts.memory))
         return parts
 
@@ -223,7 +226,7 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(KeyError) as caught:
-        run_episodes(compose_run(), registry, tmp_path / "out")
+        run_episodes(compose_run(*SMALL), registry, tmp_path / "out")
     assert explain(caught.value) == "KeyError: 'nowhere' The planner 'skill' of plugin 'skill' crashed."
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
     assert failure["message"] == "The planner 'skill' of plugin 'skill' crashed: KeyError: 'nowhere'"
@@ -231,7 +234,7 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
 
 def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
     out = tmp_path / "out"
-    share = run_episodes(compose_run("episodes=2", "instruction=sing a song"), registry, out)
+    share = run_episodes(compose_run("episodes=2", "instruction=sing a song", *SMALL), registry, out)
     told = json.loads((out / "result.json").read_text())
     assert (told["episodes"], told["success_share"]) == (2, share)
     assert [row["seed"] for row in told["rows"]] == [0, 1]

@@ -10,7 +10,7 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 
-SHORT = {"07": ["1024"]}
+SHORT = {"07": ["1024", "2"]}
 """Arguments that let a long example end soon, by number."""
 
 

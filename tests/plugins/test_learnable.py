@@ -180,7 +180,8 @@ def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, fa
     assert own.value == pytest.approx({"lamp_on": 2.325, "open_box": np.deg2rad(113.4)}[kind], abs=1e-3)
 
     def run(memory, seed, replan):
-        options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}")
+        options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}",
+                   "robot.image_size=160")  # fmt: skip
         parts = build_parts(compose_run(*options, *memory), registry)
         with closing(parts.robot), closing(parts.memory):
             return run_episode(parts, EpisodeRequest(seed=seed, replan=replan))
