@@ -185,9 +185,9 @@ def test_a_disk_that_fills_up_raises(
 ) -> None:
     recorder = RunRecorder(tmp_path, "")
 
-    def full(_: int) -> None:
+    def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("pathlib.Path.replace", full)
     with pytest.raises(OutputError, match="No space left"):
         recorder.stage(episode(), "learn")

@@ -38,8 +38,8 @@ LONGEST_REASON = 200
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, p < .05). "
-    "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 )
+OF_PAPER = "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
     "lost; exact McNemar p over all pairs; tasks that differ after Holm."
@@ -111,14 +111,19 @@ def _of_planner(cells: Sequence[Cell], compared: bool) -> list[Sheet]:
 
 def _success(found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title: str) -> Sheet:
     sure = {arm: _different(_pairs(found, tasks, "off", arm)) for arm in arms}
+    known = bool(PAPER.keys() & set(tasks))
     rows = []
     for task in tasks:
         rates = [_rate(found.get((task, arm), []), sure[arm].get(task, 0)) for arm in arms]
-        rows.append(SheetRow(task, (*rates, *_paper([task]))))
-    rows.append(SheetRow("mean over tasks", (*(_mean(found, arm) for arm in arms), *_paper(tasks))))
-    headings = (*(f"memory {arm}" for arm in arms), "paper, with memory", "paper, without")
+        rows.append(SheetRow(task, (*rates, *(_paper([task]) if known else ()))))
+    means = (*(_mean(found, arm) for arm in arms), *(_paper(tasks) if known else ()))
+    rows.append(SheetRow("mean over tasks", means))
+    headings = (
+        *(f"memory {arm}" for arm in arms),
+        *(("paper, with memory", "paper, without") if known else ()),
+    )
     counts = f"{sum(map(len, found.values()))} episodes, {len(tasks)} tasks"
-    return Sheet(title, headings, tuple(rows), counts, (), SUCCESS)
+    return Sheet(title, headings, tuple(rows), counts, (), SUCCESS + OF_PAPER if known else SUCCESS.strip())
 
 
 def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
@@ -133,6 +138,8 @@ def _mean(found: _Episodes, arm: str) -> SheetCell:
     if not rates:
         return NONE
     mean, deviation = mean_and_deviation(rates)
+    if len(rates) == 1:
+        return SheetCell((f"{mean:.1f}", "1 seed"))
     return SheetCell((f"{mean:.1f} ± {deviation:.1f}", f"{len(rates)} seeds"))
 
 
@@ -189,7 +196,7 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     everything = [pair for pairs in by_task.values() for pair in pairs]
     won, lost = won_and_lost(everything)
     sure = _different(by_task)
-    named = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task for sure"
+    named = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
     tone: Tone = "" if change.low <= 0 <= change.high else "better" if change.points > 0 else "worse"
     return SheetCell(
         (

@@ -1,5 +1,6 @@
 """The robot suite's tables from made-up cells."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from gvla2.evaluation.report_page import render_report
@@ -49,13 +50,23 @@ def test_success_is_shown_with_its_interval_beside_the_papers_row():
     assert "strict" in strict.title
     assert text_of(eased, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
     assert text_of(eased, "lamp_on", "memory on")[0] == "80.0"
-    assert text_of(eased, "mean over tasks", "memory on")[0] == "90.0 ± 0.0"
+    assert text_of(eased, "mean over tasks", "memory on") == ("90.0", "1 seed")
     assert text_of(eased, "lamp_on", "paper, with memory") == ("78.7",)
     assert "another simulator" in eased.explanation
     assert text_of(effects, "on against off", "eased")[0] == "+30.0 points"
     assert "12 : 0 of 40" in text_of(effects, "on against off", "eased")[2]
     assert text_of(effects, "on against off", "eased")[3] == "lamp_on +"
     assert text_of(failures, "grasp", "memory off") == ("16",)
+
+
+def test_columns_of_the_paper_are_there_only_for_its_tasks():
+    renamed = [
+        replace(cell, factors={**cell.factors, "task": f"{cell.factors['task']}, family 0"})
+        for cell in cells()
+    ]
+    eased = robot_sheets(renamed)[0]
+    assert eased.headings == ("memory off", "memory on")
+    assert "simulator" not in eased.explanation
     assert text_of(failures, "verifier agrees", "memory on") == ("40 of 40",)
 
 
