@@ -223,7 +223,7 @@ class World:
     def touching_links(self) -> set[str]:
         """The robot's links that press on something else now; the base, which stands on the table, left out."""
         base = self._cell.base_links
-        touched = set()
+        touched: set[str] = set()
         for one, other, contact in self._contacts():
             mine = {one, other} & self._links.keys()
             news = len(mine) == 1 and not mine & (base | touched)
