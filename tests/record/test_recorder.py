@@ -1,5 +1,6 @@
 import json
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -184,9 +185,9 @@ def test_a_disk_that_fills_up_raises(
 ) -> None:
     recorder = RunRecorder(tmp_path, "")
 
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
+    def full(prefix: str, dir: Path) -> tuple[int, str]:
+        return os.open("/dev/full", os.O_WRONLY), str(dir / f"{prefix}aside")
 
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("tempfile.mkstemp", full)
     with pytest.raises(OutputError, match="No space left"):
         recorder.stage(episode(), "learn")
