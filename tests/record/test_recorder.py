@@ -1,5 +1,6 @@
 import json
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,6 @@ from PIL import Image
 from gvla2.errors import OutputError
 from gvla2.record import recorder as recorder_module
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.pictures import SHOWN
 from gvla2.record.recorder import RunRecorder
 
 RESULT_KEYS = {
@@ -141,7 +141,7 @@ def test_a_failing_picture_costs_a_note_not_the_result(
     def broken(*_: object) -> bytes:
         raise ZeroDivisionError("no ink")
 
-    monkeypatch.setitem(recorder_module.SHOWN, "objects", SHOWN["objects"]._replace(make=broken))
+    monkeypatch.setattr(recorder_module, "object_pictures", broken)
     recorder = RunRecorder(tmp_path, "")
     with caplog.at_level(logging.WARNING):
         page = recorder.finish(run(recorder, episode()))
@@ -185,9 +185,9 @@ def test_a_disk_that_fills_up_raises(
 ) -> None:
     recorder = RunRecorder(tmp_path, "")
 
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
+    def full(prefix: str, dir: Path) -> tuple[int, str]:
+        return os.open("/dev/full", os.O_WRONLY), str(dir / f"{prefix}aside")
 
-    monkeypatch.setattr("pathlib.Path.replace", full)
+    monkeypatch.setattr("tempfile.mkstemp", full)
     with pytest.raises(OutputError, match="No space left"):
         recorder.stage(episode(), "learn")
