@@ -12,6 +12,7 @@ from PIL import Image
 from gvla2.errors import OutputError
 from gvla2.record import recorder as recorder_module
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.pictures import SHOWN
 from gvla2.record.recorder import RunRecorder
 
 RESULT_KEYS = {
@@ -141,7 +142,7 @@ def test_a_failing_picture_costs_a_note_not_the_result(
     def broken(*_: object) -> bytes:
         raise ZeroDivisionError("no ink")
 
-    monkeypatch.setattr(recorder_module, "object_pictures", broken)
+    monkeypatch.setitem(recorder_module.SHOWN, "objects", SHOWN["objects"]._replace(make=broken))
     recorder = RunRecorder(tmp_path, "")
     with caplog.at_level(logging.WARNING):
         page = recorder.finish(run(recorder, episode()))
