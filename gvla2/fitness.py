@@ -22,12 +22,10 @@ _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 def structured(component: Component[Any]) -> DictConfig:
     """The component's options as a typed OmegaConf node, with ``name`` filled in; not to be changed."""
-    return _structured(component.config, component.name)
+    return _structured(component.config, component.name)  # type: ignore[arg-type]  # a class can be hashed
 
 
-@lru_cache(
-    maxsize=1024
-)  # by class and not by component: hooks make new components whenever plugins are loaded
+@lru_cache(maxsize=1024)  # by class: hooks make new components whenever plugins are loaded
 def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
     node = OmegaConf.structured(config)
     node.name = name
