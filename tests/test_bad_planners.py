@@ -42,9 +42,9 @@ def test_a_planner_that_hangs_ends_its_episode_and_no_other(run_of_two):
         while True:
             pass
 
-    (first, second), requests = run_of_two(hang, "planner_timeout=10")
+    (first, second), requests = run_of_two(hang, "planner_timeout=5")
     assert (first["failure"]["stage"], first["failure"]["kind"]) == ("plan", "timeout")
-    assert "'skill' gave no answer within 10 s" in first["failure"]["message"]
+    assert "'skill' gave no answer within 5 s" in first["failure"]["message"]
     assert first["success"] is False
     assert second["success"] is True
     assert len(requests) == 2  # one that hangs is not asked twice

@@ -15,6 +15,7 @@ from gvla2.catalog import Registry
 from gvla2.commands.hydra_job import launch
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
+from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.hydra_bridge import register
@@ -119,6 +120,7 @@ def test_values_that_cannot_be_are_refused(override: str):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working directory."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(SweepFolder, "latest", None)  # a sweep leaves its folder to the command that began it
     return tmp_path
 
 

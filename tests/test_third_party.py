@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+SMALL = ("quiet=true", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=1")
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EXAMPLE, TASK = EXAMPLES / "third_party", EXAMPLES / "third_party_task"
 
@@ -102,7 +103,7 @@ def test_they_conform(python):
 def test_it_runs_in_a_sweep(python, tmp_path: Path):
     """Two real episodes in the simulator: the planner's preset and its defaults."""
     memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
-    done = python("-m", "gvla2.cli", "run", "-m", "planner=hover,hover_high", "quiet=true", memory)
+    done = python("-m", "gvla2.cli", "run", "-m", "planner=hover,hover_high", *SMALL, memory)
     assert done.returncode == 0, done.stderr
     results = [json.loads(p.read_text()) for p in sorted(tmp_path.glob("outputs/run/*/*/*/result.json"))]
     assert [r["planner"] for r in results] == ["hover", "hover"]
@@ -134,7 +135,7 @@ def test_its_task_is_on_the_page_of_tasks(python, tmp_path: Path):
 def test_its_task_runs(python, tmp_path: Path):
     """Seen, planned and done by the reference plugins, which never heard of it."""
     memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
-    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "seed=2", "quiet=true", memory)
+    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "seed=2", *SMALL, memory)
     assert done.returncode == 0, done.stderr
     (result,) = [json.loads(p.read_text()) for p in tmp_path.glob("outputs/run/*/*/result.json")]
     assert result["task"] == "ball_in_bowl"

@@ -5,6 +5,9 @@ Both get the same prior as the branch, and the masks. Neither estimates an error
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,13 +31,34 @@ TRUNCATION = 6.0
 """Voxels on either side of a surface that a TSDF remembers."""
 
 
+class _Sight(NamedTuple):
+    """Where the voxels of a grid (X, Y, Z) lie in a view: their pixels, and their depth in metres, NaN outside."""
+
+    row: NDArray[np.intp]
+    column: NDArray[np.intp]
+    z: FloatArray
+
+    @classmethod
+    def of(cls, field: Field, camera: Camera) -> Self:
+        shape = field.values.shape
+        uv, z = camera.project(field.points(np.indices(shape).reshape(3, -1).T))
+        inside = camera.inside(uv)
+        pixel = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp)
+        z = np.where(inside, z, np.nan)
+        return cls(pixel[:, 1].reshape(shape), pixel[:, 0].reshape(shape), z.reshape(shape))
+
+    def behind(self, depth: FloatArray) -> FloatArray:
+        """(X, Y, Z) how far behind the depth map each voxel lies along the camera's z, metres; NaN where unknown."""
+        return np.asarray(self.z - np.where(depth > 0, depth, np.nan)[self.row, self.column])
+
+
 def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh | None:
     """The visual hull without the voxels in front of a depth map; None when nothing is left."""
     field = hull_field(views, resolution)
     depth = prior.depth.astype(np.float64) * camera_scale(prior, views)
     values = field.values.copy()
     for view, known in zip(views, depth, strict=True):
-        ahead = _distances(field, view.camera, known)
+        ahead = _Sight.of(field, view.camera).behind(known)
         np.minimum(values, np.where(np.isfinite(ahead), ahead, values), out=values)
     return mesh_of(Field(values, field.origin, field.step))
 
@@ -48,6 +72,7 @@ def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) ->
     hull = hull_field(views, resolution)
     maps = np.where(prior.depth > 0, prior.depth, np.nan) * camera_scale(prior, views)
     surface = mesh_of(hull)
+    sights = [_Sight.of(hull, view.camera) for view in views]  # the same in every round
     for number in range(ROUNDS):
         if surface is None:
             return None
@@ -60,7 +85,7 @@ def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) ->
                 continue
             fitted.append(_to(known, front, both, line=number > 0))
         maps = np.stack(fitted)
-        surface = mesh_of(_mean(hull, views, maps))
+        surface = mesh_of(_mean(hull, sights, maps))
     return surface
 
 
@@ -80,27 +105,16 @@ def _to(known: FloatArray, front: FloatArray, both: NDArray[np.bool_], line: boo
     return np.asarray(gain * (known - middle) + bias)
 
 
-def _mean(hull: Field, views: Views, maps: FloatArray) -> Field:
+def _mean(hull: Field, sights: Sequence[_Sight], maps: FloatArray) -> Field:
     reach = TRUNCATION * hull.step
     total, count = np.zeros(hull.values.shape), np.zeros(hull.values.shape)
-    for view, known in zip(views, maps, strict=True):
-        behind = _distances(hull, view.camera, known)
+    for sight, known in zip(sights, maps, strict=True):
+        behind = sight.behind(known)
         seen = np.isfinite(behind) & (behind < reach)
         total[seen] += np.maximum(behind[seen], -reach)
         count[seen] += 1
     mean = np.where(count > 0, total / np.maximum(count, 1), reach)
     return Field(np.minimum(mean, hull.values).astype(np.float32), hull.origin, hull.step)
-
-
-def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
-    """How far behind the depth map each voxel lies along the camera's z, metres; NaN where unknown."""
-    shape = field.values.shape
-    points = field.points(np.indices(shape).reshape(3, -1).T)
-    uv, z = camera.project(points)
-    inside = camera.inside(uv)
-    pixel = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp)
-    there = np.where(depth > 0, depth, np.nan)[pixel[:, 1], pixel[:, 0]]
-    return np.asarray(np.where(inside, z - there, np.nan).reshape(shape))
 
 
 def mesh_of(field: Field) -> TriangleMesh | None:

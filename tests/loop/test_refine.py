@@ -18,13 +18,12 @@ from gvla2.loop.refine import (
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor
-from gvla2_plugins.reference_renderer import ReferenceRendererConfig
-from gvla2_plugins.reference_renderer.renderer import ReferenceRenderer
 
 SIZE = np.array([0.06, 0.04, 0.05])
 POSE = rigid(translation=(0.3, 0.1, 0.025))
@@ -78,7 +77,7 @@ def parts(reconstructor):
         NoPrior(),
         Contours(10, 400, 5e-4),
         Residual(0.5),
-        ReferenceRenderer(ReferenceRendererConfig()),
+        Rasteriser(),
     )
 
 

@@ -181,7 +181,7 @@ def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, fa
 
     def run(memory, seed, replan):
         options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}",
-                   "robot.image_size=160")  # fmt: skip
+                   "robot.image_size=160", "robot.video_size=16", "robot.video_fps=1")  # fmt: skip
         parts = build_parts(compose_run(*options, *memory), registry)
         with closing(parts.robot), closing(parts.memory):
             return run_episode(parts, EpisodeRequest(seed=seed, replan=replan))
