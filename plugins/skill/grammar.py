@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.asides import wishes
 from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
 from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
@@ -40,7 +41,7 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
         text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
     text = asked if any(verbs_of(t) for t in asked.split()) else text
-    tokens = lexicon.LOOK_IN.sub("open ", text).split()
+    tokens = wishes(lexicon.LOOK_IN.sub("open ", text).split(), known)
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)

@@ -200,7 +200,23 @@ BACKGROUND = re.compile(
     r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
+SINCE = _words("for because cause cos so like as since before")
+"""Words from which on it is told why, for whom, or what like."""
+TURNING = _words("""if unless when whenever once after until till then first instead except excluding without only or nor
+    neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
+    changed mind later tomorrow actually sure ready careful don dont leave keep""")
+"""Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
+SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you you've
+    you're someone somebody nobody anybody everybody everyone who my our his""")
+"""Whom a statement is about."""
+BEING = _words("is are was were 's am looks seems feels stays has had have")
+ASKING = _words("is are was were did does am isn aren")
+ASKED = ASKING | _words("do has have had should who whose which what when where why how can could may will would")
+"""How questions begin: the former always."""
+MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
 PLAINER = (
+    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"), (r"\bgotta\b", "have to"),
+    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""),
     (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
     (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
