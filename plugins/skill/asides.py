@@ -68,6 +68,8 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
 def _tells(words: Sequence[str], stop: str) -> bool:
     """Whether it says how things are or were, or asks that: no wish, whatever verbs are in it."""
     said = set(words)
+    if said & lexicon.CONDITIONS:
+        return False
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
     if {"you", "mind", "possible"} & said and lexicon.MODALS & said:
         return False
@@ -75,7 +77,8 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return True
     acts = [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
     if not acts:
-        return bool(said & lexicon.BEING) and not said & (lexicon.WISHING | {"to", "that"})
+        plain = not said & (lexicon.WISHING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING)
+        return stop == "?" or (bool(said & lexicon.BEING) and plain)
     before = words[: acts[0]]
     if "too" in before or {"stop", "stopped", "thanks", "hope", "remember"} & set(before):
         return True
@@ -87,7 +90,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
-    nouns = (i for i, word in enumerate(words) if _named(words[i : i + 1], known) and word not in FAMILIES)
+    nouns = (i for i, word in enumerate(words) if noun_class(word) or (word in known and word not in FAMILIES))
     if (end := next(nouns, None)) is None:
         return []
     begin = end
@@ -100,6 +103,8 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether something is named that may be in the scene: by a noun, a colour, a side, or as the other one."""
     sides = {word for wordings in lexicon.SELECTORS.values() for w in wordings for word in w.split()}
     for i, word in enumerate(words):
+        if word == "can" and words[i + 1 : i + 2] in (["not"], ["i"], ["you"]):
+            continue
         vague = noun_class(word) == "object"
         if vague and i and words[i - 1] in ("the", "this", "that", "other"):
             return True

@@ -95,6 +95,8 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
         return named and i > verb_at + 1
     if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
         return True
+    if word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this"):  # "get it out the tower"
+        return True
     return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
 

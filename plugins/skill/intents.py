@@ -134,6 +134,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
+    if theme is None and ahead and whole.skill in WORKED and whole.theme.noun in PARTS and not whole.theme.colour:
+        return replace(whole, theme=replace(whole.theme, owner=topic))  # "the jar is stuck, unscrew the lid"
     return None if theme is None else replace(whole, theme=theme)
 
 
@@ -165,7 +167,7 @@ def settle(intent: Intent) -> Intent:
     skill, verb = intent.skill, intent.verb
     pressed = (
         (noun in ("button", "lamp") and verb in ("flip", "flip up", "work"))
-        or (noun == "button" and skill == "push" and nowhere)
+        or (noun == "button" and skill == "push")
         or (noun == "lamp" and skill == "place" and nowhere and verb != "move")  # "put the light on"
     )
     downward = skill == "press" and verb in ("push down", "push on")

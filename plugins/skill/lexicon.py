@@ -30,7 +30,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling,
+        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling|toss|clear|tidy|stash|bring,
         pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
@@ -40,7 +40,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
-        pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw * open, pop|prise|pry * off,
+        pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw|crack * open, pop|prise|pry * off,
         swing|fold|tip|tilt|flip * back""",
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
@@ -51,7 +51,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
-    unsupported="""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
+    unsupported="""screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
         stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
         spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
         sell|watch|read|dim|extinguish|release|assemble|build""",
@@ -122,11 +122,11 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
     right_of="to the right side of, on|to the right of, right of", front_of="in front of, before",
     behind="behind, in back of, beyond", with_="with, using",
     in_="into, inside of, inside, in to, in, within",
-    from_="""away from, off of, off, from, out of, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
+    from_="""away from, off of, off, from, out of, out the|its|that|this, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
 """Relation to its wordings."""
-UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
+UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
@@ -158,7 +158,7 @@ FILLERS = _words("""
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free
 """)
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
@@ -206,6 +206,8 @@ TURNING = _words("""if unless when whenever once after until till then first ins
     neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
     changed mind later tomorrow actually sure ready careful don dont leave keep""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
+CONDITIONS = _words("if unless when whenever once after until till")
+PLACES = _words("on in into inside onto at off out from by behind beside")
 SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you you've
     you're someone somebody nobody anybody everybody everyone who my our his""")
 """Whom a statement is about."""
@@ -216,7 +218,14 @@ ASKED = ASKING | _words("do has have had should who whose which what when where 
 MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
 PLAINER = (
     (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"), (r"\bgotta\b", "have to"),
-    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""),
+    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""), (r"\bgo ahead (?:and )?", ""),
+    (r"\bpitch (?:black|dark)\b", "dark"), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""), (r"\boff with ", "take off "),
+    (r"\bthe rest of the way\b", ""), (r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b", ""),
+    (r"\bbe so (?:kind|good) as to\b", ""),
+    (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b", ""),
+    (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure|certain)|ensure)(?: that)? )(?=(?:the|that|this|my) )", "i want "),
+    (r"\b(?:finds? its way|ends? up|winds? up|lands)\b", ""),
+    (r"\b(?:stick|pok|jutt|hang|protrud)ing out(?! of| from)\b", "standing"),
     (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
     (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
