@@ -49,6 +49,8 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     said = set(words)
     if said & (lexicon.TURNING | set(lexicon.NUMBERS) - {"a", "an", "one"}) or _named(words, known):
         return False
+    if said <= lexicon.PLACES:  # "lamp: on"
+        return False
     speaks = words[0] in lexicon.SUBJECTS or words[0] in lexicon.SINCE
     if "not" in said and not ({"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"):
         return False
@@ -68,7 +70,7 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
 def _tells(words: Sequence[str], stop: str) -> bool:
     """Whether it says how things are or were, or asks that: no wish, whatever verbs are in it."""
     said = set(words)
-    if said & lexicon.CONDITIONS:
+    if said & lexicon.CONDITIONS and "remember" not in said:
         return False
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
     if {"you", "mind", "possible"} & said and lexicon.MODALS & said:

@@ -94,8 +94,12 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if topic is None or not (topic.noun or topic.colour):
+        if topic is None or topic.pronoun or topic.everywhere or not (topic.noun or topic.colour or topic.unknown):
             continue
+        if not (topic.noun or topic.colour) and k < first:
+            continue  # "time to lift it"
+        if not (topic.noun or topic.colour):
+            return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
         if told is not None:
             whole, known = told, True
