@@ -49,7 +49,7 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     said = set(words)
     if said & (lexicon.TURNING | set(lexicon.NUMBERS) - {"a", "an", "one"}) or _named(words, known):
         return False
-    if said <= lexicon.PLACES:  # "lamp: on"
+    if said <= lexicon.PLACES | {"off", "out", "up", "down"}:  # "lamp: on"
         return False
     speaks = words[0] in lexicon.SUBJECTS or words[0] in lexicon.SINCE
     if "not" in said and not ({"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"):
@@ -73,7 +73,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
     if said & lexicon.CONDITIONS and "remember" not in said:
         return False
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
-    if {"you", "mind", "possible"} & said and lexicon.MODALS & said:
+    if {"you", "i", "we", "mind", "possible"} & said and lexicon.MODALS & said:
         return False
     if first in lexicon.ASKING or (stop == "?" and first in lexicon.ASKED):
         return True
@@ -105,7 +105,7 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether something is named that may be in the scene: by a noun, a colour, a side, or as the other one."""
     sides = {word for wordings in lexicon.SELECTORS.values() for w in wordings for word in w.split()}
     for i, word in enumerate(words):
-        if word == "can" and words[i + 1 : i + 2] in (["not"], ["i"], ["you"]):
+        if word == "can" and not noun_use(words, i):
             continue
         vague = noun_class(word) == "object"
         if vague and i and words[i - 1] in ("the", "this", "that", "other"):

@@ -169,7 +169,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
         theme = replace(theme, landmark=(relation, goal))  # "there is a cube on the tray"
         goal, relation = None, ""
-    return Intent("", " ".join(words), theme, goal, relation, amount, direction)
+    brief = words[0] not in lexicon.DETERMINERS | lexicon.FILLERS and words[-1] not in lexicon.FILLERS - {"table"}
+    return Intent("", " ".join(words), theme, goal, relation, amount, direction, brief=brief)
 
 
 def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, float] | None]:

@@ -25,7 +25,7 @@ class Intent:
 
     ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way; ``denials`` what the sentence rules out.
+    guesses made on the way; ``denials`` what the sentence rules out. ``brief``: without a verb, as on a telegram.
     """
 
     skill: str = ""
@@ -37,6 +37,7 @@ class Intent:
     direction: tuple[float, float] | None = None
     trouble: str = ""
     notes: tuple[str, ...] = ()
+    brief: bool = False
     denials: tuple[Denial, ...] = ()
 
 
@@ -72,7 +73,7 @@ def combine(said: Sequence[Said]) -> Intent:
     intents = [s.intent for s in said]
     acting = [i for i in intents if i.skill]
     if not acting:
-        return replace(intents[0], skill="") if intents else Intent()
+        return _telegraph(intents) if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
@@ -110,6 +111,22 @@ def combine(said: Sequence[Said]) -> Intent:
     return settle(whole)
 
 
+def _telegraph(intents: Sequence[Intent]) -> Intent:
+    """What is wished for without a verb: "ring on the red post, please", "umbrella out of the stand"."""
+    theme = next((i.theme for i in intents if _names(i.theme)), None)
+    aim = next((i for i in intents if i.goal is not None), None)
+    relation, place = (theme and theme.landmark) or ("", None)
+    named = [i.theme for i in intents if _names(i.theme)]
+    if theme is None or len(named) > 1 or not intents[0].brief:
+        return replace(intents[0], skill="")
+    bare = replace(theme, landmark=None)
+    if aim is not None:
+        return Intent("place", "want", bare, aim.goal, aim.relation)
+    if relation in ("on", "in") and place is not None:
+        return Intent("place", "want", bare, place, relation)
+    return Intent("pick" if relation == "from" else "", "want", theme)
+
+
 def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
     return theme is not None and not theme.pronoun and not theme.everywhere
 
@@ -138,7 +155,7 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
-    if theme is None and ahead and whole.skill in WORKED and whole.theme.noun in PARTS and not whole.theme.colour:
+    if theme is None and ahead and whole.skill in WORKED and whole.theme.noun in PARTS:
         return replace(whole, theme=replace(whole.theme, owner=topic))  # "the jar is stuck, unscrew the lid"
     return None if theme is None else replace(whole, theme=theme)
 
@@ -150,7 +167,7 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
-    if any(one.noun and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
+    if any(one.noun not in ("", "bottle") and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
         return None  # "the box" and "the ladle", whatever that is
     return replace(
         phrase,

@@ -207,7 +207,7 @@ TURNING = _words("""if unless when whenever once after until till then first ins
     changed mind later tomorrow actually sure ready careful don dont leave keep""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
 CONDITIONS = _words("if unless when whenever once after until till")
-PLACES = _words("on in into inside onto at off out from by behind beside")
+PLACES = _words("on in into inside onto beside behind")
 SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you you've
     you're someone somebody nobody anybody everybody everyone who my our his""")
 """Whom a statement is about."""
@@ -221,6 +221,9 @@ PLAINER = (
     (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""), (r"\bgo ahead (?:and )?", ""),
     (r"\bpitch (?:black|dark)\b", "dark"), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""), (r"\boff with ", "take off "),
     (r"\b(?:the rest of the way|(?:and |then )+stop there)\b", ""), (r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b", ""),
+    (r"\b(?:mind|careful|take care)(?: that)?(?: it| you| nothing)?(?: does| do)? not\b", "do not"),
+    (r"\bi keep (?=\w+ing\b)", "i am "), (r" 's (?=\w+ing\b)", " is "),
+    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
     (r"\bbe so (?:kind|good) as to\b", ""),
     (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b", ""),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure|certain)|ensure)(?: that)? )(?=(?:the|that|this|my) )", "i want "),
