@@ -73,7 +73,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
     if said & lexicon.CONDITIONS and "remember" not in said:
         return False
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
-    if {"you", "i", "we", "mind", "possible"} & said and lexicon.MODALS & said:
+    if lexicon.ASKED_OF & said and lexicon.MODALS & said:
         return False
     if first in lexicon.ASKING or (stop == "?" and first in lexicon.ASKED):
         return True
@@ -92,10 +92,10 @@ def _tells(words: Sequence[str], stop: str) -> bool:
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
-    nouns = (i for i, word in enumerate(words) if noun_class(word) or (word in known and word not in FAMILIES))
-    if (end := next(nouns, None)) is None:
+    nouns = [i for i, word in enumerate(words) if noun_class(word) or (word in known and word not in FAMILIES)]
+    if not nouns:
         return []
-    begin = end
+    begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])
     while begin and (words[begin - 1] in FAMILIES or words[begin - 1] in lexicon.DETERMINERS):
         begin -= 1
     return list(words[begin : end + 1])

@@ -29,8 +29,8 @@ class _Chunk:
     phrase: Phrase
 
 
-def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
-    """The intent of any text; never raises. ``labels`` of the scene count as known words."""
+def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> tuple[list[str], list[str]]:
+    """The words of a sentence's wishes, rightly spelt and plainly put, and one sentence for each guess."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
@@ -41,7 +41,12 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
         text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
     text = asked if any(verbs_of(t) for t in asked.split()) else text
-    tokens = wishes(lexicon.LOOK_IN.sub("open ", text).split(), known)
+    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
+
+
+def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
+    """The intent of any text; never raises. ``labels`` of the scene count as known words."""
+    tokens, notes = heard(sentence, labels, spelling)
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
@@ -230,7 +235,8 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
-    aim = _aim(skill, told)
+    somewhere = skill == "pick" and theme.pronoun and not any(c.phrase.noun in MEANS for c in told)
+    aim = _aim("place" if somewhere else skill, told)  # "bring it up beside the cup"
     goal, relation = None, ""
     for chunk in told:
         phrase = chunk.phrase

@@ -155,7 +155,7 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
-    if theme is None and ahead and whole.skill in WORKED and whole.theme.noun in PARTS:
+    if theme is None and ahead and whole.skill in (*WORKED, "pick") and whole.theme.noun in PARTS:
         return replace(whole, theme=replace(whole.theme, owner=topic))  # "the jar is stuck, unscrew the lid"
     return None if theme is None else replace(whole, theme=theme)
 
@@ -196,7 +196,7 @@ def settle(intent: Intent) -> Intent:
         (skill == "fetch", "pick" if nowhere else "place"),
         (pressed and skill in ("open", "close", "push", "place"), "press"),
         (skill == "place" and verb == "pop" and nowhere and noun == "lid", "open"),  # "pop the cork"
-        ((downward or (skill == "press" and verb == "press down")) and noun == "lid", "close"),
+        ((downward or (skill == "press" and verb in ("press down", "flip on"))) and noun == "lid", "close"),
         (downward and noun not in ("", "button", "lamp"), "push"),
     )
     return replace(intent, skill=next((meant for holds, meant in readings if holds), skill))

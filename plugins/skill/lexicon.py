@@ -215,13 +215,14 @@ BEING = _words("is are was were 's am looks seems feels stays has had have")
 ASKING = _words("is are was were did does am isn aren")
 ASKED = ASKING | _words("do has have had should who whose which what when where why how can could may will would")
 """How questions begin: the former always."""
+ASKED_OF = _words("you i we someone somebody anybody mind possible")
 MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
 PLAINER = (
     (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"), (r"\bgotta\b", "have to"),
     (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""), (r"\bgo ahead (?:and )?", ""),
     (r"\bpitch (?:black|dark)\b", "dark"), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""), (r"\boff with ", "take off "),
     (r"\b(?:the rest of the way|(?:and |then )+stop there)\b", ""), (r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b", ""),
-    (r"\b(?:mind|careful|take care)(?: that)?(?: it| you| nothing)?(?: does| do)? not\b", "do not"),
+    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
     (r"\bi keep (?=\w+ing\b)", "i am "), (r" 's (?=\w+ing\b)", " is "),
     (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
     (r"\bbe so (?:kind|good) as to\b", ""),
