@@ -39,7 +39,7 @@ SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),
-    "blue": ("azure", "navy"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
+    "blue": ("azure", "navy", "cyan"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
     "dark blue": ("navy",), "navy blue": ("navy",), "azure blue": ("azure",), "bright blue": ("blue", "azure"),
     "green": ("lime", "olive"), "light green": ("lime",), "bright green": ("lime",), "lime green": ("lime",),
     "dark green": ("green",), "olive green": ("olive",), "khaki": ("olive",), "emerald": ("green",),

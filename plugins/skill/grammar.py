@@ -78,6 +78,8 @@ def _clause(tokens: list[str]) -> Intent | None:
     chunks += [c for c in ahead[1:] if c.dynamic]  # "to the square push the block"
     if chunks[0].phrase.empty and not ahead[0].phrase.empty:  # "the block should be pushed"
         chunks[0] = ahead[0]
+    if skill in (*lexicon.WORKED, "press") and any(_elsewhere(c, skill) for c in chunks[1:]):
+        return Intent(skill, trouble="what it is to be done with, or where, is not understood")
     theme, goal, relation = _roles(skill, chunks)
     anything = theme is None or theme.everywhere
     if skill in ("unsupported", "open", "close", "twist") and anything and lexicon.HAND & set(tokens):
@@ -91,6 +93,14 @@ def _clause(tokens: list[str]) -> Intent | None:
         elif theme is not None and theme.noun == "lamp" and "off" in tokens:
             return Intent("unsupported", "put off", theme)
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
+
+
+def _elsewhere(chunk: _Chunk, skill: str) -> bool:
+    """Whether a tool or a place is named that nothing is known of: "with the key", "the light in the hall"."""
+    what = chunk.phrase
+    nothing = bool(what.unknown) and not (what.noun or what.colour or what.everywhere)
+    with_it = chunk.relation == "with" and bool({"the", "a", "an", "this", "that"} & set(chunk.tokens))
+    return nothing and (with_it or (skill == "press" and chunk.relation == "in"))
 
 
 def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
@@ -159,13 +169,16 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         return Intent("place", "want", theme, goal, relation, amount, direction)
     if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not _aloft(chunks):
         return Intent("unsupported", "keep")  # "... but keep it on the table"
+    words = [t for t in tokens if t.isalpha()]
+    brief = bool(words) and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS and words[-1] not in lexicon.FILLERS - {"table"}
+    if brief and not wish and _aloft(chunks):
+        return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
     named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
     if named and lexicon.NEEDING.search(" ".join(tokens)):
         return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
-    words = [t for t in tokens if t.isalpha()]
     dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
     if dull and amount is None and direction is None and goal is None:
         return None
@@ -174,7 +187,6 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
         theme = replace(theme, landmark=(relation, goal))  # "there is a cube on the tray"
         goal, relation = None, ""
-    brief = words[0] not in lexicon.DETERMINERS | lexicon.FILLERS and words[-1] not in lexicon.FILLERS - {"table"}
     return Intent("", " ".join(words), theme, goal, relation, amount, direction, brief=brief)
 
 
@@ -235,7 +247,7 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
-    somewhere = skill == "pick" and theme.pronoun and not any(c.phrase.noun in MEANS for c in told)
+    somewhere = skill == "pick" and theme.pronoun and not any(c.phrase.noun in MEANS or c.relation == "to" for c in told)
     aim = _aim("place" if somewhere else skill, told)  # "bring it up beside the cup"
     goal, relation = None, ""
     for chunk in told:

@@ -71,6 +71,8 @@ def combine(said: Sequence[Said]) -> Intent:
     it") or say more of it afterwards ("lift the cube, the blue one"); otherwise they name a second thing.
     """
     intents = [s.intent for s in said]
+    if unclear := [i for i in intents if i.trouble]:
+        return unclear[0]
     acting = [i for i in intents if i.skill]
     if not acting:
         return _telegraph(intents) if intents else Intent()

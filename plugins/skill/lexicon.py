@@ -39,7 +39,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         flip|enable|trigger|flick|brighten|touch|poke, push|press down on, push in|on, give * press|tap|poke, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
-    open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
+    open="""open|prise|pry|prop|flip|swing|fold * up, pop * cork, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
         pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw|crack * open, pop|prise|pry * off,
         swing|fold|tip|tilt|flip * back""",
     twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
@@ -70,7 +70,7 @@ NOUNS: dict[str, tuple[str, ...]] = _table(
     pillar="pillar, peg, post, pole, column", umbrella="umbrella, parasol, brolly", stand="stand, holder, rack",
     handle="handle, grip, haft, knob", drawer="drawer", cabinet="cabinet, cupboard, chest, dresser",
     tower="tower, stack, pile",
-    object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element",
+    object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element, fella, fellow, chap, guy, thingy",
 )  # fmt: skip
 """Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
 
@@ -158,7 +158,7 @@ FILLERS = _words("""
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat
 """)
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
@@ -204,7 +204,7 @@ SINCE = _words("for because cause cos so like as since before")
 """Words from which on it is told why, for whom, or what like."""
 TURNING = _words("""if unless when whenever once after until till then first instead except excluding without only or nor
     neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
-    changed mind later tomorrow actually sure ready careful don dont leave keep""")
+    changed mind later tomorrow actually sure ready careful don dont leave keep air""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
 CONDITIONS = _words("if unless when whenever once after until till")
 PLACES = _words("on in into inside onto beside behind")
@@ -226,7 +226,10 @@ PLAINER = (
     (r"\bi keep (?=\w+ing\b)", "i am "), (r" 's (?=\w+ing\b)", " is "),
     (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
     (r"\bbe so (?:kind|good) as to\b", ""),
-    (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b", ""),
+    (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|you(?:'d| would) be so (?:kind|good)"
+     r"|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b|(?:, )?\bwhen(?:ever)? you (?:can|have|get)(?: got)?(?: a \w+)?(?=\s*(?:[.,!?]|$))", ""),
+    (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?(?:have a \w+|try|help"
+     r"(?: me| us)?(?: out)?|give (?:me|us) a hand|do (?:it|that)|see to (?:it|that)|manage(?: it)?)\b", r"please \1"),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure|certain)|ensure)(?: that)? )(?=(?:the|that|this|my) )", "i want "),
     (r"(?<=i want )([^,.;:!?]*?)(?:finds? its way|(?:ends?|winds?) up|lands) ", r"\1"),
     (r"\b(?:stick|pok|jutt|hang|protrud)ing out(?! of| from)\b", "standing"),
@@ -258,6 +261,6 @@ UNREAD = re.compile(
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
     "gave": "give", "given": "give", "laid": "lay", "slid": "slide", "swept": "sweep", "caught": "catch",
-    "made": "make", "left": "left", "rose": "rose",
+    "made": "make", "hung": "hang", "stuck": "stick", "left": "left", "rose": "rose",
 }  # fmt: skip
 """Inflections that no rule gives; ``left`` and ``rose`` stay a side and a colour."""
