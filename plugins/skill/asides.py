@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
@@ -35,8 +36,8 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
 def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
     """The words between stops, each with the stop after it."""
     found: list[tuple[list[str], str]] = [([], "")]
-    for token in tokens:
-        if token in STOPS:
+    for token, following in pairwise([*tokens, ""]):
+        if token in STOPS or (token in ("and", "but") and following in lexicon.SUBJECTS):
             found[-1] = (found[-1][0], token)
             found.append(([], ""))
         else:
@@ -47,6 +48,8 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
 def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
+    if words == ["honey"]:
+        return True
     if said & (lexicon.TURNING | set(lexicon.NUMBERS) - {"a", "an", "one"}) or _named(words, known):
         return False
     if said <= lexicon.PLACES | {"off", "out", "up", "down"}:  # "lamp: on"
@@ -54,7 +57,9 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     speaks = words[0] in lexicon.SUBJECTS or words[0] in lexicon.SINCE
     if "not" in said and not ({"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"):
         return False
-    if said & lexicon.PRONOUNS and said & (lexicon.WISHING | lexicon.STAYING | lexicon.LETTING):
+    keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
+    about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
+    if about and said & keeps:
         return False
     if words[0] in ("so", "to") and len(words) > 1 and verbs_of(words[1]):
         return False
@@ -84,7 +89,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
     before = words[: acts[0]]
     if "too" in before or {"stop", "stopped", "thanks", "hope", "remember"} & set(before):
         return True
-    if (lexicon.WISHING | {"to"} | lexicon.MODALS) & set(before):
+    if (lexicon.WISHING - lexicon.BEING | {"to"} | lexicon.MODALS) & set(before):
         return False
     told = before and (before[0] in lexicon.SUBJECTS or lexicon.BEING & set(before))
     return bool(told) or (stop == "?" and not lexicon.MODALS & said and acts[0] == 0)
@@ -92,7 +97,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
-    nouns = [i for i, word in enumerate(words) if noun_class(word) or (word in known and word not in FAMILIES)]
+    nouns = [i for i, word in enumerate(words) if noun_class(word) or word in known - set(FAMILIES) | set(lexicon.CONTENTS)]
     if not nouns:
         return []
     begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])

@@ -80,6 +80,8 @@ def combine(said: Sequence[Said]) -> Intent:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
         acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
+        vague = [i for i in acting if i.skill == "push" and i.theme is not None and i.theme.noun == "object"]
+        acting = [replace(i, skill="press") if i in vague and i.goal is None else i for i in acting]
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)

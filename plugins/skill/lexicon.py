@@ -27,7 +27,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
         give * lift, whisk|whip * up, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
-        hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
+        hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
         loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling|toss|clear|tidy|stash|bring,
@@ -42,7 +42,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     open="""open|prise|pry|prop|flip|swing|fold * up, pop * cork, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
         pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw|crack * open, pop|prise|pry * off,
         swing|fold|tip|tilt|flip * back""",
-    twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
+    twist="""give * twist, unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
     close="""close|seal * up, close|shut|seal|cover,
         swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
@@ -158,12 +158,12 @@ FILLERS = _words("""
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind
 """)
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = _words("ought love want like need needs should must belongs goes shall let have has wish")
+WISHING = _words("ought love want wants like need needs should must belongs goes shall let have has wish")
 """A clause with one of them asks for a state of things."""
 NEEDING = re.compile(
     r"\b(?:(?:i|we) (?:want|need)|(?:i'd|we'd|could|would|can|may) (?:\w+ )?(?:like|love|have))\b"
@@ -237,7 +237,13 @@ PLAINER = (
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
     (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
      r"(?! out of| from| out from)(?: out| up| there| right)*\b", "standing"),
-    (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
+    (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+ (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*", ""),
+    (r"\b(?:till|until) it (?:shuts|closes|opens|clicks|is (?:shut|closed|open))\b", ""),
+    (r"\bit(?: 's|'s| is) (the [^,.;!?]+?) (?:that |which )?(?:i'm after|i am after|i want|i need)\b", r"i want \1"),
+    (r"\bi (?:could|can) (?:do with|use) |\bi'm after ", "i want "),
+    (r"^(?:on )?((?:the |that )?\w+ \w+)(?: is| , that's| , that is) where (?:i'd like (?:to have )?|i want )?([^,.;!?]*?)"
+     r"(?: (?:should (?:be|go)|goes|belongs|to go|to be))?(?= [.,!?]|$)", r"i want \2 onto \1"),
+    (r"\bwhere (the (?:\w+ ){1,3})is\b", r"onto \1"),
     (r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b", ""),
 )  # fmt: skip
 """What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
@@ -248,7 +254,7 @@ WHY = re.compile(
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
 LOOK_IN = re.compile(
-    r"\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
+    r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
     r"|\b(?:look|peek|peep) (?:inside|into) "
 )
 """Wishes to see into something, which is opened for that."""
