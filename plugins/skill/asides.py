@@ -75,6 +75,8 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
 def _tells(words: Sequence[str], stop: str) -> bool:
     """Whether it says how things are or were, or asks that: no wish, whatever verbs are in it."""
     said = set(words)
+    if lexicon.REPORTING.search(" ".join(words)):
+        return True
     if said & lexicon.CONDITIONS and "remember" not in said:
         return False
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")

@@ -26,7 +26,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
 
     def cut(next_joint: str, *, denied: bool = False) -> None:
         nonlocal words, joint, skipping
-        if skipping:
+        if skipping and (words or not denied):
             denials.append(tuple(words))
         elif words and not _leaves_alone(words):
             found.append((words, joint if found else "", denied))
@@ -53,7 +53,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
         else:
             words.append(token)
     cut("")
-    return found, [d for d in denials if d]
+    return found, denials
 
 
 def _negation(tokens: Sequence[str], i: int) -> str:

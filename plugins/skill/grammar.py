@@ -60,7 +60,8 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
 
 def _denial(words: Sequence[str]) -> Denial:
     acts = [i for i, t in enumerate(words) if verbs_of(t) and not noun_use(words, i)]
-    acts += [0] * (words[0] in ("in", "on", "onto", "into", "at"))  # "not in the block"
+    if words and words[0] in lexicon.PLACES:  # "not in the block"
+        acts.append(0)
     phrase = read_phrase([t for i, t in enumerate(words) if i not in acts])
     verbs = frozenset(v for i in acts for v in verbs_of(words[i]))
     return Denial(" ".join(words), verbs, None if phrase.empty else phrase)

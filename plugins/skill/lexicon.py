@@ -212,6 +212,11 @@ SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she 
     you're someone somebody nobody anybody everybody everyone who my our his""")
 """Whom a statement is about."""
 BEING = _words("is are was were 's am looks seems feels stays has had have")
+REPORTING = re.compile(
+    r"\bwould you like\b(?! to)|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
+    r"|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
+)
+"""What is said of wishes, and is none: offers, regrets, judgements."""
 ASKING = _words("is are was were did does am isn aren")
 ASKED = ASKING | _words("do has have had should who whose which what when where why how can could may will would")
 """How questions begin: the former always."""
@@ -224,7 +229,7 @@ PLAINER = (
     (r"\b(?:the rest of the way|(?:and |then )+stop there)\b", ""), (r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b", ""),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
     (r"\bi keep (?=\w+ing\b)", "i am "), (r" 's (?=\w+ing\b)", " is "),
-    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
+    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed|up|down)", r"\1get the \2 "),
     (r"\bbe so (?:kind|good) as to\b", ""),
     (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|you(?:'d| would) be so (?:kind|good)"
      r"|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b|(?:, )?\bwhen(?:ever)? you (?:can|have|get)(?: got)?(?: a \w+)?(?=\s*(?:[.,!?]|$))", ""),
@@ -260,7 +265,7 @@ LOOK_IN = re.compile(
 """Wishes to see into something, which is opened for that."""
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
-    r"|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
+    r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""

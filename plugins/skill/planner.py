@@ -11,6 +11,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.chaining import kept_out
 from gvla2.skills.meaning import suited
+from gvla2.skills.parts import closed_by
 from gvla2.skills.stuck import stuck
 from gvla2.skills.table import STANDARD
 from gvla2.skills.wholes import holders, inside
@@ -108,7 +109,8 @@ def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abs
 def rests_in(thing: SceneObject, scene: Scene) -> set[str]:
     """The ids of what it stands or sticks in."""
     held = stuck(thing, scene)
-    return {h.id for h in holders(thing, scene) if inside(thing, h)} | set(held.holders if held else ())
+    on = {thing.parent} if closed_by(thing, scene) is not None else set()
+    return on | {h.id for h in holders(thing, scene) if inside(thing, h)} | set(held.holders if held else ())
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
