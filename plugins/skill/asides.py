@@ -82,7 +82,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
     first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
     if lexicon.ASKED_OF & said and lexicon.MODALS & said:
         return False
-    if first in lexicon.ASKING or (stop == "?" and first in lexicon.ASKED):
+    if first in lexicon.ASKED and (stop == "?" or first in lexicon.BEING - {"has", "have"}):
         return True
     acts = [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
     if not acts:

@@ -34,14 +34,11 @@ def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
-    for wording, plainer in lexicon.PLAINER:
+    for wording, plainer in (*lexicon.PLAINER, (lexicon.IDLE, "")):
         text = re.sub(wording, plainer, text)
-    why = lexicon.WHY.match(text)
-    if why and not verbs_of(why["first"]):
-        text = text[why.end() :]
     asked = lexicon.BACKGROUND.sub(" ", text)
     text = asked if any(verbs_of(t) for t in asked.split()) else text
-    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
+    return wishes(text.split(), known), notes
 
 
 def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:

@@ -206,65 +206,60 @@ TURNING = _words("""if unless when whenever once after until till then first ins
     neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
     changed mind later tomorrow actually sure ready careful don dont leave keep air""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
+SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you
+    you've you're someone somebody nobody anybody everybody everyone who my our his""")
+"""Whom a statement is about."""
 CONDITIONS = _words("if unless when whenever once after until till")
 PLACES = _words("on in into inside onto beside behind")
-SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you you've
-    you're someone somebody nobody anybody everybody everyone who my our his""")
-"""Whom a statement is about."""
 BEING = _words("is are was were 's am looks seems feels stays has had have")
-REPORTING = re.compile(
-    r"\bwould you like\b(?! to)|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
-    r"|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
-)
-"""What is said of wishes, and is none: offers, regrets, judgements."""
-ASKING = _words("is are was were did does am isn aren")
-ASKED = ASKING | _words("do has have had should who whose which what when where why how can could may will would")
-"""How questions begin: the former always."""
+"""Verbs of statements: what is said to be so is not asked for."""
+ASKED = _words("""is are was were did does am do has have had should who whose which what when where why how can could may
+    will would""")
+"""How questions begin; those to ``ASKED_OF`` with one of ``MODALS`` are wishes."""
 ASKED_OF = _words("you i we someone somebody anybody mind possible")
 MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
+REPORTING = re.compile(
+    r"\bwould you like\b(?! to)|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
+    r"|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
+)
+"""What is said of wishes, and is none: offers, regrets, judgements."""
+IDLE = re.compile("|".join((
+    r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
+    r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
+    r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
+    r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
+    r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",
+    r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+"
+    r" (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*",
+    r"\b(?:till|until) it (?:shuts|closes|opens|clicks|is (?:shut|closed|open))\b",
+    r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
+)))  # fmt: skip
+"""Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
 PLAINER = (
-    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"), (r"\bgotta\b", "have to"),
-    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bnice (?:and )?\w+", ""), (r"\bgo ahead (?:and )?", ""),
-    (r"\bpitch (?:black|dark)\b", "dark"), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""), (r"\boff with ", "take off "),
-    (r"\b(?:the rest of the way|(?:and |then )+stop there)\b", ""), (r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b", ""),
-    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
-    (r"\bi keep (?=\w+ing\b)", "i am "), (r" 's (?=\w+ing\b)", " is "),
+    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"),
+    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
+    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
     (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed|up|down)", r"\1get the \2 "),
-    (r"\bbe so (?:kind|good) as to\b", ""),
-    (r"(?:, )?\bif (?:you (?:do not|would not) mind|you (?:please|can|could|would|like)|you(?:'d| would) be so (?:kind|good)"
-     r"|possible|(?:it 's|it's|it is) no (?:trouble|bother))\b|(?:, )?\bwhen(?:ever)? you (?:can|have|get)(?: got)?(?: a \w+)?(?=\s*(?:[.,!?]|$))", ""),
-    (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?(?:have a \w+|try|help"
-     r"(?: me| us)?(?: out)?|give (?:me|us) a hand|do (?:it|that)|see to (?:it|that)|manage(?: it)?)\b", r"please \1"),
-    (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure|certain)|ensure)(?: that)? )(?=(?:the|that|this|my) )", "i want "),
-    (r"(?<=i want )([^,.;:!?]*?)(?:finds? its way|(?:ends?|winds?) up|lands) ", r"\1"),
-    (r"\b(?:stick|pok|jutt|hang|protrud)ing out(?! of| from)\b", "standing"),
-    (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
-    (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
-    (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
-     r"(?! out of| from| out from)(?: out| up| there| right)*\b", "standing"),
-    (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+ (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*", ""),
-    (r"\b(?:till|until) it (?:shuts|closes|opens|clicks|is (?:shut|closed|open))\b", ""),
-    (r"\bit(?: 's|'s| is) (the [^,.;!?]+?) (?:that |which )?(?:i'm after|i am after|i want|i need)\b", r"i want \1"),
+    (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?"
+     r"(?:have a \w+|try|help(?: me| us)?(?: out)?|give (?:me|us) a hand|(?:do|see to|manage) (?:it|that))\b", r"please \1"),
+    (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
+     r"(?=(?:the|that|this|my) )", "i want "),
     (r"\bi (?:could|can) (?:do with|use) |\bi'm after ", "i want "),
+    (r"(?<=i want )([^,.;:!?]*?)(?:finds? its way|(?:ends?|winds?) up|lands) ", r"\1"),
     (r"^(?:on )?((?:the |that )?\w+ \w+)(?: is| , that's| , that is) where (?:i'd like (?:to have )?|i want )?([^,.;!?]*?)"
      r"(?: (?:should (?:be|go)|goes|belongs|to go|to be))?(?= [.,!?]|$)", r"i want \2 onto \1"),
-    (r"\bwhere (the (?:\w+ ){1,3})is\b", r"onto \1"),
-    (r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b", ""),
+    (r"\bwhere (the (?:\w+ ){1,3})is\b", r"onto \1"), (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+    (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
+    (r"\b(?:(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?"
+     r"|(?:stick|pok|jutt|hang)ing out)\b(?! out of| of| from| out from)(?: out| up| there| right)*\b", "standing"),
+    (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
+     r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
 )  # fmt: skip
-"""What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
-WHY = re.compile(
-    r"^(?:(?:please|can|could|would|will|you|kindly|just) )*(?P<first>\w+)[^,.;!?:]* , so (?!that\b)"
-)
-"""A reason before what is asked for."""
+"""What the grammar reads more easily said: where something is, not where it goes; what is opened to see into it."""
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
-LOOK_IN = re.compile(
-    r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
-    r"|\b(?:look|peek|peep) (?:inside|into) "
-)
-"""Wishes to see into something, which is opened for that."""
 UNREAD = re.compile(
-    r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
+    r"\b(if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
