@@ -18,6 +18,9 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
+        if words[0] == "so" and words[1:2] != ["that"] and not lexicon.CONDITIONS & set(kept) and _no_wish(kept):
+            kept, words = _topic(kept, known), words[1:]  # "we are to have some wine, so open it"
+            kept += [","] * bool(kept)
         for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
             if _aside(words[at:], known):  # "open it for Nan"
                 words = words[:at]
@@ -86,7 +89,7 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return True
     acts = [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
     if not acts:
-        plain = not said & (lexicon.WISHING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING)
+        plain = not said & (lexicon.WISHING - lexicon.BEING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING)
         return stop == "?" or (bool(said & lexicon.BEING) and plain)
     before = words[: acts[0]]
     if "too" in before or {"stop", "stopped", "thanks", "hope", "remember"} & set(before):
@@ -95,6 +98,12 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return False
     told = before and (before[0] in lexicon.SUBJECTS or lexicon.BEING & set(before))
     return bool(told) or (stop == "?" and not lexicon.MODALS & said and acts[0] == 0)
+
+
+def _no_wish(words: Sequence[str]) -> bool:
+    """Whether it begins with no verb of doing: a reason."""
+    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
+    return not verbs_of(first)
 
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:

@@ -38,7 +38,7 @@ def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
         text = re.sub(wording, plainer, text)
     asked = lexicon.BACKGROUND.sub(" ", text)
     text = asked if any(verbs_of(t) for t in asked.split()) else text
-    return wishes(text.split(), known), notes
+    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
 
 
 def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
@@ -169,7 +169,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         return Intent("unsupported", "keep")  # "... but keep it on the table"
     words = [t for t in tokens if t.isalpha()]
     brief = bool(words) and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS and words[-1] not in lexicon.FILLERS - {"table"}
-    if brief and not wish and _aloft(chunks):
+    if (brief or theme is None) and not wish and _aloft(chunks):
         return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):

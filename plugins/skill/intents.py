@@ -121,7 +121,7 @@ def _telegraph(intents: Sequence[Intent]) -> Intent:
     aim = next((i for i in intents if i.goal is not None), None)
     relation, place = (theme and theme.landmark) or ("", None)
     named = [i.theme for i in intents if _names(i.theme)]
-    if theme is None or len(named) > 1 or not intents[0].brief:
+    if theme is None or len(named) > 1 or not intents[0].brief or "up" in theme.text.split():
         return replace(intents[0], skill="")
     bare = replace(theme, landmark=None)
     if aim is not None:

@@ -224,7 +224,7 @@ REPORTING = re.compile(
 )
 """What is said of wishes, and is none: offers, regrets, judgements."""
 IDLE = re.compile("|".join((
-    r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
+    r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
     r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
     r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
     r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
@@ -239,7 +239,7 @@ PLAINER = (
     (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"),
     (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
-    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed|up|down)", r"\1get the \2 "),
+    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
     (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?"
      r"(?:have a \w+|try|help(?: me| us)?(?: out)?|give (?:me|us) a hand|(?:do|see to|manage) (?:it|that))\b", r"please \1"),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
@@ -252,10 +252,13 @@ PLAINER = (
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
     (r"\b(?:(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?"
      r"|(?:stick|pok|jutt|hang)ing out)\b(?! out of| of| from| out from)(?: out| up| there| right)*\b", "standing"),
-    (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
-     r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
 )  # fmt: skip
-"""What the grammar reads more easily said: where something is, not where it goes; what is opened to see into it."""
+"""What the grammar reads more easily said: where something is, not where it goes."""
+LOOK_IN = re.compile(
+    r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
+    r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) "
+)
+"""Wishes to see into something, which is opened for that."""
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
 UNREAD = re.compile(
