@@ -18,14 +18,21 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
-        if words[0] == "so" and words[1:2] != ["that"] and not lexicon.CONDITIONS & set(kept) and _no_wish(kept):
+        if (
+            words[0] == "so"
+            and words[1:2] != ["that"]
+            and not lexicon.CONDITIONS & set(kept)
+            and _no_wish(kept)
+        ):
             kept, words = _topic(kept, known), words[1:]  # "we are to have some wine, so open it"
             kept += [","] * bool(kept)
         for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
             if _aside(words[at:], known):  # "open it for Nan"
                 words = words[:at]
                 break
-            if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take the umbrella out"
+            if words[at] == "so" and _aside(
+                words[:at], known
+            ):  # "it looks like rain so take the umbrella out"
                 words = words[at + 1 :]
                 break
         if _aside(words, known):
@@ -58,7 +65,9 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     if said <= lexicon.PLACES | {"off", "out", "up", "down"}:  # "lamp: on"
         return False
     speaks = words[0] in lexicon.SUBJECTS or words[0] in lexicon.SINCE
-    if "not" in said and not ({"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"):
+    if "not" in said and not (
+        {"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"
+    ):
         return False
     keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
     about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
@@ -71,7 +80,14 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     if words[0] in ("the", "an", "this", "these", "those"):  # "the guests are here", but not "the ketchup"
         return bool(said & lexicon.BEING)
     acting = any(verbs_of(word) and not noun_use(words, i) for i, word in enumerate(words))
-    follows = words[1:2] and words[1] in lexicon.DETERMINERS | lexicon.PRONOUNS | {"me", "us", "up", "in", "into", "on"}
+    follows = words[1:2] and words[1] in lexicon.DETERMINERS | lexicon.PRONOUNS | {
+        "me",
+        "us",
+        "up",
+        "in",
+        "into",
+        "on",
+    }
     return not acting and not (follows and words[0] not in vocabulary())
 
 
@@ -89,7 +105,9 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return True
     acts = [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
     if not acts:
-        plain = not said & (lexicon.WISHING - lexicon.BEING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING)
+        plain = not said & (
+            lexicon.WISHING - lexicon.BEING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING
+        )
         return stop == "?" or (bool(said & lexicon.BEING) and plain)
     before = words[: acts[0]]
     if "too" in before or {"stop", "stopped", "thanks", "hope", "remember"} & set(before):
@@ -108,7 +126,11 @@ def _no_wish(words: Sequence[str]) -> bool:
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
-    nouns = [i for i, word in enumerate(words) if noun_class(word) or word in known - set(FAMILIES) | set(lexicon.CONTENTS)]
+    nouns = [
+        i
+        for i, word in enumerate(words)
+        if noun_class(word) or word in known - set(FAMILIES) | set(lexicon.CONTENTS)
+    ]
     if not nouns:
         return []
     begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])
@@ -130,6 +152,8 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
             return True
         if word in known and not verbs_of(word):
             return True
-        if word in ("left", "right", "middle", "front", "other") or (word in sides and words[i - 1 : i] == ["the"]):
+        if word in ("left", "right", "middle", "front", "other") or (
+            word in sides and words[i - 1 : i] == ["the"]
+        ):
             return True
     return False

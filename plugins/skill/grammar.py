@@ -109,7 +109,9 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
         return named and i > verb_at + 1
     if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
         return True
-    if word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this"):  # "get it out the tower"
+    if (
+        word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this")
+    ):  # "get it out the tower"
         return True
     return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
@@ -168,7 +170,11 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not _aloft(chunks):
         return Intent("unsupported", "keep")  # "... but keep it on the table"
     words = [t for t in tokens if t.isalpha()]
-    brief = bool(words) and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS and words[-1] not in lexicon.FILLERS - {"table"}
+    brief = (
+        bool(words)
+        and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS
+        and words[-1] not in lexicon.FILLERS - {"table"}
+    )
     if (brief or theme is None) and not wish and _aloft(chunks):
         return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
@@ -245,7 +251,11 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
-    somewhere = skill == "pick" and theme.pronoun and not any(c.phrase.noun in MEANS or c.relation == "to" for c in told)
+    somewhere = (
+        skill == "pick"
+        and theme.pronoun
+        and not any(c.phrase.noun in MEANS or c.relation == "to" for c in told)
+    )
     aim = _aim("place" if somewhere else skill, told)  # "bring it up beside the cup"
     goal, relation = None, ""
     for chunk in told:

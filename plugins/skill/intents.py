@@ -99,7 +99,12 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if topic is None or topic.pronoun or topic.everywhere or not (topic.noun or topic.colour or topic.unknown):
+        if (
+            topic is None
+            or topic.pronoun
+            or topic.everywhere
+            or not (topic.noun or topic.colour or topic.unknown)
+        ):
             continue
         if not (topic.noun or topic.colour) and k < first:
             continue  # "time to lift it"
@@ -171,7 +176,10 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
-    if any(one.noun not in ("", "bottle") and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
+    if any(
+        one.noun not in ("", "bottle") and other.unknown and not other.noun
+        for one, other in ((phrase, more), (more, phrase))
+    ):
         return None  # "the box" and "the ladle", whatever that is
     return replace(
         phrase,

@@ -42,7 +42,15 @@ def _verb_forms() -> dict[str, frozenset[str]]:
     for form, base in lexicon.IRREGULAR.items():
         if base in bases:
             forms.setdefault(form, set()).add(base)
-    for form in ("left", "standing", "sitting", "lying", "sticking", "poking", "hanging"):  # a side, and where things are
+    for form in (
+        "left",
+        "standing",
+        "sitting",
+        "lying",
+        "sticking",
+        "poking",
+        "hanging",
+    ):  # a side, and where things are
         forms.pop(form, None)
     return {form: frozenset(found) for form, found in forms.items()}
 

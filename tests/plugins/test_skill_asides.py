@@ -24,7 +24,9 @@ def scene(*things):
 
 
 SCENES = {
-    "square": scene(thing("c", "red cube", "box", (0.1, 0.2)), thing("s", "azure square", "region", (0.3, 0.0))),
+    "square": scene(
+        thing("c", "red cube", "box", (0.1, 0.2)), thing("s", "azure square", "region", (0.3, 0.0))
+    ),
     "wine": scene(
         thing("b", "green bottle", "cylinder", (0.3, 0.0)),
         thing("c", "yellow cap", "cylinder", (0.3, 0.0), parent="b", z=0.9),
@@ -41,7 +43,8 @@ SCENES = {
         thing("m", "magenta button", "disc", (0.3, 0.2), parent="l"),
     ),
     "cups": scene(
-        thing("w", "white cup", "cylinder", (0.1, 0.0), 0.05), thing("m", "magenta cup", "cylinder", (0.3, 0.0), 0.05)
+        thing("w", "white cup", "cylinder", (0.1, 0.0), 0.05),
+        thing("m", "magenta cup", "cylinder", (0.3, 0.0), 0.05),
     ),
     "posts": scene(
         thing("r", "red post", "box", (0.1, 0.0)),
@@ -213,7 +216,9 @@ def test_a_wish_is_read_beside_what_asks_for_nothing(where, line):
     assert (call.theme, call.goal) == (theme, goal)
 
 
-@pytest.mark.parametrize(("where", "sentence"), [(k, line) for k, v in DECLINED.items() for line in v.splitlines()])
+@pytest.mark.parametrize(
+    ("where", "sentence"), [(k, line) for k, v in DECLINED.items() for line in v.splitlines()]
+)
 def test_what_only_looks_like_a_wish_is_declined(where, sentence):
     found = read(sentence, SCENES[where])
     assert isinstance(found, Abstention), found
