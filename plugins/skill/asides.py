@@ -18,21 +18,13 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
-        if (
-            words[0] == "so"
-            and words[1:2] != ["that"]
-            and not lexicon.CONDITIONS & set(kept)
-            and _no_wish(kept)
-        ):
-            kept, words = _topic(kept, known), words[1:]  # "we are to have some wine, so open it"
-            kept += [","] * bool(kept)
+        if words[0] == "so" and words[1:2] != ["that"] and _reason(kept):
+            kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
         for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
             if _aside(words[at:], known):  # "open it for Nan"
                 words = words[:at]
                 break
-            if words[at] == "so" and _aside(
-                words[:at], known
-            ):  # "it looks like rain so take the umbrella out"
+            if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take it out"
                 words = words[at + 1 :]
                 break
         if _aside(words, known):
@@ -60,35 +52,21 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     said = set(words)
     if words == ["honey"]:
         return True
-    if said & (lexicon.TURNING | set(lexicon.NUMBERS) - {"a", "an", "one"}) or _named(words, known):
+    if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
         return False
-    if said <= lexicon.PLACES | {"off", "out", "up", "down"}:  # "lamp: on"
-        return False
-    speaks = words[0] in lexicon.SUBJECTS or words[0] in lexicon.SINCE
-    if "not" in said and not (
-        {"i", "we", "my", "our"} & set(words[: words.index("not")]) or words[0] == "can"
-    ):
+    denies = words[: words.index("not")] if "not" in said else ["i"]
+    if not {"i", "we", "my", "our"} & set(denies) and denies != ["can"]:
         return False
     keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
     about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
-    if about and said & keeps:
+    if (about and said & keeps) or (words[0] == "so" and verbs_of("".join(words[1:2]))):
         return False
-    if words[0] in ("so", "to") and len(words) > 1 and verbs_of(words[1]):
-        return False
-    if speaks:
-        return words[1:2] not in (["it"], ["them"]) or len(words) > 2
+    if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
+        return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
     if words[0] in ("the", "an", "this", "these", "those"):  # "the guests are here", but not "the ketchup"
         return bool(said & lexicon.BEING)
-    acting = any(verbs_of(word) and not noun_use(words, i) for i, word in enumerate(words))
-    follows = words[1:2] and words[1] in lexicon.DETERMINERS | lexicon.PRONOUNS | {
-        "me",
-        "us",
-        "up",
-        "in",
-        "into",
-        "on",
-    }
-    return not acting and not (follows and words[0] not in vocabulary())
+    follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.WHITHER | {"me", "us"})
+    return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
 
 
 def _tells(words: Sequence[str], stop: str) -> bool:
@@ -103,34 +81,33 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return False
     if first in lexicon.ASKED and (stop == "?" or first in lexicon.BEING - {"has", "have"}):
         return True
-    acts = [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
-    if not acts:
-        plain = not said & (
-            lexicon.WISHING - lexicon.BEING | lexicon.PLACES | {"to", "that"} | lexicon.SHINING
-        )
-        return stop == "?" or (bool(said & lexicon.BEING) and plain)
-    before = words[: acts[0]]
-    if "too" in before or {"stop", "stopped", "thanks", "hope", "remember"} & set(before):
+    wishing = lexicon.WISHING - lexicon.BEING | {"to"}
+    if not (acts := _acts(words)):
+        where = wishing | lexicon.PLACES | lexicon.SHINING | {"that"}
+        return stop == "?" or (bool(said & lexicon.BEING) and not said & where)
+    before = set(words[: acts[0]])
+    if before & {"too", "stop", "stopped", "thanks", "hope", "remember"}:
         return True
-    if (lexicon.WISHING - lexicon.BEING | {"to"} | lexicon.MODALS) & set(before):
+    if before & (wishing | lexicon.MODALS):
         return False
-    told = before and (before[0] in lexicon.SUBJECTS or lexicon.BEING & set(before))
+    told = before and (words[0] in lexicon.SUBJECTS or before & lexicon.BEING)
     return bool(told) or (stop == "?" and not lexicon.MODALS & said and acts[0] == 0)
 
 
-def _no_wish(words: Sequence[str]) -> bool:
-    """Whether it begins with no verb of doing: a reason."""
+def _acts(words: Sequence[str]) -> list[int]:
+    return [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
+
+
+def _reason(words: Sequence[str]) -> bool:
+    """Whether it begins with no verb of doing and sets no condition."""
     first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
-    return not verbs_of(first)
+    return bool(words) and not verbs_of(first) and not lexicon.CONDITIONS & set(words)
 
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
-    nouns = [
-        i
-        for i, word in enumerate(words)
-        if noun_class(word) or word in known - set(FAMILIES) | set(lexicon.CONTENTS)
-    ]
+    naming = known - set(FAMILIES) | set(lexicon.CONTENTS)
+    nouns = [i for i, word in enumerate(words) if noun_class(word) or word in naming]
     if not nouns:
         return []
     begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])
@@ -145,15 +122,11 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
     for i, word in enumerate(words):
         if word == "can" and not noun_use(words, i):
             continue
-        vague = noun_class(word) == "object"
-        if vague and i and words[i - 1] in ("the", "this", "that", "other"):
+        pointed = {"the", "this", "that", "other"} & {*words[max(i - 1, 0) : i]}
+        if (noun_class(word) == "object" or word in sides) and pointed:
             return True
-        if not vague and (noun_class(word) or word in FAMILIES or word in lexicon.CONTENTS):
+        if (noun_class(word) or "object") != "object" or word in FAMILIES or word in lexicon.CONTENTS:
             return True
-        if word in known and not verbs_of(word):
-            return True
-        if word in ("left", "right", "middle", "front", "other") or (
-            word in sides and words[i - 1 : i] == ["the"]
-        ):
+        if word in lexicon.ONES or (word in known and not verbs_of(word)):
             return True
     return False

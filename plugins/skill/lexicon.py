@@ -204,13 +204,16 @@ SINCE = _words("for because cause cos so like as since before")
 """Words from which on it is told why, for whom, or what like."""
 TURNING = _words("""if unless when whenever once after until till then first instead except excluding without only or nor
     neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
-    changed mind later tomorrow actually sure ready careful don dont leave keep air""")
+    changed mind later tomorrow actually sure ready careful don dont leave keep air myself himself herself
+    two three four five six seven eight nine ten half""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
 SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you
     you've you're someone somebody nobody anybody everybody everyone who my our his""")
 """Whom a statement is about."""
 CONDITIONS = _words("if unless when whenever once after until till")
 PLACES = _words("on in into inside onto beside behind")
+WHITHER = PLACES | _words("off out up down")
+ONES = _words("left right middle front other")
 BEING = _words("is are was were 's am looks seems feels stays has had have")
 """Verbs of statements: what is said to be so is not asked for."""
 ASKED = _words("""is are was were did does am do has have had should who whose which what when where why how can could may

@@ -79,7 +79,8 @@ def vocabulary() -> frozenset[str]:
     for listed in (
         lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
         lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.LETTING, lexicon.UNTOUCHED,
-        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, lexicon.EACH, FAMILIES, {"grey"},
+        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, lexicon.EACH, FAMILIES,
+        {"grey"},
         *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
     ):  # fmt: skip
         words |= {word for phrase in listed for word in phrase.split()}
