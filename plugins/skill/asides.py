@@ -55,7 +55,7 @@ def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
-    if not {"i", "we", "my", "our"} & set(denies) and denies != ["can"]:
+    if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
         return False
     keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
     about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
@@ -101,7 +101,7 @@ def _acts(words: Sequence[str]) -> list[int]:
 def _reason(words: Sequence[str]) -> bool:
     """Whether it begins with no verb of doing and sets no condition."""
     first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
-    return bool(words) and not verbs_of(first) and not lexicon.CONDITIONS & set(words)
+    return not verbs_of(first) and not lexicon.CONDITIONS & set(words)
 
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
@@ -120,8 +120,8 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether something is named that may be in the scene: by a noun, a colour, a side, or as the other one."""
     sides = {word for wordings in lexicon.SELECTORS.values() for w in wordings for word in w.split()}
     for i, word in enumerate(words):
-        if word == "can" and not noun_use(words, i):
-            continue
+        if (word == "can" and not noun_use(words, i)) or (i and words[i - 1] in ("a", "an")):
+            continue  # "I can not get a grip on it"
         pointed = {"the", "this", "that", "other"} & {*words[max(i - 1, 0) : i]}
         if (noun_class(word) == "object" or word in sides) and pointed:
             return True

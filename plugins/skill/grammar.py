@@ -36,8 +36,6 @@ def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     text = " ".join(tokens)
     for wording, plainer in (*lexicon.PLAINER, (lexicon.IDLE, "")):
         text = re.sub(wording, plainer, text)
-    asked = lexicon.BACKGROUND.sub(" ", text)
-    text = asked if any(verbs_of(t) for t in asked.split()) else text
     return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
 
 

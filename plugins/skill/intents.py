@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
-from gvla2_plugins.skill.lexicon import PARTS, WORKED
+from gvla2_plugins.skill.lexicon import CONTENTS, PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -99,16 +99,11 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if (
-            topic is None
-            or topic.pronoun
-            or topic.everywhere
-            or not (topic.noun or topic.colour or topic.unknown)
-        ):
+        if topic is None or topic.pronoun or topic.everywhere or topic.empty:
             continue
-        if not (topic.noun or topic.colour) and k < first:
-            continue  # "time to lift it"
         if not (topic.noun or topic.colour):
+            if k < first:  # "time to lift it"
+                continue
             return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
         if told is not None:
@@ -176,8 +171,9 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
+    named = {"", "bottle"} if all(set(words) <= set(CONTENTS) for words in unknown) else {""}
     if any(
-        one.noun not in ("", "bottle") and other.unknown and not other.noun
+        one.noun not in named and other.unknown and not other.noun
         for one, other in ((phrase, more), (more, phrase))
     ):
         return None  # "the box" and "the ladle", whatever that is

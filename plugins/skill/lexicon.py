@@ -192,14 +192,6 @@ SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, 
 TOUCHES = tuple("knock touch hit bump disturb".split())
 MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".split())
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
-BACKGROUND = re.compile(
-    r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
-    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to(?! have\b| see\b| look\b| peek\b))"
-    r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
-    r"|^(?:it's|it is) (?:too|so|very|quite|really|rather|getting|starting|a bit|a little) [^,.;!?:]*(?=[,.;!?:])"
-    r"| , (?:the )?\w+ and all\b"
-)
-"""What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
 SINCE = _words("for because cause cos so like as since before")
 """Words from which on it is told why, for whom, or what like."""
 TURNING = _words("""if unless when whenever once after until till then first instead except excluding without only or nor
@@ -207,6 +199,8 @@ TURNING = _words("""if unless when whenever once after until till then first ins
     changed mind later tomorrow actually sure ready careful don dont leave keep air myself himself herself
     two three four five six seven eight nine ten half""")
 """Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
+STANDING = _words("left standing sitting lying sticking poking hanging")
+"""A side, and forms of verbs that tell where things are."""
 SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you
     you've you're someone somebody nobody anybody everybody everyone who my our his""")
 """Whom a statement is about."""
@@ -228,7 +222,7 @@ REPORTING = re.compile(
 """What is said of wishes, and is none: offers, regrets, judgements."""
 IDLE = re.compile("|".join((
     r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
-    r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
+    r" , (?:the )?\w+ and all\b", r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
     r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
     r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
     r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",

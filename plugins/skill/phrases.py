@@ -83,14 +83,8 @@ def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:
 
 
 def _is_content(token: str) -> bool:
-    dull = (
-        lexicon.FILLERS
-        | lexicon.WISHING
-        | lexicon.SHINING
-        | lexicon.DETERMINERS
-        | lexicon.PRONOUNS
-        | lexicon.TABLE_WORDS
-    )
+    dull = lexicon.FILLERS | lexicon.WISHING | lexicon.SHINING | lexicon.TABLE_WORDS
+    dull |= lexicon.DETERMINERS | lexicon.PRONOUNS
     return token.isalpha() and token not in dull and token not in lexicon.NUMBERS
 
 
