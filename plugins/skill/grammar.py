@@ -153,6 +153,7 @@ def _rest_at(tokens: Sequence[str], i: int, rest: Sequence[str]) -> tuple[int, .
 def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     """A clause without a known verb: a wish ("I want the cube on the tray", "the lamp should be on"), or just words."""
     wish = bool(lexicon.WISHING & set(tokens))
+    tokens = ["it" if t == "it's" else t for t in tokens]
     chunks, direction = _chunks(tokens, "place")
     theme, goal, relation = _roles("place", chunks)
     last = next((t for t in reversed(tokens) if t not in lexicon.FILLERS), "")

@@ -99,9 +99,20 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
+        if (
+            topic is not None
+            and topic.pronoun
+            and topic.landmark
+            and known
+            and whole.theme
+            and not whole.theme.landmark
+        ):
+            whole = replace(
+                whole, theme=replace(whole.theme, landmark=topic.landmark)
+            )  # "it's behind the box"
         if topic is None or topic.pronoun or topic.everywhere or topic.empty:
             continue
-        if not (topic.noun or topic.colour):
+        if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
             if k < first:  # "time to lift it"
                 continue
             return replace(whole, trouble=f"'{topic.text}' is not understood")
@@ -151,6 +162,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
         return replace(whole, goal=topic)  # "there is a tray; put the cube on it"
     if not named:
         return replace(whole, theme=topic)
+    if whole.theme is not None and {"a", "an"} & {*whole.theme.text.split()[:1]} and topic.noun != "object":
+        return None
     assert whole.theme is not None
     if whole.skill == "press":
         fits = {topic.noun, whole.theme.noun} <= {"", "object", "button", "lamp"}

@@ -69,7 +69,7 @@ NOUNS: dict[str, tuple[str, ...]] = _table(
     lid="lid, cap, cover, stopper, cork", container="container, bin, basket, crate", ring="ring, hoop",
     pillar="pillar, peg, post, pole, column", umbrella="umbrella, parasol, brolly", stand="stand, holder, rack",
     handle="handle, grip, haft, knob", drawer="drawer", cabinet="cabinet, cupboard, chest, dresser",
-    tower="tower, stack, pile",
+    tower="tower, stack, pile, row, line",
     object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element, fella, fellow, chap, guy, thingy",
 )  # fmt: skip
 """Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
@@ -216,8 +216,9 @@ ASKED = _words("""is are was were did does am do has have had should who whose w
 ASKED_OF = _words("you i we someone somebody anybody mind possible")
 MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
 REPORTING = re.compile(
-    r"\bwould you like\b(?! to)|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
+    r"\bwould you like\b(?! to)|\b(?:nobody|no one)\b|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
     r"|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
+    r"|(?<!would )(?<!'d )(?<!should )(?<!ever )(?<!really )\b(?:like|love)s? (?:the|that|my|it)\b"
 )
 """What is said of wishes, and is none: offers, regrets, judgements."""
 IDLE = re.compile("|".join((
@@ -233,7 +234,7 @@ IDLE = re.compile("|".join((
 )))  # fmt: skip
 """Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
 PLAINER = (
-    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by'all\b", "you"),
+    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"),
     (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
     (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),

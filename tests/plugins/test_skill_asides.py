@@ -119,7 +119,10 @@ Open the beer for Nan.
 Open the window, dear, I'm hot.
 Open the bottle with the key.
 Would you like the bottle?
-Nan says to open the wine, but leave it.""",
+Nan says to open the wine, but leave it.
+Make sure nobody opens the wine.
+Make sure the wine is never open.
+Open the parcel, it's behind the bottle.""",
     # What is described is absent, or another thing than what is there.
     "tray": """Put the milk carton in the tray.
 Put the Heinz in the tray.
@@ -140,6 +143,7 @@ Put the mustard lid in the tray.
 Toss the salad in the tray.
 Put the mustard in the tray and wash the tray.
 Pass the scissors here.
+Fetch the mustard from the fridge.
 See that red mustard? Put it in the tray.
 The mustard was in the tray yesterday.
 Should the mustard go in the tray?
@@ -166,7 +170,9 @@ Where does the red cube go?
 Put it on the blue square when the bell rings, the red cube.
 Put a red cap on the blue square.
 Swap the red cube and the blue square.
-See that green cube? Put it on the blue square.""",
+See that green cube? Put it on the blue square.
+My grandson loves the red cube on the blue square.
+Make sure the red cube is not on the blue square.""",
     # Words of several meanings, other things' names, and what is done already.
     "lamp": """Turn the lamp off.
 Lamp off, please.
