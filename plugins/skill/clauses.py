@@ -46,7 +46,6 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
             cut("and")
         elif not skipping and (
             (token in ("by", "through") and following.endswith("ing") and verbs_of(following))
-            or (token == "so" and {"is", "are", "'s"} & set(tokens[i:]) and any(map(verbs_of, tokens[i:])))
             or (token in ("to", "so") and words and verbs_of(following) and not noun_use(tokens, i + 1))
         ):
             cut("verb")

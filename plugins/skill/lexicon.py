@@ -229,7 +229,7 @@ IDLE = re.compile("|".join((
     r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",
     r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+"
     r" (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*",
-    r"\b(?:till|until) it (?:shuts|closes|opens|clicks|is (?:shut|closed|open))\b",
+    r"\b(?:till|until|so)(?: that)? (?:it|the \w+)(?: is|'s| 's)? (?:shuts?|close[sd]|opens?|clicks)\b",
     r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
 )))  # fmt: skip
 """Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
