@@ -39,7 +39,7 @@ SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),
-    "blue": ("azure", "navy"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
+    "blue": ("azure", "navy", "cyan"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
     "dark blue": ("navy",), "navy blue": ("navy",), "azure blue": ("azure",), "bright blue": ("blue", "azure"),
     "green": ("lime", "olive"), "light green": ("lime",), "bright green": ("lime",), "lime green": ("lime",),
     "dark green": ("green",), "olive green": ("olive",), "khaki": ("olive",), "emerald": ("green",),
@@ -49,8 +49,9 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "dark pink": ("magenta", "rose"), "light gray": ("silver",), "gray": ("silver",), "silvery": ("silver",),
     "dark gray": ("gray",), "brown": ("maroon", "olive", "orange"), "dark red": ("maroon",), "burgundy": ("maroon",),
     "bright red": ("red",), "crimson": ("red",), "scarlet": ("red",), "turquoise": ("teal", "cyan"),
-    "blue green": ("teal",), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",), "golden": ("yellow",),
-    "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",), "cream": ("white", "silver"),
+    "blue green": ("teal", "cyan"), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",),
+    "golden": ("yellow",), "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",),
+    "cream": ("white", "silver"),
 }  # fmt: skip
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""

@@ -49,7 +49,7 @@ LOOKS: dict[str, frozenset[str]] = {
         "plate": f"{_FLAT} slab dish platter tray square rectangle",
         "disc": "puck coin counter token plate saucer",
         "ball": "sphere orb marble globe",
-        "ring": "hoop loop frame band washer collar",
+        "ring": "hoop loop frame band washer collar square",
         "post": "peg pole stick rod pin stake pillar column bar spike dowel stump block brick slab tile domino",
         "umbrella": _LONG,
         "stick": _LONG,

@@ -26,9 +26,9 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
 
     def cut(next_joint: str, *, denied: bool = False) -> None:
         nonlocal words, joint, skipping
-        if skipping:
+        if skipping and (words or not denied):
             denials.append(tuple(words))
-        elif words and not _leaves_alone(words):
+        elif words and not _leaves_alone(words) and not (denied and _ruled_out(words)):
             found.append((words, joint if found else "", denied))
         words, joint, skipping = [], next_joint, denied
 
@@ -52,7 +52,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
         else:
             words.append(token)
     cut("")
-    return found, [d for d in denials if d]
+    return found, denials
 
 
 def _negation(tokens: Sequence[str], i: int) -> str:
@@ -76,6 +76,11 @@ def noun_use(tokens: Sequence[str], i: int) -> bool:
         return bool(noun_class(tokens[i]))
     selects = any(before in words for words in lexicon.SELECTORS.values())
     return selects or before in lexicon.DETERMINERS or before in FAMILIES or before == "'s"
+
+
+def _ruled_out(words: Sequence[str]) -> bool:
+    """Whether what follows is denied of a thing ("the box is not ..."), not of which thing is meant ("that is not")."""
+    return words[-1] in lexicon.BEING and words[-2:-1] not in (["that"], ["which"], ["who"])
 
 
 def _leaves_alone(words: Sequence[str]) -> bool:

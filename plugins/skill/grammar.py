@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.asides import wishes
 from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
 from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
@@ -28,19 +29,19 @@ class _Chunk:
     phrase: Phrase
 
 
-def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
-    """The intent of any text; never raises. ``labels`` of the scene count as known words."""
+def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> tuple[list[str], list[str]]:
+    """The words of a sentence's wishes, rightly spelt and plainly put, and one sentence for each guess."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
-    for wording, plainer in lexicon.PLAINER:
+    for wording, plainer in (*lexicon.PLAINER, (lexicon.IDLE, "")):
         text = re.sub(wording, plainer, text)
-    why = lexicon.WHY.match(text)
-    if why and not verbs_of(why["first"]):
-        text = text[why.end() :]
-    asked = lexicon.BACKGROUND.sub(" ", text)
-    text = asked if any(verbs_of(t) for t in asked.split()) else text
-    tokens = lexicon.LOOK_IN.sub("open ", text).split()
+    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
+
+
+def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
+    """The intent of any text; never raises. ``labels`` of the scene count as known words."""
+    tokens, notes = heard(sentence, labels, spelling)
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
@@ -54,6 +55,8 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
 
 def _denial(words: Sequence[str]) -> Denial:
     acts = [i for i, t in enumerate(words) if verbs_of(t) and not noun_use(words, i)]
+    if words and words[0] in lexicon.PLACES:  # "not in the block"
+        acts.append(0)
     phrase = read_phrase([t for i, t in enumerate(words) if i not in acts])
     verbs = frozenset(v for i in acts for v in verbs_of(words[i]))
     return Denial(" ".join(words), verbs, None if phrase.empty else phrase)
@@ -71,6 +74,8 @@ def _clause(tokens: list[str]) -> Intent | None:
     chunks += [c for c in ahead[1:] if c.dynamic]  # "to the square push the block"
     if chunks[0].phrase.empty and not ahead[0].phrase.empty:  # "the block should be pushed"
         chunks[0] = ahead[0]
+    if skill in (*lexicon.WORKED, "press") and any(_elsewhere(c, skill) for c in chunks[1:]):
+        return Intent(skill, trouble="what it is to be done with, or where, is not understood")
     theme, goal, relation = _roles(skill, chunks)
     anything = theme is None or theme.everywhere
     if skill in ("unsupported", "open", "close", "twist") and anything and lexicon.HAND & set(tokens):
@@ -86,6 +91,14 @@ def _clause(tokens: list[str]) -> Intent | None:
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
 
 
+def _elsewhere(chunk: _Chunk, skill: str) -> bool:
+    """Whether a tool or a place is named that nothing is known of: "with the key", "the light in the hall"."""
+    what = chunk.phrase
+    nothing = bool(what.unknown) and not (what.noun or what.colour or what.everywhere)
+    with_it = chunk.relation == "with" and bool({"the", "a", "an", "this", "that"} & set(chunk.tokens))
+    return nothing and (with_it or (skill == "press" and chunk.relation == "in"))
+
+
 def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     """Whether a word of a verb's phrase also says something of its own: "turn the lid", "pull it out of the tower"."""
     word, following = tokens[i], "".join(tokens[i + 1 : i + 2])
@@ -93,6 +106,10 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
         named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
         return named and i > verb_at + 1
     if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
+        return True
+    if (
+        word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this")
+    ):  # "get it out the tower"
         return True
     return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
@@ -136,6 +153,7 @@ def _rest_at(tokens: Sequence[str], i: int, rest: Sequence[str]) -> tuple[int, .
 def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     """A clause without a known verb: a wish ("I want the cube on the tray", "the lamp should be on"), or just words."""
     wish = bool(lexicon.WISHING & set(tokens))
+    tokens = ["it" if t == "it's" else t for t in tokens]
     chunks, direction = _chunks(tokens, "place")
     theme, goal, relation = _roles("place", chunks)
     last = next((t for t in reversed(tokens) if t not in lexicon.FILLERS), "")
@@ -150,13 +168,20 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         return Intent("place", "want", theme, goal, relation, amount, direction)
     if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not _aloft(chunks):
         return Intent("unsupported", "keep")  # "... but keep it on the table"
+    words = [t for t in tokens if t.isalpha()]
+    brief = (
+        bool(words)
+        and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS
+        and words[-1] not in lexicon.FILLERS - {"table"}
+    )
+    if (brief or theme is None) and not wish and _aloft(chunks):
+        return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
     named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
     if named and lexicon.NEEDING.search(" ".join(tokens)):
         return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
-    words = [t for t in tokens if t.isalpha()]
     dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
     if dull and amount is None and direction is None and goal is None:
         return None
@@ -165,7 +190,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
         theme = replace(theme, landmark=(relation, goal))  # "there is a cube on the tray"
         goal, relation = None, ""
-    return Intent("", " ".join(words), theme, goal, relation, amount, direction)
+    return Intent("", " ".join(words), theme, goal, relation, amount, direction, brief=brief)
 
 
 def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, float] | None]:
@@ -225,7 +250,12 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
-    aim = _aim(skill, told)
+    somewhere = (
+        skill == "pick"
+        and theme.pronoun
+        and not any(c.phrase.noun in MEANS or c.relation == "to" for c in told)
+    )
+    aim = _aim("place" if somewhere else skill, told)  # "bring it up beside the cup"
     goal, relation = None, ""
     for chunk in told:
         phrase = chunk.phrase

@@ -20,6 +20,8 @@ TIE = 0.9
 NEAR_COLOUR = 0.7
 PART = 0.6
 """What is left of a fit where a part of a thing is to be any thing."""
+HOLDING = (*sorted(lexicon.SHAPE_NOUNS), "stand", "tower")
+"""What people call what something is taken out of, whatever it looks like."""
 BETWEEN, LEEWAY = 25.0, 2.2
 """A colour that is further from every word is between them: a word up to so many times as far may be meant."""
 
@@ -192,7 +194,7 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
             if isinstance(at, Grounded):
                 there = located([o for o, _ in fits], relation, at.object)
                 fits = [f for f in fits if f[0] in there]
-            elif relation != "from" and not where.pronoun:
+            elif not (where.pronoun or (relation == "from" and (where.noun in HOLDING or where.empty))):
                 return at
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
-from gvla2_plugins.skill.lexicon import PARTS, WORKED
+from gvla2_plugins.skill.lexicon import CONTENTS, PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -25,7 +25,7 @@ class Intent:
 
     ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way; ``denials`` what the sentence rules out.
+    guesses made on the way; ``denials`` what the sentence rules out. ``brief``: without a verb, as on a telegram.
     """
 
     skill: str = ""
@@ -37,6 +37,7 @@ class Intent:
     direction: tuple[float, float] | None = None
     trouble: str = ""
     notes: tuple[str, ...] = ()
+    brief: bool = False
     denials: tuple[Denial, ...] = ()
 
 
@@ -70,13 +71,17 @@ def combine(said: Sequence[Said]) -> Intent:
     it") or say more of it afterwards ("lift the cube, the blue one"); otherwise they name a second thing.
     """
     intents = [s.intent for s in said]
+    if unclear := [i for i in intents if i.trouble]:
+        return unclear[0]
     acting = [i for i in intents if i.skill]
     if not acting:
-        return replace(intents[0], skill="") if intents else Intent()
+        return _telegraph(intents) if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
         acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
+        vague = [i for i in acting if i.skill == "push" and i.theme is not None and i.theme.noun == "object"]
+        acting = [replace(i, skill="press") if i in vague and i.goal is None else i for i in acting]
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
@@ -94,8 +99,23 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if topic is None or not (topic.noun or topic.colour):
+        if (
+            topic is not None
+            and topic.pronoun
+            and topic.landmark
+            and known
+            and whole.theme
+            and not whole.theme.landmark
+        ):
+            whole = replace(
+                whole, theme=replace(whole.theme, landmark=topic.landmark)
+            )  # "it's behind the box"
+        if topic is None or topic.pronoun or topic.everywhere or topic.empty:
             continue
+        if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
+            if k < first:  # "time to lift it"
+                continue
+            return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
         if told is not None:
             whole, known = told, True
@@ -104,6 +124,22 @@ def combine(said: Sequence[Said]) -> Intent:
     if several:
         return replace(whole, trouble="it names several things to act on; ask for one at a time")
     return settle(whole)
+
+
+def _telegraph(intents: Sequence[Intent]) -> Intent:
+    """What is wished for without a verb: "ring on the red post, please", "umbrella out of the stand"."""
+    theme = next((i.theme for i in intents if _names(i.theme)), None)
+    aim = next((i for i in intents if i.goal is not None), None)
+    relation, place = (theme and theme.landmark) or ("", None)
+    named = [i.theme for i in intents if _names(i.theme)]
+    if theme is None or len(named) > 1 or not intents[0].brief or "up" in theme.text.split():
+        return replace(intents[0], skill="")
+    bare = replace(theme, landmark=None)
+    if aim is not None:
+        return Intent("place", "want", bare, aim.goal, aim.relation)
+    if relation in ("on", "in") and place is not None:
+        return Intent("place", "want", bare, place, relation)
+    return Intent("pick" if relation == "from" else "", "want", theme)
 
 
 def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
@@ -126,6 +162,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
         return replace(whole, goal=topic)  # "there is a tray; put the cube on it"
     if not named:
         return replace(whole, theme=topic)
+    if whole.theme is not None and {"a", "an"} & {*whole.theme.text.split()[:1]} and topic.noun != "object":
+        return None
     assert whole.theme is not None
     if whole.skill == "press":
         fits = {topic.noun, whole.theme.noun} <= {"", "object", "button", "lamp"}
@@ -134,6 +172,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
+    if theme is None and ahead and whole.skill in (*WORKED, "pick") and whole.theme.noun in PARTS:
+        return replace(whole, theme=replace(whole.theme, owner=topic))  # "the jar is stuck, unscrew the lid"
     return None if theme is None else replace(whole, theme=theme)
 
 
@@ -144,7 +184,11 @@ def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
         return None
-    if any(one.noun and other.unknown and not other.noun for one, other in ((phrase, more), (more, phrase))):
+    named = {"", "bottle"} if all(set(words) <= set(CONTENTS) for words in unknown) else {""}
+    if any(
+        one.noun not in named and other.unknown and not other.noun
+        for one, other in ((phrase, more), (more, phrase))
+    ):
         return None  # "the box" and "the ladle", whatever that is
     return replace(
         phrase,
@@ -165,7 +209,7 @@ def settle(intent: Intent) -> Intent:
     skill, verb = intent.skill, intent.verb
     pressed = (
         (noun in ("button", "lamp") and verb in ("flip", "flip up", "work"))
-        or (noun == "button" and skill == "push" and nowhere)
+        or (noun == "button" and skill == "push")
         or (noun == "lamp" and skill == "place" and nowhere and verb != "move")  # "put the light on"
     )
     downward = skill == "press" and verb in ("push down", "push on")
@@ -173,7 +217,7 @@ def settle(intent: Intent) -> Intent:
         (skill == "fetch", "pick" if nowhere else "place"),
         (pressed and skill in ("open", "close", "push", "place"), "press"),
         (skill == "place" and verb == "pop" and nowhere and noun == "lid", "open"),  # "pop the cork"
-        ((downward or (skill == "press" and verb == "press down")) and noun == "lid", "close"),
+        ((downward or (skill == "press" and verb in ("press down", "flip on"))) and noun == "lid", "close"),
         (downward and noun not in ("", "button", "lamp"), "push"),
     )
     return replace(intent, skill=next((meant for holds, meant in readings if holds), skill))

@@ -27,10 +27,10 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
         give * lift, whisk|whip * up, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
-        hand|pass|give me, hand|pass|give * to me, fish|whip|whisk|pluck * out, whip|whisk * off""",
+        hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
         transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling,
+        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling|toss|clear|tidy|stash|bring,
         pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
@@ -39,10 +39,10 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         flip|enable|trigger|flick|brighten|touch|poke, push|press down on, push in|on, give * press|tap|poke, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
-    open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
-        pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw * open, pop|prise|pry * off,
+    open="""open|prise|pry|prop|flip|swing|fold * up, pop * cork, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
+        pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw|crack * open, pop|prise|pry * off,
         swing|fold|tip|tilt|flip * back""",
-    twist="""unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
+    twist="""give * twist, unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
         screw|twist * open, turn|spin * lid|cap|stopper""",
     close="""close|seal * up, close|shut|seal|cover,
         swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
@@ -51,7 +51,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
-    unsupported="""screw|turn|kick|throw|toss|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
+    unsupported="""screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
         stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
         spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
         sell|watch|read|dim|extinguish|release|assemble|build""",
@@ -69,8 +69,8 @@ NOUNS: dict[str, tuple[str, ...]] = _table(
     lid="lid, cap, cover, stopper, cork", container="container, bin, basket, crate", ring="ring, hoop",
     pillar="pillar, peg, post, pole, column", umbrella="umbrella, parasol, brolly", stand="stand, holder, rack",
     handle="handle, grip, haft, knob", drawer="drawer", cabinet="cabinet, cupboard, chest, dresser",
-    tower="tower, stack, pile",
-    object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element",
+    tower="tower, stack, pile, row, line",
+    object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element, fella, fellow, chap, guy, thingy",
 )  # fmt: skip
 """Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
 
@@ -122,11 +122,11 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
     right_of="to the right side of, on|to the right of, right of", front_of="in front of, before",
     behind="behind, in back of, beyond", with_="with, using",
     in_="into, inside of, inside, in to, in, within",
-    from_="""away from, off of, off, from, out of, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
+    from_="""away from, off of, off, from, out of, out the|its|that|this, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
 """Relation to its wordings."""
-UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
+UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
@@ -158,12 +158,12 @@ FILLERS = _words("""
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind
 """)
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
-WISHING = _words("ought love want like need needs should must belongs goes shall let have has wish")
+WISHING = _words("ought love want wants like need needs should must belongs goes shall let have has wish")
 """A clause with one of them asks for a state of things."""
 NEEDING = re.compile(
     r"\b(?:(?:i|we) (?:want|need)|(?:i'd|we'd|could|would|can|may) (?:\w+ )?(?:like|love|have))\b"
@@ -192,43 +192,82 @@ SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, 
 TOUCHES = tuple("knock touch hit bump disturb".split())
 MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".split())
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
-BACKGROUND = re.compile(
-    r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
-    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to(?! have\b| see\b| look\b| peek\b))"
-    r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
-    r"|^(?:it's|it is) (?:too|so|very|quite|really|rather|getting|starting|a bit|a little) [^,.;!?:]*(?=[,.;!?:])"
-    r"| , (?:the )?\w+ and all\b"
+SINCE = _words("for because cause cos so like as since before")
+"""Words from which on it is told why, for whom, or what like."""
+TURNING = _words("""if unless when whenever once after until till then first instead except excluding without only or nor
+    neither but yet rather stop wait cancel ignore forget never no nope hope wonder dare pretend imagine kidding joking
+    changed mind later tomorrow actually sure ready careful don dont leave keep air myself himself herself
+    two three four five six seven eight nine ten half""")
+"""Words that may turn, delay or call off a wish: a clause with one of them is no aside."""
+STANDING = _words("left standing sitting lying sticking poking hanging")
+"""A side, and forms of verbs that tell where things are."""
+SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she she's they they're it it's there there's you
+    you've you're someone somebody nobody anybody everybody everyone who my our his""")
+"""Whom a statement is about."""
+CONDITIONS = _words("if unless when whenever once after until till")
+PLACES = _words("on in into inside onto beside behind")
+WHITHER = PLACES | _words("off out up down")
+ONES = _words("left right middle front other")
+BEING = _words("is are was were 's am looks seems feels stays has had have")
+"""Verbs of statements: what is said to be so is not asked for."""
+ASKED = _words("""is are was were did does am do has have had should who whose which what when where why how can could may
+    will would""")
+"""How questions begin; those to ``ASKED_OF`` with one of ``MODALS`` are wishes."""
+ASKED_OF = _words("you i we someone somebody anybody mind possible")
+MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
+REPORTING = re.compile(
+    r"\bwould you like\b(?! to)|\b(?:nobody|no one)\b|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
+    r"|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
+    r"|(?<!would )(?<!'d )(?<!should )(?<!ever )(?<!really )\b(?:like|love)s? (?:the|that|my|it)\b"
 )
-"""What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
+"""What is said of wishes, and is none: offers, regrets, judgements."""
+IDLE = re.compile("|".join((
+    r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
+    r" , (?:the )?\w+ and all\b", r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
+    r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
+    r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
+    r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",
+    r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+"
+    r" (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*",
+    r"\b(?:till|until|so)(?: that)? (?:it|the \w+)(?: is|'s| 's)? (?:shuts?|close[sd]|opens?|clicks)\b",
+    r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
+)))  # fmt: skip
+"""Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
 PLAINER = (
-    (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"),
+    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
+    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
+    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
+    (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?"
+     r"(?:have a \w+|try|help(?: me| us)?(?: out)?|give (?:me|us) a hand|(?:do|see to|manage) (?:it|that))\b", r"please \1"),
+    (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
+     r"(?=(?:the|that|this|my) )", "i want "),
+    (r"\bi (?:could|can) (?:do with|use) |\bi'm after ", "i want "),
+    (r"(?<=i want )([^,.;:!?]*?)(?:finds? its way|(?:ends?|winds?) up|lands) ", r"\1"),
+    (r"^(?:on )?((?:the |that )?\w+ \w+)(?: is| , that's| , that is) where (?:i'd like (?:to have )?|i want )?([^,.;!?]*?)"
+     r"(?: (?:should (?:be|go)|goes|belongs|to go|to be))?(?= [.,!?]|$)", r"i want \2 onto \1"),
+    (r"\bwhere (the (?:\w+ ){1,3})is\b", r"onto \1"), (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
-    (r"\b(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?\b"
-     r"(?! out of| from| out from)(?: out| up| there| right)*\b", "standing"),
-    (r"\bso (?:that )?(?:no|nothing|nobody|it no|they)\b[^,.;!?:]*", ""),
-    (r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b", ""),
+    (r"\b(?:(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?"
+     r"|(?:stick|pok|jutt|hang)ing out)\b(?! out of| of| from| out from)(?: out| up| there| right)*\b", "standing"),
 )  # fmt: skip
-"""What the grammar reads more easily said: where something is, not where it goes; not what it is for."""
-WHY = re.compile(
-    r"^(?:(?:please|can|could|would|will|you|kindly|just) )*(?P<first>\w+)[^,.;!?:]* , so (?!that\b)"
-)
-"""A reason before what is asked for."""
-THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
-"""What parts wishes that follow one another."""
+"""What the grammar reads more easily said: where something is, not where it goes."""
 LOOK_IN = re.compile(
-    r"\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) |\b(?:have|take|get) a \w+ (?:inside|into|in) "
-    r"|\b(?:look|peek|peep) (?:inside|into) "
+    r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
+    r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) "
 )
 """Wishes to see into something, which is opened for that."""
+THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
+"""What parts wishes that follow one another."""
 UNREAD = re.compile(
-    r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
-    r"|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
+    r"\b(if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
+    r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
     "gave": "give", "given": "give", "laid": "lay", "slid": "slide", "swept": "sweep", "caught": "catch",
-    "made": "make", "left": "left", "rose": "rose",
+    "made": "make", "hung": "hang", "stuck": "stick", "left": "left", "rose": "rose",
 }  # fmt: skip
 """Inflections that no rule gives; ``left`` and ``rose`` stay a side and a colour."""

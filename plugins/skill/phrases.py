@@ -61,7 +61,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
     after = rest[specific[-1][0] + 1 :] if specific else []
-    after = [t for t in after if _is_content(t) and t not in lexicon.WISHING | lexicon.SHINING]
+    after = [t for t in after if _is_content(t) and noun_class(t) != "object"]
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
     owner: Phrase | None = None
@@ -83,7 +83,8 @@ def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:
 
 
 def _is_content(token: str) -> bool:
-    dull = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TABLE_WORDS
+    dull = lexicon.FILLERS | lexicon.WISHING | lexicon.SHINING | lexicon.TABLE_WORDS
+    dull |= lexicon.DETERMINERS | lexicon.PRONOUNS
     return token.isalpha() and token not in dull and token not in lexicon.NUMBERS
 
 

@@ -12,9 +12,10 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.chaining import is_container
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import phrase_at
+from gvla2_plugins.skill.grammar import heard
 from gvla2_plugins.skill.grounding import ground
 from gvla2_plugins.skill.phrases import read_phrase
-from gvla2_plugins.skill.words import noun_class, spell, tokenise, verbs_of
+from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
 
 EACH = lexicon.EACH - {"any", "anything"}
 INTO = (*lexicon.RELATIONS["in"], "onto", "on to", "on", "to", "by")
@@ -30,8 +31,7 @@ Pair = tuple[SceneObject, SceneObject]
 
 def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
     """The pairs of a sentence about several things, None for any other sentence."""
-    known = frozenset(word for o in scene.objects for word in tokenise(o.label)) | EACH
-    tokens, _ = spell(tokenise(sentence), spelling, known)
+    tokens, _ = heard(sentence, [o.label for o in scene.objects], spelling)
     if not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
     many = bool(EACH & set(tokens)) or any(_plural(t) for t in tokens)

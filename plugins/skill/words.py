@@ -42,7 +42,7 @@ def _verb_forms() -> dict[str, frozenset[str]]:
     for form, base in lexicon.IRREGULAR.items():
         if base in bases:
             forms.setdefault(form, set()).add(base)
-    for form in ("left", "standing", "sitting", "lying"):  # a side, and where things are
+    for form in lexicon.STANDING:
         forms.pop(form, None)
     return {form: frozenset(found) for form, found in forms.items()}
 
@@ -71,7 +71,8 @@ def vocabulary() -> frozenset[str]:
     for listed in (
         lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
         lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.LETTING, lexicon.UNTOUCHED,
-        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, FAMILIES, {"grey"},
+        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, lexicon.EACH,
+        FAMILIES, {"grey"},
         *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
     ):  # fmt: skip
         words |= {word for phrase in listed for word in phrase.split()}

@@ -196,7 +196,9 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     everything = [pair for pairs in by_task.values() for pair in pairs]
     won, lost = won_and_lost(everything)
     sure = _different(by_task)
-    named = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
+    named = (
+        ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
+    )
     tone: Tone = "" if change.low <= 0 <= change.high else "better" if change.points > 0 else "worse"
     return SheetCell(
         (

@@ -1,0 +1,132 @@
+"""Asides: what a sentence tells or asks beside its wish. Left unread, or kept only as what the wish is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from gvla2.planning.colours import FAMILIES
+from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.clauses import STOPS, noun_use
+from gvla2_plugins.skill.words import noun_class, verbs_of, vocabulary
+
+
+def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
+    """The tokens without asides, and with no more of statements and questions than the thing that they name.
+
+    ``known`` are the words of the scene's labels.
+    """
+    kept: list[str] = []
+    for words, stop in _segments(tokens):
+        if words[0] == "so" and words[1:2] != ["that"] and _reason(kept):
+            kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
+        for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
+            if _aside(words[at:], known):  # "open it for Nan"
+                words = words[:at]
+                break
+            if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take it out"
+                words = words[at + 1 :]
+                break
+        if _aside(words, known):
+            words = []
+        elif _tells(words, stop):
+            words = _topic(words, known)
+        kept += [*words, stop]
+    return [t for i, t in enumerate(kept) if t and (t not in STOPS or (i and kept[i - 1] not in STOPS))]
+
+
+def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
+    """The words between stops, each with the stop after it."""
+    found: list[tuple[list[str], str]] = [([], "")]
+    for token, following in pairwise([*tokens, ""]):
+        if token in STOPS or (token in ("and", "but") and following in lexicon.SUBJECTS):
+            found[-1] = (found[-1][0], token)
+            found.append(([], ""))
+        else:
+            found[-1][0].append(token)
+    return [(words, stop) for words, stop in found if words]
+
+
+def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
+    """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
+    said = set(words)
+    if words == ["honey"]:
+        return True
+    if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
+        return False
+    denies = words[: words.index("not")] if "not" in said else ["i"]
+    if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
+        return False
+    keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
+    about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
+    if (about and said & keeps) or (words[0] == "so" and verbs_of("".join(words[1:2]))):
+        return False
+    if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
+        return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
+    if words[0] in ("the", "an", "this", "these", "those"):  # "the guests are here", but not "the ketchup"
+        return bool(said & lexicon.BEING)
+    follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.WHITHER | {"me", "us"})
+    return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
+
+
+def _tells(words: Sequence[str], stop: str) -> bool:
+    """Whether it says how things are or were, or asks that: no wish, whatever verbs are in it."""
+    said = set(words)
+    if lexicon.REPORTING.search(" ".join(words)):
+        return True
+    if said & lexicon.CONDITIONS and "remember" not in said:
+        return False
+    first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
+    if lexicon.ASKED_OF & said and lexicon.MODALS & said:
+        return False
+    if first in lexicon.ASKED and (stop == "?" or first in lexicon.BEING - {"has", "have"}):
+        return True
+    wishing = lexicon.WISHING - lexicon.BEING | {"to"}
+    if not (acts := _acts(words)):
+        where = wishing | lexicon.PLACES | lexicon.SHINING | {"that"}
+        return stop == "?" or (bool(said & lexicon.BEING) and not said & where)
+    before = set(words[: acts[0]])
+    if before & {"too", "stop", "stopped", "thanks", "hope", "remember"}:
+        return True
+    if before & (wishing | lexicon.MODALS):
+        return False
+    told = before and (words[0] in lexicon.SUBJECTS or before & lexicon.BEING)
+    return bool(told) or (stop == "?" and not lexicon.MODALS & said and acts[0] == 0)
+
+
+def _acts(words: Sequence[str]) -> list[int]:
+    return [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
+
+
+def _reason(words: Sequence[str]) -> bool:
+    """Whether it begins with no verb of doing and sets no condition."""
+    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
+    return not verbs_of(first) and not lexicon.CONDITIONS & set(words)
+
+
+def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
+    """The first thing that is named, with its article and colour."""
+    naming = known - set(FAMILIES) | set(lexicon.CONTENTS)
+    nouns = [i for i, word in enumerate(words) if noun_class(word) or word in naming]
+    if not nouns:
+        return []
+    begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])
+    while begin and (words[begin - 1] in FAMILIES or words[begin - 1] in lexicon.DETERMINERS):
+        begin -= 1
+    return list(words[begin : end + 1])
+
+
+def _named(words: Sequence[str], known: frozenset[str]) -> bool:
+    """Whether something is named that may be in the scene: by a noun, a colour, a side, or as the other one."""
+    sides = {word for wordings in lexicon.SELECTORS.values() for w in wordings for word in w.split()}
+    for i, word in enumerate(words):
+        if (word == "can" and not noun_use(words, i)) or (i and words[i - 1] in ("a", "an")):
+            continue  # "I can not get a grip on it"
+        pointed = {"the", "this", "that", "other"} & {*words[max(i - 1, 0) : i]}
+        if (noun_class(word) == "object" or word in sides) and pointed:
+            return True
+        if (noun_class(word) or "object") != "object" or word in FAMILIES or word in lexicon.CONTENTS:
+            return True
+        if word in lexicon.ONES or (word in known and not verbs_of(word)):
+            return True
+    return False
