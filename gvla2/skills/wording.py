@@ -18,12 +18,12 @@ from gvla2.skills.parts import root_of
 _VESSEL = (
     "mug cup tumbler beaker glass goblet teacup tankard pot pail bucket vessel vase tub jar can tin canister"
 )
-_PACK = "box carton packet pack package parcel crate case chest trunk container bin coffer casket tub"
+_PACK = "box carton packet pack package parcel crate case chest trunk container bin coffer casket tub tote toolbox"
 _FLAT = (
     "mat sheet paper note tile patch pad cloth napkin towel card board panel rug carpet marker spot area zone"
 )
 _LONG = "umbrella parasol brolly brush broom mop stick cane rod wand scrubber plunger pole duster"
-_COVER = "lid flap cover top cap hatch stopper cork bung plug"
+_COVER = "lid flap cover top cap hatch stopper cork bung plug closure"
 _BAR = "brick block piece bar plank plug peg slab slat tile tab bit strip stick log wedge"
 
 LOOKS: dict[str, frozenset[str]] = {
@@ -53,7 +53,7 @@ LOOKS: dict[str, frozenset[str]] = {
         "post": "peg pole stick rod pin stake pillar column bar spike dowel stump block brick slab tile domino",
         "umbrella": _LONG,
         "stick": _LONG,
-        "stand": "holder pot rack base bucket pail cup box container pedestal planter vase tub",
+        "stand": "holder pot rack base bucket pail cup box container pedestal planter vase tub bin basket crock",
         "handle": "grip knob shaft haft hilt stem",
         "knife": "blade dagger cutter cleaver",
         "knife block": "stand holder rack block base",
@@ -75,7 +75,9 @@ def in_scene_words(wish: str, scene: Scene) -> str:
     told: dict[tuple[int, int], str] = {}
     for i, word in enumerate(plain):
         begin = _noun_phrase(plain, i)
-        if begin is None:
+        if begin is None or (
+            word == "can" and plain[i - 1] in ("i", "we", "you", "one", "she", "he", "they")
+        ):
             continue
         at, colour = _colour(plain[begin:i], scene)
         if at and not colour:  # of a colour that the scene lacks

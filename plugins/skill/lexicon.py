@@ -159,7 +159,7 @@ FILLERS = _words("""
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
     locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind
-""")
+    eh ah lah leh""")
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
@@ -222,18 +222,29 @@ REPORTING = re.compile(
 )
 """What is said of wishes, and is none: offers, regrets, judgements."""
 IDLE = re.compile("|".join((
-    r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
+    r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)?\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
     r" , (?:the )?\w+ and all\b", r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
     r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
     r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
     r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",
     r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+"
     r" (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*",
-    r"\b(?:till|until|so)(?: that)? (?:it|the \w+)(?: is|'s| 's)? (?:shuts?|close[sd]|opens?|clicks)\b",
+    r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b",
     r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
 )))  # fmt: skip
 """Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
 PLAINER = (
+    (r"^(?:right|eh|oi|robot) , ", ""), (r"\bright (?=there|here|now|away|beside|next|in front|behind)", ""),
+    (r"\b(?:she|he) (?:'s|is) (?=sitting|standing|lying|on|in|over|shut|closed|open)", "it is "), (r"(?<=\w )er\b", "it"),
+    (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(\w+)ish (?=\w)", r"\1 "),
+    (r"(?<!stop)(?: over| up| down)? there(?= [.,!?]|$)", ""), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
+    (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
+    (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "), (r" coloured\b", ""),
+    (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
+    (r"\b(?:free|clear) (?=of|from)", "out "), (r"\bthe (?:neck|mouth|rim) of (?=the \w+)", ""),
+    (r"\bwhichever (\w+) you \w+(?: \w+ing)?\b", r"any \1"), (r" ,? any (?:one )?will do\b", ""),
+    (r"\b(?:not )?too much (?:trouble|bother)\b", "no trouble"), (r"\bi 'd love (?=(?:the|that|this))", "i want "),
+    (r"\b(?:before|now that|while) (?:i|we|she|he|they|somebody|someone|the little one|(?:i|we)'ve)\b[^,.;!?:]*(?=[.,;!?:]|$)", ""),
     (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"),
     (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
