@@ -237,8 +237,11 @@ PLAINER = (
     (r"^(?:right|eh|oi|robot) , ", ""), (r"\bright (?=there|here|now|away|beside|next|in front|behind)", ""),
     (r"\b(?:she|he) (?:'s|is) (?=sitting|standing|lying|on|in|over|shut|closed|open)", "it is "), (r"(?<=\w )er\b", "it"),
     (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(\w+)ish (?=\w)", r"\1 "),
-    (r"(?<!stop)(?: over| up| down)? there(?= [.,!?]|$)", ""), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
+    (r"\b((?:the|that|this) (?:\w+ ){0,2}?(?!and\b)\w+)(?: over| up| down)? there(?= [.,!?]|$)", r"\1"), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
     (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
+    (r"\b(?:if you (?:could|can|would|will)(?: just)?|why (?:don't|do not) you|let's see you) (?=\w)", "please "),
+    (r"[, ]*\b(?:that|it)(?:'d| would) be (?:a )?(?:\w+ )?(?:help|lovely|great|kind|appreciated|perfect)\b", ""),
+    (r"^(lid|top|flap) up\b", r"open the \1"),
     (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "), (r" coloured\b", ""),
     (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
     (r"\b(?:free|clear) (?=of|from)", "out "), (r"\bthe (?:neck|mouth|rim) of (?=the \w+)", ""),
@@ -271,7 +274,9 @@ LOOK_IN = re.compile(
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
 UNREAD = re.compile(
-    r"\b(if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
+    r"^(?:once|when|whenever|after(?! that| this)|as soon as|tomorrow|tonight|later|next (?:\w+)|at \w+ o'clock)\b"
+    r"|\btomorrow\b|\bthe robot (?:can|has|is|will|may|need|does)\b"
+    r"|\b(yourself|if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
