@@ -67,6 +67,16 @@ LOOKS: dict[str, frozenset[str]] = {
 """Labels of perception, and what people may call such an object."""
 
 
+_SURFACES_AND_STATES = set(
+    re.findall(
+        r"\w+",
+        "cutting chopping serving landing building playing sticking poking jutting protruding standing lying sitting "
+        "resting hanging leaning remaining missing matching closing screwing",
+    )
+)
+"""Words on -ing before a noun that do not make another thing of it."""
+
+
 def in_scene_words(wish: str, scene: Scene) -> str:
     """The wish with the scene's words for objects that it names otherwise; unchanged if there are none."""
     words = list(re.finditer(r"[A-Za-z]+|[,.;:!?]", wish))
@@ -82,6 +92,8 @@ def in_scene_words(wish: str, scene: Scene) -> str:
         at, colour = _colour(plain[begin:i], scene)
         if at and not colour:  # of a colour that the scene lacks
             continue
+        if plain[i - 1].endswith("ing") and plain[i - 1] not in _SURFACES_AND_STATES:
+            continue  # a thing named by its use: a walking stick is no umbrella
         noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
         if noun and noun != word:
             doubled = i > begin and noun.startswith(f"{plain[i - 1]} ")  # "the knife stand", a knife block

@@ -48,7 +48,21 @@ def ground(
     noun = "block" if movable and phrase.noun == "target" and not called else phrase.noun
     fits = _fits(phrase, noun, pool)
     fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
-    return _single(phrase, _of_colour(phrase, fits, scene), scene)
+    found = _single(phrase, _of_colour(phrase, fits, scene), scene)
+    if isinstance(found, Grounded) and _holds_other(phrase, found.object):
+        return Abstention(
+            "nothing_matches", f"{phrase.text!r}: the {found.object.label} holds something else."
+        )
+    return found
+
+
+def _holds_other(phrase: Phrase, thing: SceneObject) -> bool:
+    """Whether it is a bottle of another colour than those of the contents that are named: mustard is no milk."""
+    named = [
+        word for word in phrase.unknown if word in lexicon.CONTENTS and word not in tokenise(thing.label)
+    ]
+    usual = [colour for word in named for colour in lexicon.CONTENTS[word]]
+    return _kind(thing) == "bottle" and bool(named) and not any(meant_by(c, [thing.colour]) for c in usual)
 
 
 def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:

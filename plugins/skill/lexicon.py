@@ -29,7 +29,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
         hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
-        transport|leave|move|stow|store|park|load|pile|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
+        transport|leave|move|stow|store|park|load|pile|balance|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
         loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling|toss|clear|tidy|stash|bring,
         pass * over|through|onto, drop * off, put * away|back""",
     push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
@@ -86,6 +86,7 @@ CONTENTS: dict[str, tuple[str, ...]] = {
     "mustard": ("yellow",), "ketchup": ("red",), "mayonnaise": ("white",), "mayo": ("white",), "milk": ("white",),
     "wine": ("green", "red", "white", "black"), "champagne": ("green", "black"), "honey": ("yellow", "orange"),
     "water": ("white", "blue"), "oil": ("green", "yellow"), "soy": ("black", "brown"), "syrup": ("brown",),
+    **dict.fromkeys(("beer", "cola", "juice", "vinegar", "sauce", "shampoo", "soap", "detergent", "lemonade", "medicine", "bleach", "perfume", "lotion", "ink"), ()),
 }  # fmt: skip
 """What comes in bottles, which people say for the bottle, and the colours that such bottles are."""
 PARTS = frozenset(("lid", "handle", "button"))
@@ -239,6 +240,7 @@ PLAINER = (
     (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(\w+)ish (?=\w)", r"\1 "),
     (r"\b((?:the|that|this) (?:\w+ ){0,2}?(?!and\b)\w+)(?: over| up| down)? there(?= [.,!?]|$)", r"\1"), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
     (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
+    (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "),
     (r"\b(?:if you (?:could|can|would|will)(?: just)?|why (?:don't|do not) you|let's see you) (?=\w)", "please "),
     (r"[, ]*\b(?:that|it)(?:'d| would) be (?:a )?(?:\w+ )?(?:help|lovely|great|kind|appreciated|perfect)\b", ""),
     (r"^(lid|top|flap) up\b", r"open the \1"),
