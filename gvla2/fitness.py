@@ -22,7 +22,7 @@ _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 def structured(component: Component[Any]) -> DictConfig:
     """The component's options as a typed OmegaConf node, with ``name`` filled in; not to be changed."""
-    return _structured(component.config, component.name)
+    return _structured(component.config, component.name)  # type: ignore[arg-type]  # a class can be hashed
 
 
 @lru_cache(
