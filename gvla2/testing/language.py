@@ -133,9 +133,7 @@ class LocalModel:
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
                 size = int(self.headers.get("content-length", 0))
-                headers = {
-                    name.title(): value for name, value in self.headers.items()
-                }  # clients differ in case
+                headers = {name.title(): value for name, value in self.headers.items()}  # clients differ here
                 self._send(model._reply(json.loads(self.rfile.read(size)), headers))
 
             def do_GET(self) -> None:
