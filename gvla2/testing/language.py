@@ -133,7 +133,8 @@ class LocalModel:
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
                 size = int(self.headers.get("content-length", 0))
-                self._send(model._reply(json.loads(self.rfile.read(size)), dict(self.headers)))
+                headers = {name.title(): value for name, value in self.headers.items()}  # clients differ here
+                self._send(model._reply(json.loads(self.rfile.read(size)), headers))
 
             def do_GET(self) -> None:
                 self._send(Reply({"object": "list", "data": [{"id": name} for name in model._models]}))
