@@ -237,11 +237,11 @@ IDLE = re.compile("|".join((
 PLAINER = (
     (r"^(?:right|eh|oi|robot) , ", ""), (r"\bright (?=there|here|now|away|beside|next|in front|behind)", ""),
     (r"\b(?:she|he) (?:'s|is) (?=sitting|standing|lying|on|in|over|shut|closed|open)", "it is "), (r"(?<=\w )er\b", "it"),
-    (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(\w+)ish (?=\w)", r"\1 "),
+    (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(green|yellow|brown|purple|pink|orange|gray|black|white)ish (?=\w)", r"\1 "),
     (r"\b((?:the|that|this) (?:\w+ ){0,2}?(?!and\b)\w+)(?: over| up| down)? there(?= [.,!?]|$)", r"\1"), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
     (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
     (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "),
-    (r"\b(?:if you (?:could|can|would|will)(?: just)?|why (?:don't|do not) you|let's see you) (?=\w)", "please "),
+    (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you|let's see you) (?=\w)", r"\1please "),
     (r"[, ]*\b(?:that|it)(?:'d| would) be (?:a )?(?:\w+ )?(?:help|lovely|great|kind|appreciated|perfect)\b", ""),
     (r"^(lid|top|flap) up\b", r"open the \1"),
     (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "), (r" coloured\b", ""),

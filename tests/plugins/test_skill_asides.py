@@ -8,6 +8,7 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2_plugins.skill.grammar import heard
 from gvla2_plugins.skill.planner import read
 
 
@@ -228,3 +229,8 @@ def test_a_wish_is_read_beside_what_asks_for_nothing(where, line):
 def test_what_only_looks_like_a_wish_is_declined(where, sentence):
     found = read(sentence, SCENES[where])
     assert isinstance(found, Abstention), found
+
+
+def test_plainer_words_do_not_eat_others():
+    assert heard("put the dish on the greenish mat")[0][1:3] == ["the", "dish"]
+    assert "please" not in heard("let me know if you could lift the cube")[0]
