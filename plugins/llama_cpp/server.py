@@ -2,8 +2,9 @@
 
 Processes agree by locks on files in the server's folder, which the system frees when a process ends in any way:
 
-    users    held, shared, by each process that may ask; the server ends when it gets it exclusively serving  held by
-    the server while it lives start held while a process looks for the server or starts it, so that only one does
+* ``users`` is held, shared, by each process that may ask; the server ends when it gets it for itself alone;
+* ``serving`` is held by the server while it lives;
+* ``start`` is held while a process looks for the server or starts it, so that only one does.
 """
 
 from __future__ import annotations
