@@ -16,6 +16,7 @@ from gvla2.programs.misreading import misread, onto_itself
 from gvla2.programs.wishes import acting, undoable
 from gvla2.skills.mentions import ACTS, PUT, asked, mentions, noun_of
 from gvla2.skills.parts import root_of
+from gvla2.skills.wording import may_name
 
 SELECTING = frozenset(
     "left right leftmost rightmost middle centre center near nearest far farthest furthest close closest front back "
@@ -143,8 +144,8 @@ def ruled_out(instruction: str) -> str:
 
 
 def beyond(instruction: str, scene: Scene) -> Abstention | None:
-    """Why a small model should not be asked: words that it overlooks, a colour that no object has, or a verb without a
-    skill; None if it may be asked.
+    """Why a small model should not be asked: words that it overlooks, a colour that no object has, a verb without a
+    skill, or nothing that is there; None if it may be asked.
     """
     if SPEAKERS.search(instruction.casefold()):
         return Abstention("ambiguous", "Where the speaker stands is not known.")
@@ -161,6 +162,10 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
         return Abstention("nothing_matches", f"Nothing is {colour} (planner.cautious=false asks anyway).")
     if alone := onto_itself(instruction, scene):
         return Abstention("nothing_matches", f"There is only one {alone} here.")
+    if not may_name(instruction, scene):
+        return Abstention(
+            "nothing_matches", "It names nothing that is here (planner.cautious=false asks anyway)."
+        )
     return None
 
 

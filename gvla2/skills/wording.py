@@ -32,7 +32,7 @@ LOOKS: dict[str, frozenset[str]] = {
         "cup": _VESSEL,
         "bowl": "basin dish saucer pan pot tub vessel",
         "cylinder": f"{_VESSEL} drum barrel tube keg container",
-        "bottle": "flask carafe flagon vial phial decanter jug pitcher dispenser tube container carton",
+        "bottle": "flask carafe flagon vial phial decanter jug pitcher dispenser tube container carton wine",
         "jar": f"{_VESSEL} bottle vial flask urn crock tube barrel drum container",
         "box": f"{_PACK} block brick cuboid bar",
         "open box": f"{_PACK} basket tray",
@@ -66,7 +66,11 @@ LOOKS: dict[str, frozenset[str]] = {
 }
 """Labels of perception, and what people may call such an object."""
 
-
+_ANYTHING = {
+    *re.findall(r"\w+", "it them this that one ones thing things object objects item items piece pieces part")
+}
+_ANYTHING |= {"all", "something", "anything", "everything", "light", "lights"}
+"""Words that may mean an object of any kind; a light is what a lamp has, and what its button gives."""
 _SURFACES_AND_STATES = set(
     re.findall(
         r"\w+",
@@ -105,6 +109,14 @@ def in_scene_words(wish: str, scene: Scene) -> str:
         if end <= kept:
             wish, kept = wish[:start] + new + wish[end:], start
     return wish
+
+
+def may_name(wish: str, scene: Scene) -> bool:
+    """Whether any word of a wish may mean an object of the scene, by its label, its look, its colour or a pronoun."""
+    words = set(re.findall(r"[a-z]+", wish.casefold()))
+    known = {word for o in scene.objects for word in (*o.label.casefold().split(), *LOOKS.get(_kind(o), ()))}
+    singular = {word.removesuffix("s") for word in words} | {word.removesuffix("es") for word in words}
+    return bool((words | singular) & known or words & (_ANYTHING | set(FAMILIES) | set(SYNONYMS)))
 
 
 def _noun_phrase(words: Sequence[str], i: int) -> int | None:

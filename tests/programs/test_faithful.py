@@ -95,3 +95,16 @@ def test_what_only_the_speaker_sees_and_what_is_not_there_twice_is_not_asked():
     assert beyond("take the cube on my left", SCENE).kind == "ambiguous"
     assert beyond("put the red cube on top of the tall red cube", SCENE).kind == "nothing_matches"
     assert beyond("put the red cube on top of the blue cube", SCENE) is None
+
+
+@pytest.mark.parametrize(
+    ("wish", "names"),
+    [
+        ("Take up those carrots for the stew.", False), ("Turn the radio on.", False), ("Pick the scissors up", False),
+        ("Lift the dice", True), ("Lift both cubes", True), ("Grab it!", True), ("Take the crimson one", True),
+    ],
+)  # fmt: skip
+def test_a_wish_that_names_nothing_of_the_scene_is_not_for_a_model(wish, names):
+    refusal = beyond(wish, SCENE)
+    assert (refusal is None) is names
+    assert names or refusal.kind == "nothing_matches"
