@@ -100,9 +100,9 @@ SUPPORTS = _words("table tabletop desk surface ground floor bench counter")
 TABLE_WORDS = SUPPORTS | _words("air sky top height heights hand gripper")
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left,
+    left="""on the left hand side, on the left side, on|at|to the left, on|to your left, furthest|farthest left,
         at|on the far left, leftmost, left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
+    right="""on the right hand side, on the right side, on|at|to the right, on|to your right, furthest|farthest right,
         at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
