@@ -47,9 +47,9 @@ def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
-    for wording, plainer in (*lexicon.PLAINER, (lexicon.IDLE, "")):
+    for wording, plainer in lexicon.PLAINER:
         text = re.sub(wording, plainer, text)
-    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
+    return wishes(text.split(), known), notes
 
 
 def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
