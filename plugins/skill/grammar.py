@@ -29,6 +29,10 @@ MARKERS = {
 """Wordings that part a clause, or single something out; what each is, and which."""
 DIRECTED = {wording: ("direction", wording) for wording in lexicon.DIRECTIONS}
 """The same for skills that move something somewhere: "left" is a direction then, unless a noun follows."""
+VERB_PHRASES: dict[str, list[tuple[str, list[str]]]] = {}
+"""Verb to the skills that its phrases ask for, and the rest of each phrase."""
+for _skill, _phrase in ((skill, p.split()) for skill, listed in lexicon.VERBS.items() for p in listed):
+    VERB_PHRASES.setdefault(_phrase[0], []).append((_skill, _phrase[1:]))
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 
@@ -142,10 +146,10 @@ def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]]
     found = []
     for i, token in enumerate(tokens):
         bases = frozenset() if noun_use(tokens, i) else verbs_of(token)
-        for skill, phrases in lexicon.VERBS.items():
-            for first, *rest in (p.split() for p in phrases if p.split()[0] in bases):
+        for base in sorted(bases):
+            for skill, rest in VERB_PHRASES[base]:
                 if at := _rest_at(tokens, i, rest):
-                    found.append((skill, (first, *(w for w in rest if w != "*")), at))
+                    found.append((skill, (base, *(w for w in rest if w != "*")), at))
     return max(found, key=lambda m: (len(m[2]), -m[2][0], m[0] != "unsupported"), default=None)
 
 
@@ -230,7 +234,7 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
 def _marker(tokens: Sequence[str], i: int, *, moving: bool) -> tuple[str, str, str]:
     """The longest relation, selector or direction at ``i``: wording, kind, value; all "" when there is none."""
     table = {**MARKERS, **DIRECTED} if moving else MARKERS
-    wording = phrase_at(tokens, i, tuple(table))
+    wording = phrase_at(tokens, i, table)
     kind, value = table.get(wording, ("", ""))
     following = "".join(tokens[i + len(wording.split()) :][:1])
     if noun_class(following) or following in FAMILIES or following in ("most", "hand"):
