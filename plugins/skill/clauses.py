@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.words import noun_class, verbs_of
 
 STOPS = frozenset(",.;:!?")
+LONGEST = 6
 
 Clause = tuple[list[str], str, bool]
 """Words between two cuts; the cut before them ("", "and", "stop", or "verb" where another verb begins); and whether a
@@ -63,10 +64,10 @@ def _negation(tokens: Sequence[str], i: int) -> str:
     return "but" if among and tokens[i + 1 : i + 2] != ["then"] else ""
 
 
-def phrase_at(tokens: Sequence[str], i: int, phrases: Sequence[str]) -> str:
-    """The longest of ``phrases`` that stands at position ``i``, or ""."""
-    found = [p for p in phrases if list(tokens[i : i + len(p.split())]) == p.split()]
-    return max(found, key=len, default="")
+def phrase_at(tokens: Sequence[str], i: int, phrases: Collection[str]) -> str:
+    """The longest of ``phrases`` that stands at position ``i``, or ""; none has more than ``LONGEST`` words."""
+    spans = (" ".join(tokens[i : i + n]) for n in range(LONGEST, 0, -1))
+    return next((span for span in spans if span in phrases), "")
 
 
 def noun_use(tokens: Sequence[str], i: int) -> bool:

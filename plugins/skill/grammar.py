@@ -16,6 +16,23 @@ from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, 
 
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
+MARKERS = {
+    wording: (kind, value)
+    for kind, table in (
+        ("relation", lexicon.RELATIONS),
+        ("selector", lexicon.SELECTORS),
+        ("until", {"": lexicon.UNTIL}),
+    )
+    for value, wordings in table.items()
+    for wording in wordings
+}
+"""Wordings that part a clause, or single something out; what each is, and which."""
+DIRECTED = {wording: ("direction", wording) for wording in lexicon.DIRECTIONS}
+"""The same for skills that move something somewhere: "left" is a direction then, unless a noun follows."""
+VERB_PHRASES: dict[str, list[tuple[str, list[str]]]] = {}
+"""Verb to the skills that its phrases ask for, and the rest of each phrase."""
+for _skill, _phrase in ((skill, p.split()) for skill, listed in lexicon.VERBS.items() for p in listed):
+    VERB_PHRASES.setdefault(_phrase[0], []).append((_skill, _phrase[1:]))
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 
@@ -34,9 +51,9 @@ def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     text = " ".join(tokens)
-    for wording, plainer in (*lexicon.PLAINER, (lexicon.IDLE, "")):
+    for wording, plainer in lexicon.PLAINER:
         text = re.sub(wording, plainer, text)
-    return wishes(lexicon.LOOK_IN.sub("open ", text).split(), known), notes
+    return wishes(text.split(), known), notes
 
 
 def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
@@ -129,10 +146,10 @@ def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]]
     found = []
     for i, token in enumerate(tokens):
         bases = frozenset() if noun_use(tokens, i) else verbs_of(token)
-        for skill, phrases in lexicon.VERBS.items():
-            for first, *rest in (p.split() for p in phrases if p.split()[0] in bases):
+        for base in sorted(bases):
+            for skill, rest in VERB_PHRASES[base]:
                 if at := _rest_at(tokens, i, rest):
-                    found.append((skill, (first, *(w for w in rest if w != "*")), at))
+                    found.append((skill, (base, *(w for w in rest if w != "*")), at))
     return max(found, key=lambda m: (len(m[2]), -m[2][0], m[0] != "unsupported"), default=None)
 
 
@@ -199,48 +216,32 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
     direction: tuple[float, float] | None = None
     i = 0
     while i < len(tokens):
-        filler = phrase_at(tokens, i, lexicon.UNTIL)
-        wording, kind, value = _marker(tokens, i, skill)
-        if filler and len(filler) >= len(wording):
-            wording = filler
-        elif kind == "relation":
+        wording, kind, value = _marker(tokens, i, moving=skill in ("push", "place"))
+        if kind == "relation":
             stands = tokens[i - 1 : i] == ["standing"]
             parts.append((value, None if stands else wording in DYNAMIC, [], []))
         elif kind == "selector":
             parts[-1][3].append(value)
         elif kind == "direction":
-            direction = lexicon.DIRECTIONS[wording]
-        else:
+            direction = lexicon.DIRECTIONS[value]
+        elif not kind:
             wording = tokens[i]
             parts[-1][2].append(wording)
         i += len(wording.split())
     return [_Chunk(r, d, tuple(t), read_phrase(t, s)) for r, d, t, s in parts], direction
 
 
-def _marker(tokens: Sequence[str], i: int, skill: str) -> tuple[str, str, str]:
+def _marker(tokens: Sequence[str], i: int, *, moving: bool) -> tuple[str, str, str]:
     """The longest relation, selector or direction at ``i``: wording, kind, value; all "" when there is none."""
-    tables = (("relation", lexicon.RELATIONS), ("selector", lexicon.SELECTORS))
-    found = [
-        (wording, kind, value)
-        for kind, table in tables
-        for value, wordings in table.items()
-        if (wording := phrase_at(tokens, i, wordings))
-    ]
-    if wording := phrase_at(tokens, i, tuple(lexicon.DIRECTIONS)):
-        side = next((s for s in ("left", "right") if s in wording), "")
-        if skill in ("push", "place"):
-            found.append((wording, "direction", wording))
-        elif side and " " in wording:  # "pick up the cube to the left"
-            found.append((wording, "selector", side))
-    if not found:
-        return "", "", ""
-    longest = max(len(w) for w, _, _ in found)
-    best = [f for f in found if len(f[0]) == longest]
-    following = "".join(tokens[i + len(best[0][0].split()) :][:1])
-    if following == "of" and " " not in best[0][0] and best[0][1] == "selector":
+    table = {**MARKERS, **DIRECTED} if moving else MARKERS
+    wording = phrase_at(tokens, i, table)
+    kind, value = table.get(wording, ("", ""))
+    following = "".join(tokens[i + len(wording.split()) :][:1])
+    if noun_class(following) or following in FAMILIES or following in ("most", "hand"):
+        kind, value = MARKERS.get(wording, (kind, value))  # "the left cube"
+    if kind == "selector" and following == "of" and " " not in wording:
         return "", "", ""  # "the middle of the square" singles nothing out
-    adjective = bool(noun_class(following)) or following in FAMILIES or following in ("most", "hand")
-    return next((f for f in best if f[1] == ("selector" if adjective else "direction")), best[0])
+    return wording, kind, value
 
 
 def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase | None, str]:

@@ -100,9 +100,9 @@ SUPPORTS = _words("table tabletop desk surface ground floor bench counter")
 TABLE_WORDS = SUPPORTS | _words("air sky top height heights hand gripper")
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left,
+    left="""on the left hand side, on the left side, on|at|to the left, on|to your left, furthest|farthest left,
         at|on the far left, leftmost, left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
+    right="""on the right hand side, on the right side, on|at|to the right, on|to your right, furthest|farthest right,
         at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
@@ -222,57 +222,35 @@ REPORTING = re.compile(
     r"|(?<!would )(?<!'d )(?<!should )(?<!ever )(?<!really )\b(?:like|love)s? (?:the|that|my|it)\b"
 )
 """What is said of wishes, and is none: offers, regrets, judgements."""
-IDLE = re.compile("|".join((
-    r"\b(?:i|it)(?:'d| would) be (?:\w+ ){1,4}if you(?:'d| would| could)?\b", r"\bnice (?:and )?\w+", r"\bgo ahead (?:and )?", r"\b(?:clean|right|straight) (?=out of|off|up)",
-    r" , (?:the )?\w+ and all\b", r"\bthe rest of the way\b", r"\b(?:and |then )+stop there\b", r"\bbe so (?:kind|good) as to\b",
-    r"\b(?:for )?(?:a|one) (?:sec|second|moment|minute|mo|tick)\b",
-    r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| please| can| could| would"
-    r"|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))",
-    r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+"
-    r" (?:can|could|does not|do not)\b(?! you))[^,.;!?:]*",
-    r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b",
-    r"\b(?:as )?(?:seen )?from (?:where you \w+|your (?:side|end|view|perspective|point of view))\b",
-)))  # fmt: skip
-"""Phrases that ask for nothing more: how, for how long, if it is no trouble, so that nothing happens."""
 PLAINER = (
-    (r"^(?:right|eh|oi|robot) , ", ""), (r"\bright (?=there|here|now|away|beside|next|in front|behind)", ""),
-    (r"\b(?:she|he) (?:'s|is) (?=sitting|standing|lying|on|in|over|shut|closed|open)", "it is "), (r"(?<=\w )er\b", "it"),
-    (r"\b(?:can |could you |please )?help me (?:to |out and )?(?=\w)", ""), (r"\b(green|yellow|brown|purple|pink|orange|gray|black|white)ish (?=\w)", r"\1 "),
-    (r"\b((?:the|that|this) (?:\w+ ){0,2}?(?!and\b)\w+)(?: over| up| down)? there(?= [.,!?]|$)", r"\1"), (r" a (?:touch|tad|fraction|smidge)\b", " a bit"),
-    (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
-    (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "),
-    (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you|let's see you) (?=\w)", r"\1please "),
-    (r"[, ]*\b(?:that|it)(?:'d| would) be (?:a )?(?:\w+ )?(?:help|lovely|great|kind|appreciated|perfect)\b", ""),
-    (r"^(lid|top|flap) up\b", r"open the \1"),
-    (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "), (r" coloured\b", ""),
-    (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
-    (r"\b(?:free|clear) (?=of|from)", "out "), (r"\bthe (?:neck|mouth|rim) of (?=the \w+)", ""),
-    (r"\bwhichever (\w+) you \w+(?: \w+ing)?\b", r"any \1"), (r" ,? any (?:one )?will do\b", ""),
-    (r"\b(?:not )?too much (?:trouble|bother)\b", "no trouble"), (r"\bi 'd love (?=(?:the|that|this))", "i want "),
+    (r"\bou?tta\b", "out of"), (r"\b(?:free|clear) (?=of|from)", "out "),
+    # asks for nothing more: how, if it is no trouble, so that nothing happens
+    (r"\b(?:go ahead (?:and )?|be so (?:kind|good) as to\b)", ""), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""),
+    (r"^right , |\bright (?=there|here|now|away|beside|next|in front|behind)", ""), (r" , (?:the )?\w+ and all\b", ""),
+    (r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| not| too much| please"
+     r"| can| could| would|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))", ""),
+    (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+ (?:can|could|does not"
+     r"|do not)\b(?! you))[^,.;!?:]*", ""),
+    (r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b", ""),
     (r"\b(?:before|now that|while) (?:i|we|she|he|they|somebody|someone|the little one|(?:i|we)'ve)\b[^,.;!?:]*(?=[.,;!?:]|$)", ""),
-    (r"\bou?tta\b", "out of"), (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"),
-    (r"\bof (?:them|'em) (?=\w)", "of the "), (r"\bpitch (?:black|dark)\b", "dark"), (r"\boff with ", "take off "),
-    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"), (r"\bi keep (?=\w+ing\b)", "i am "),
-    (r"(^|, )(lid|top|cap|cork|stopper) (?=off|open|shut|closed)", r"\1get the \2 "),
-    (r"\b(?:i|we) (?:can|could) not(?: seem to)? ([^,.;:!?]+) [,.;] (?:so )?(?:can|could|would|will) you (?:please )?"
-     r"(?:have a \w+|try|help(?: me| us)?(?: out)?|give (?:me|us) a hand|(?:do|see to|manage) (?:it|that))\b", r"please \1"),
+    # wishes
+    (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you) (?=\w)", r"\1please "),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
      r"(?=(?:the|that|this|my) )", "i want "),
-    (r"\bi (?:could|can) (?:do with|use) |\bi'm after ", "i want "),
-    (r"(?<=i want )([^,.;:!?]*?)(?:finds? its way|(?:ends?|winds?) up|lands) ", r"\1"),
-    (r"^(?:on )?((?:the |that )?\w+ \w+)(?: is| , that's| , that is) where (?:i'd like (?:to have )?|i want )?([^,.;!?]*?)"
-     r"(?: (?:should (?:be|go)|goes|belongs|to go|to be))?(?= [.,!?]|$)", r"i want \2 onto \1"),
-    (r"\bwhere (the (?:\w+ ){1,3})is\b", r"onto \1"), (r"\bwhichever (\w+) (?:is|'s) ", r"the \1 "),
+    (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
+    (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "), (r"\boff with ", "take off "),
+    (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
+    (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
+     r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
+    # words and places
+    (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"), (r"\bof (?:them|'em) (?=\w)", "of the "),
+    (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "),
+    (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
     (r"\b(?:(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?"
      r"|(?:stick|pok|jutt|hang)ing out)\b(?! out of| of| from| out from)(?: out| up| there| right)*\b", "standing"),
 )  # fmt: skip
-"""What the grammar reads more easily said: where something is, not where it goes."""
-LOOK_IN = re.compile(
-    r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
-    r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) "
-)
-"""Wishes to see into something, which is opened for that."""
+"""Wordings, and what the grammar reads more easily in their place; "" where they ask for nothing more."""
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
 UNREAD = re.compile(
