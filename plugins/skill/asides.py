@@ -30,7 +30,8 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
         if _aside(words, known):
             words = []
         elif _tells(words, stop):
-            words = _topic(words, known)
+            sought = words if words[0].startswith("where") else []
+            words = _topic(words, known) or sought  # "where's the ladle? hand me that": nothing else is meant
         kept += [*words, stop]
     return [t for i, t in enumerate(kept) if t and (t not in STOPS or (i and kept[i - 1] not in STOPS))]
 
@@ -100,8 +101,11 @@ def _acts(words: Sequence[str]) -> list[int]:
 
 def _reason(words: Sequence[str]) -> bool:
     """Whether it begins with no verb of doing and sets no condition."""
-    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
-    return not verbs_of(first) and not lexicon.CONDITIONS & set(words)
+    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just", "now", "please"}), "")
+    aimed = lexicon.WISHING & set(words) and {"on", "onto", "in", "into"} & set(
+        words
+    )  # it is the wish itself
+    return not (verbs_of(first) or aimed or lexicon.CONDITIONS & set(words))
 
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:

@@ -62,7 +62,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
 
 NOUNS: dict[str, tuple[str, ...]] = _table(
     block="block, cube, box, brick, cuboid, prism", cylinder="cylinder", can="can, tin, canister", bowl="bowl, basin",
-    ball="ball, sphere, orb", disc="disc, disk", plate="plate, slab, board", tray="tray", jar="jar", knife="knife",
+    ball="ball, sphere, orb", disc="disc, disk", plate="plate, slab, board", tray="tray", jar="jar", knife="knife, blade",
     target="""target, square, goal, area, zone, spot, patch, region, marker, mark, pad, mat, destination, field, rectangle,
         place, tile, sticker, location, position, circle""",
     button="button, switch, pushbutton, toggle", lamp="lamp, light, bulb, lights", cup="cup, mug", bottle="bottle, flask",
@@ -105,8 +105,8 @@ SELECTORS: dict[str, tuple[str, ...]] = _table(
     right="""on the right hand side, on the right side, on|at|to the right, on|to your right, furthest|farthest right,
         at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
-    near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
-        frontmost, nearest, closest, front, nearer, closer""",
+    near="""closest|nearest|closer|nearer to you|yourself|me, closest|nearest|closer|nearer to the|your robot|gripper|base,
+        nearest you, in|at the front, front most, frontmost, nearest, closest, front, nearer, closer""",
     far="""farthest|furthest from you, farthest|furthest away, in|at the back|rear, farthest, furthest, rearmost, back,
         rear""",
     big="biggest, largest, bigger, larger, big, large, huge, widest", tall="tallest, highest, taller, tall",
@@ -153,13 +153,13 @@ DETERMINERS = _words("a an the this that these those my your its his her our the
 FILLERS = _words("""
     please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would
     will i me us want like need must should to be is are was so which that colored coloured color colour shaped
-    looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
+    looking there here of for go ahead up down high higher lower along across upward upwards vertically horizontally safely firmly
     simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has
     have some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind done finished
     eh ah lah leh""")
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
@@ -226,10 +226,14 @@ PLAINER = (
     (r"\bou?tta\b", "out of"), (r"\b(?:free|clear) (?=of|from)", "out "),
     # asks for nothing more: how, if it is no trouble, so that nothing happens
     (r"\b(?:go ahead (?:and )?|be so (?:kind|good) as to\b)", ""), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""),
+    (r"\b(?:pls|plz)\b|(?:, )?\bnice and \w+", ""),
+    (r"(?:, )?\b(?:i |it )?(?:do|does) not (?:mind|matter|care) (?:how|which|where|what)(?: one)?(?: (?:it|way))?\b", ""),
+    (r"\ba (\w+) , any(?: one)?(?: of (?:the|them)(?: \w+)?)? will do\b", r"any \1"),
+    (r"(?:, )?\b(?:when|once) you(?:'re| 're| are)? (?:done|finished|ready|free|through)\b", ""),
     (r"^right , |\bright (?=there|here|now|away|beside|next|in front|behind)", ""), (r" , (?:the )?\w+ and all\b", ""),
     (r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| not| too much| please"
      r"| can| could| would|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))", ""),
-    (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?\w+ (?:can|could|does not"
+    (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?(?:\w+ ){1,2}(?:can|could|does not"
      r"|do not)\b(?! you))[^,.;!?:]*", ""),
     (r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b", ""),
     (r"\b(?:before|now that|while) (?:i|we|she|he|they|somebody|someone|the little one|(?:i|we)'ve)\b[^,.;!?:]*(?=[.,;!?:]|$)", ""),
@@ -237,12 +241,19 @@ PLAINER = (
     (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you) (?=\w)", r"\1please "),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
      r"(?=(?:the|that|this|my) )", "i want "),
+    (r"\bi(?: would|'d| 'd) (?:appreciate|love|like|prefer) (?:having|to have) (?!a )", "i want "),
+    (r"\bto (?:sit|stand|rest|lie|go|end up) (?=(?:on|onto|in|into|over)\b)", "to be "),
     (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
     (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "), (r"\boff with ", "take off "),
     (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
     (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
      r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
     # words and places
+    (r"\b(?:been|is|was|'ve|i|you|we|they|he|she|who|somebody|someone) left (?=the|that|this|it|open|up|on|in)", "stood "),
+    (r"\b(?:until|till) it(?: is|'s| 's| comes| gets) (?:all the way )?(?:out|free) ", "out "),
+    (r"\b(pink|green|brown|yellow|gray|orange|black)ish\b", r"\1"), (r"\bpurplish\b", "purple"), (r"\breddish\b", "red"),
+    (r"\bblu(?:e)?ish\b", "blue"), (r"\bwhitish\b", "white"),
+    (r"\b(?:him|her) (?=down|up|on|onto|in|into|over|out|off)", "it "),
     (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"), (r"\bof (?:them|'em) (?=\w)", "of the "),
     (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
@@ -255,7 +266,7 @@ THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", 
 """What parts wishes that follow one another."""
 UNREAD = re.compile(
     r"^(?:once|when|whenever|after(?! that| this)|as soon as|tomorrow|tonight|later|next (?:\w+)|at \w+ o'clock)\b"
-    r"|\btomorrow\b|\bthe robot (?:can|has|is|will|may|need|does)\b"
+    r"|\btomorrow\b|(?<!little )\bwhen (?:i|we|he|she|they|my) (?!was|were)|\bthe robot (?:can|has|is|will|may|need|does)\b"
     r"|\b(yourself|if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
