@@ -27,11 +27,12 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
             if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take it out"
                 words = words[at + 1 :]
                 break
-        if _aside(words, known):
+        if "".join(words[:1]).startswith("where") and "the" in words:  # "where's the ladle? hand me that"
+            words = _topic(words, known) or words
+        elif _aside(words, known):
             words = []
         elif _tells(words, stop):
-            sought = words if words[0].startswith("where") else []
-            words = _topic(words, known) or sought  # "where's the ladle? hand me that": nothing else is meant
+            words = _topic(words, known)
         kept += [*words, stop]
     return [t for i, t in enumerate(kept) if t and (t not in STOPS or (i and kept[i - 1] not in STOPS))]
 

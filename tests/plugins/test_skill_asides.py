@@ -60,18 +60,19 @@ SCENES = {
 }
 
 READ = {
-    "square": """c s|Could you see that the little red cube finds its way onto the blue square, love?
-c s|My lad's been messing about, so please put the red cube back on its blue square.
+    "square": """c s|My lad's been messing about, so please put the red cube back on its blue square.
 c s|You see that red cube? I want it on the blue square.
-c s|The blue square is where the red cube should be.
+c s|Put the reddish cube on the blue square, I don't mind which way.
+c s|I would appreciate having the red cube on the blue square when you're done.
+c s|I'd love the red cube to sit on the blue square.
+c s|The red cube belongs on the blue square, so please get it there.
 c s|The red cube ought to be on the blue square, dear.
 c s|Take the red cube and set it on the square, thank you kindly.""",
     "wine": """b |Open the wine for Nan.
 b |Open that wine, quick, I got stuff on the stove.
 b |I fancy a glass of wine, so open the bottle, would you?
 b |Would you open the bottle, please? My wrists aren't what they were.
-b |Open the bottle before the guests get here.
-b |I can't get this bottle open, could you have a go?""",
+b |Open the bottle before the guests get here.""",
     "tray": """y t|Put the mustard on the tray, please, the yellow bottle with the little red top.
 g t|Hey, toss that green box in the tray, I'm fixin' to carry everything out.
 y t|See that yellow mustard? Put it in the tray.
@@ -79,16 +80,13 @@ y t|Mustard in the tray, please.
 y t|The mustard goes in the tray, not in the green box.
 y t|Can you see to it that the mustard ends up in the tray?""",
     "lamp": """m |Switch on that little black desk lamp, please, can't see a thing over here.
-m |Lamp on, please, it's pitch black in here.
 m |I'm reading, so flick the lamp on, would you?""",
     "cups": """w |Gimme that white cup.
-w |It's the white cup I'm after, pick it up would you?
 m |Raise the pink cup, like you're making a toast.""",
     "posts": """o r|Just like the hoopla at the church fête, dear: would you drop the green ring over the red peg?
 o r|Hoopla time! Green ring on the red peg, please.""",
     "knife": """k p|Knife out of the block, onto the white board.
-k p|The knife ought to be on the chopping board, not in the block.
-k p|On the white board is where I'd like to have the knife.""",
+k p|The knife ought to be on the chopping board, not in the block.""",
 }
 
 DECLINED = {
@@ -123,6 +121,8 @@ Would you like the bottle?
 Nan says to open the wine, but leave it.
 Make sure nobody opens the wine.
 Make sure the wine is never open.
+I'd like the wine opened when I get back.
+Where's the corkscrew? Pass me that.
 Open the parcel, it's behind the bottle.""",
     # What is described is absent, or another thing than what is there.
     "tray": """Put the milk carton in the tray.

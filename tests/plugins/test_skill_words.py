@@ -131,7 +131,6 @@ push the red block to the square, the blue one
 push the block onto the blue square: the red block
 coax the red block across to the blue pad
 with the gripper closed, push the red block to the blue square
-push the red block onto the blue target and stop there
 coax the red cube over to the blue spot
 plough the red cube to the blue patch
 steer the red cube into the blue designated region""".splitlines()
