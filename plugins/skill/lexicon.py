@@ -249,7 +249,7 @@ PLAINER = (
     (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
      r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
     # words and places
-    (r"\b(?:been|is|was|'ve|i|you|we|they|he|she|who|somebody|someone) left (?=the|that|this|it|open|up|on|in)", "stood "),
+    (r"\b(?:been|is|was|'ve|i|you|we|they|he|she|who|somebody|someone)(?: .s|.s)? left (?=the|that|this|it|their|your|my|his|her|open|up|on|in)", "is "),
     (r"\b(?:until|till) it(?: is|'s| 's| comes| gets) (?:all the way )?(?:out|free) ", "out "),
     (r"\b(pink|green|brown|yellow|gray|orange|black)ish\b", r"\1"), (r"\bpurplish\b", "purple"), (r"\breddish\b", "red"),
     (r"\bblu(?:e)?ish\b", "blue"), (r"\bwhitish\b", "white"),
