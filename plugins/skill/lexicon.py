@@ -111,7 +111,7 @@ SELECTORS: dict[str, tuple[str, ...]] = _table(
         rear""",
     big="biggest, largest, bigger, larger, big, large, huge, widest", tall="tallest, highest, taller, tall",
     small="smallest, littlest, tiniest, smaller, small, little, tiny, narrowest",
-    short="shortest, lowest, shorter, short, flattest", any="any|one|either of the, any one of the, any, either, some",
+    short="shortest, lowest, shorter, short, flattest", any="any|one|either of the|those|these, any one of the, any, either, some",
 )  # fmt: skip
 """Words that single one out of several."""
 RELATIONS: dict[str, tuple[str, ...]] = _table(
@@ -217,7 +217,7 @@ ASKED = _words("""is are was were did does am do has have had should who whose w
 ASKED_OF = _words("you i we someone somebody anybody mind possible")
 MODALS = _words("can could would will might may please kindly mind shall let let's lets wanna")
 REPORTING = re.compile(
-    r"\bwould you like\b(?! to)|\b(?:nobody|no one)\b|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
+    r"^(?:\w+ ){1,2}(?:can|could) not\b|\bwould you like\b(?! to)|\b(?:nobody|no one)\b|^it(?:'s|'d| 's| is| was| would)(?! time| possible)[^,]* to \w+"
     r"|\b(?:should|to|could|must|might|would) have (?:put|open|press|lift|push|clos|shut|mov|pull|turn|tak)"
     r"|(?<!would )(?<!'d )(?<!should )(?<!ever )(?<!really )\b(?:like|love)s? (?:the|that|my|it)\b"
 )
