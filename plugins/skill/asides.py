@@ -113,8 +113,12 @@ def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
     naming = known - set(FAMILIES) | set(lexicon.CONTENTS)
     nouns = [i for i, word in enumerate(words) if noun_class(word) or word in naming]
+    nouns = [i for i in nouns if words[i] != "can" or noun_use(words, i)]
     if not nouns:
         return []
+    begun = next((i for i, word in enumerate(words) if word in lexicon.BEING), 0)
+    if words[0] in ("the", "my") and nouns[0] > begun > 0 and not lexicon.HAND & {*words[:begun]}:
+        return list(words[:begun])  # "my boots are by the box, pass me them": the box is not meant
     begin = end = next((i for i in nouns if noun_class(words[i]) != "object"), nouns[0])
     while begin and (words[begin - 1] in FAMILIES or words[begin - 1] in lexicon.DETERMINERS):
         begin -= 1

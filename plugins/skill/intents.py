@@ -113,7 +113,7 @@ def combine(said: Sequence[Said]) -> Intent:
         if topic is None or topic.pronoun or topic.everywhere or topic.empty:
             continue
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
-            if k < first and (known or "the" not in topic.text.split()):
+            if k < first and (known or not {"the", "my"} & {*topic.text.split()}):
                 continue  # "time to lift it", but not "where's the ladle? hand me that"
             return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)

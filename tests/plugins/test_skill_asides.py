@@ -82,6 +82,7 @@ y t|Can you see to it that the mustard ends up in the tray?""",
     "lamp": """m |Switch on that little black desk lamp, please, can't see a thing over here.
 m |I'm reading, so flick the lamp on, would you?""",
     "cups": """w |Gimme that white cup.
+m |I can't reach my pink cup, dear, lift it off the table.
 m |Raise the pink cup, like you're making a toast.""",
     "posts": """o r|Just like the hoopla at the church fête, dear: would you drop the green ring over the red peg?
 o r|Hoopla time! Green ring on the red peg, please.""",
@@ -123,6 +124,7 @@ Make sure nobody opens the wine.
 Make sure the wine is never open.
 I'd like the wine opened when I get back.
 Where's the corkscrew? Pass me that.
+My glasses are behind the bottle, bring them to me.
 Open the parcel, it's behind the bottle.""",
     # What is described is absent, or another thing than what is there.
     "tray": """Put the milk carton in the tray.
