@@ -66,10 +66,13 @@ LOOKS: dict[str, frozenset[str]] = {
 }
 """Labels of perception, and what people may call such an object."""
 
-_ANYTHING = {
-    *re.findall(r"\w+", "it them this that one ones thing things object objects item items piece pieces part")
-}
-_ANYTHING |= {"all", "something", "anything", "everything", "light", "lights"}
+_ANYTHING = set(
+    re.findall(
+        r"\w+",
+        "it them this that one ones thing things object objects item items piece pieces part all something anything "
+        "everything light lights",
+    )
+)
 """Words that may mean an object of any kind; a light is what a lamp has, and what its button gives."""
 _SURFACES_AND_STATES = set(
     re.findall(

@@ -101,11 +101,9 @@ def _acts(words: Sequence[str]) -> list[int]:
 
 
 def _reason(words: Sequence[str]) -> bool:
-    """Whether it begins with no verb of doing and sets no condition."""
+    """Whether it begins with no verb of doing, says not where a thing belongs, and sets no condition."""
     first = next((w for w in words if w not in lexicon.MODALS | {"you", "just", "now", "please"}), "")
-    aimed = lexicon.WISHING & set(words) and {"on", "onto", "in", "into"} & set(
-        words
-    )  # it is the wish itself
+    aimed = bool(lexicon.WISHING & set(words)) and bool({"on", "onto", "in", "into"} & set(words))
     return not (verbs_of(first) or aimed or lexicon.CONDITIONS & set(words))
 
 

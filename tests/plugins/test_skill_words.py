@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.grammar import parse
+from gvla2_plugins.skill.clauses import LONGEST
+from gvla2_plugins.skill.grammar import DIRECTED, MARKERS, parse
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
 PICK = """pick up the red cube
@@ -335,3 +336,8 @@ def test_words():
     assert spell(["blok", "kick"], 1.0) == (["blok", "kick"], [])
     assert spell(["stapler"], 0.7, frozenset({"stapler"})) == (["stapler"], [])
     assert take_length(["up", "twenty", "five", "cm"]) == (["up"], pytest.approx(0.25))
+
+
+def test_no_wording_is_longer_than_what_is_looked_up():
+    wordings = (*MARKERS, *DIRECTED, *lexicon.NEGATIONS)
+    assert max(len(wording.split()) for wording in wordings) <= LONGEST

@@ -11,8 +11,8 @@ One scene a task of the paper, layout 310, seen by the perceiver. The sentences 
 scenes as lists of shapes, colours and places and knew no lexicon; a quarter of them ask for what cannot be done there.
 ``first`` (70) and ``second`` (56) are what the planners were developed on; ``third`` (56) was kept back until the last
 change to them, and is development data from then on. ``fourth`` to ``eighth`` (56 each) are by five
-strangers who saw pictures of the scenes. ``ninth`` to ``twentysecond`` (56 each), by fourteen more, are paraphrases of what
-the tasks wish, and a quarter that cannot be done; ``traps`` (56) must all be declined.
+strangers who saw pictures of the scenes. ``ninth`` to ``twentysecond`` (56 each), by fourteen more, are paraphrases of
+what the tasks wish, and a quarter that cannot be done; ``traps`` (56) must all be declined.
 Nothing moves: a plan counts as right when skill, thing and goal are ones that the sentence's author allowed, and as
 declined when it has no trajectory, whatever the reason.
 """
