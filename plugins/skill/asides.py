@@ -18,15 +18,10 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
-        if words[0] == "so" and words[1:2] != ["that"] and _reason(kept):
+        if words[0] == "so":
             kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
-        for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
-            if _aside(words[at:], known):  # "open it for Nan"
-                words = words[:at]
-                break
-            if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take it out"
-                words = words[at + 1 :]
-                break
+        since = (i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:], known))
+        words = words[: next(since, None)]  # "open it for Nan"
         if _aside(words, known):
             words = []
         elif _tells(words, stop):
@@ -50,21 +45,13 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
 def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
-    if words == ["honey"]:
-        return True
     if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
     if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
         return False
-    keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
-    about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
-    if (about and said & keeps) or (words[0] == "so" and verbs_of("".join(words[1:2]))):
-        return False
     if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
         return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
-    if words[0] in ("the", "an", "this", "these", "those"):  # "the guests are here", but not "the ketchup"
-        return bool(said & lexicon.BEING)
     follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.WHITHER | {"me", "us"})
     return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
 
@@ -96,12 +83,6 @@ def _tells(words: Sequence[str], stop: str) -> bool:
 
 def _acts(words: Sequence[str]) -> list[int]:
     return [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
-
-
-def _reason(words: Sequence[str]) -> bool:
-    """Whether it begins with no verb of doing and sets no condition."""
-    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just"}), "")
-    return not verbs_of(first) and not lexicon.CONDITIONS & set(words)
 
 
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
