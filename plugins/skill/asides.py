@@ -20,7 +20,9 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     for words, stop in _segments(tokens):
         if words[0] == "so":
             kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
-        since = (i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:], known))
+        since = (
+            i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:], known)
+        )
         words = words[: next(since, None)]  # "open it for Nan"
         if _aside(words, known):
             words = []

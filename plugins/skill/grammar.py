@@ -94,17 +94,12 @@ def _clause(tokens: list[str]) -> Intent | None:
     if skill in (*lexicon.WORKED, "press") and any(_elsewhere(c, skill) for c in chunks[1:]):
         return Intent(skill, trouble="what it is to be done with, or where, is not understood")
     theme, goal, relation = _roles(skill, chunks)
-    anything = theme is None or theme.everywhere
-    if skill in ("unsupported", "open", "close", "twist") and anything and lexicon.HAND & set(tokens):
+    if (
+        skill in ("unsupported", *lexicon.WORKED)
+        and (theme is None or theme.everywhere)
+        and lexicon.HAND & set(tokens)
+    ):
         return None  # "close your hand and push ...", "with the gripper closed"
-    nowhere = goal is None and direction is None
-    if skill == "push" and nowhere and "up" in tokens:
-        skill = "pull"  # "slide the umbrella up"
-    if skill == "place" and nowhere:
-        if words[0] in lexicon.CARRYING and _aloft(chunks):
-            skill = "pick"
-        elif theme is not None and theme.noun == "lamp" and "off" in tokens:
-            return Intent("unsupported", "put off", theme)
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
 
 
@@ -122,13 +117,9 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     if word == "off":  # "screw the lid off the jar", but "screw off the lid"
         named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
         return named and i > verb_at + 1
-    if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
-        return True
-    if (
-        word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this")
-    ):  # "get it out the tower"
-        return True
-    return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
+    if word in ("out", "over"):  # "flip the lid back over the box"
+        return following == "of" or (word == "over" and following in lexicon.DETERMINERS)
+    return word == "from" or noun_class(word) in lexicon.PARTS
 
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
@@ -264,8 +255,6 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
             goal, relation = phrase, chunk.relation
         elif goal is not None and chunk.relation != "from":
             goal = replace(goal, landmark=(chunk.relation, phrase))
-        elif skill in lexicon.WORKED and (phrase.noun in MEANS or phrase.pronoun):
-            continue  # "by its handle", "out of it"
         elif (skill == "press" and chunk.relation in ("on", "in", "to")) or (
             skill in lexicon.WORKED and theme.noun in OWNED and theme.owner is None
         ):
