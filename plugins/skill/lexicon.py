@@ -23,7 +23,7 @@ def _table(**lists: str) -> dict[str, tuple[str, ...]]:
 
 
 VERBS: dict[str, tuple[str, ...]] = _table(
-    pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|bring|move * up, pick|lift|grab|raise|grasp|
+    pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|move * up, pick|lift|grab|raise|grasp|
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
         give * lift, whisk|whip * up, move|carry * off, move|carry|put * air, keep * in the air, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
