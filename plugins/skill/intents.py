@@ -78,10 +78,6 @@ def combine(said: Sequence[Said]) -> Intent:
         return _telegraph(intents) if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
-    if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
-        acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
-        vague = [i for i in acting if i.skill == "push" and i.theme is not None and i.theme.noun == "object"]
-        acting = [replace(i, skill="press") if i in vague and i.goal is None else i for i in acting]
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
@@ -99,18 +95,9 @@ def combine(said: Sequence[Said]) -> Intent:
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if (
-            topic is not None
-            and topic.pronoun
-            and topic.landmark
-            and known
-            and whole.theme
-            and not whole.theme.landmark
-        ):
-            whole = replace(
-                whole, theme=replace(whole.theme, landmark=topic.landmark)
-            )  # "it's behind the box"
-        if topic is None or topic.pronoun or topic.everywhere or topic.empty:
+        if topic is None or topic.everywhere or topic.empty:
+            continue
+        if topic.pronoun and not (known and topic.landmark):  # "it's behind the box"
             continue
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
             if k < first:  # "time to lift it"
@@ -165,10 +152,6 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if whole.theme is not None and {"a", "an"} & {*whole.theme.text.split()[:1]} and topic.noun != "object":
         return None
     assert whole.theme is not None
-    if whole.skill == "press":
-        fits = {topic.noun, whole.theme.noun} <= {"", "object", "button", "lamp"}
-        same = topic.colour in ("", whole.theme.colour)
-        return replace(whole, theme=_one_theme([whole.theme, topic], "press")) if fits and same else None
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
@@ -180,6 +163,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
 def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     """A phrase with what a second one says of the same thing; None where they contradict each other."""
     nouns = {phrase.noun, more.noun} - {"", "object"}
+    if nouns == {"button", "lamp"}:  # "use the button to turn on the light"
+        nouns = {"button"}
     colours = {phrase.colour, more.colour} - {""}
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
@@ -231,11 +216,9 @@ def _one_skill(skills: Sequence[str]) -> str:
 
 def _one_theme(named: Sequence[Phrase], skill: str) -> Phrase | None:
     """The theme that all phrases can mean together; None when they differ."""
-    if skill == "press":
-        named = [p for p in named if p.noun == "button"] or named
     if skill in WORKED:  # "open the red jar by twisting its lid": the lid is the jar's
         named = [p for p in named if p.noun not in PARTS] or named
     theme: Phrase | None = named[0]
     for other in named[1:]:
         theme = theme and _refined(theme, other)
-    return theme or (named[0] if skill == "press" else None)
+    return theme
