@@ -25,9 +25,9 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
         )
         words = words[: next(since, None)]  # "open it for Nan"
         if _aside(words, known):
-            words = []
+            words = [] if _acts(kept) else _sought(words, stop)
         elif _tells(words, stop):
-            words = _topic(words, known)
+            words = _topic(words, known) or ([] if _acts(kept) else _sought(words, stop))
         kept += [*words, stop]
     return [t for i, t in enumerate(kept) if t and (t not in STOPS or (i and kept[i - 1] not in STOPS))]
 
@@ -97,6 +97,12 @@ def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     while begin and (words[begin - 1] in FAMILIES or words[begin - 1] in lexicon.DETERMINERS):
         begin -= 1
     return list(words[begin : end + 1])
+
+
+def _sought(words: Sequence[str], stop: str) -> list[str]:
+    """What is asked or looked for, known or not: "it" in the wish that follows is that, and nothing else."""
+    begin = max((i for i, word in enumerate(words) if word in lexicon.DETERMINERS), default=len(words))
+    return list(words[begin:]) if stop == "?" or lexicon.SEEKING & set(words) else []
 
 
 def _named(words: Sequence[str], known: frozenset[str]) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
-from gvla2_plugins.skill.lexicon import CONTENTS, PARTS, WORKED
+from gvla2_plugins.skill.lexicon import CONTENTS, DETERMINERS, PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -91,7 +91,7 @@ def combine(said: Sequence[Said]) -> Intent:
     whole = Intent(asked, acting[0].verb, theme, aim.goal, aim.relation, amount, direction)
     if not skill:
         return replace(whole, trouble="it asks for several different actions; ask for one at a time")
-    known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting, skill)
+    known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting)
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
@@ -100,7 +100,7 @@ def combine(said: Sequence[Said]) -> Intent:
         if topic.pronoun and not (known and topic.landmark):  # "it's behind the box"
             continue
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
-            if k < first:  # "time to lift it"
+            if k < first and (known or topic.text.split()[0] not in DETERMINERS):  # "time to lift it"
                 continue
             return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
@@ -115,30 +115,26 @@ def combine(said: Sequence[Said]) -> Intent:
 
 def _telegraph(intents: Sequence[Intent]) -> Intent:
     """What is wished for without a verb: "ring on the red post, please", "umbrella out of the stand"."""
-    theme = next((i.theme for i in intents if _names(i.theme)), None)
-    aim = next((i for i in intents if i.goal is not None), None)
-    relation, place = (theme and theme.landmark) or ("", None)
     named = [i.theme for i in intents if _names(i.theme)]
-    if theme is None or len(named) > 1 or not intents[0].brief or "up" in theme.text.split():
+    if len(named) != 1 or not intents[0].brief or "up" in named[0].text.split():
         return replace(intents[0], skill="")
-    bare = replace(theme, landmark=None)
-    if aim is not None:
-        return Intent("place", "want", bare, aim.goal, aim.relation)
-    if relation in ("on", "in") and place is not None:
-        return Intent("place", "want", bare, place, relation)
-    return Intent("pick" if relation == "from" else "", "want", theme)
+    relation, place = named[0].landmark or ("", None)
+    aim = next((i for i in intents if i.goal is not None), Intent(goal=place, relation=relation))
+    if aim.goal is None or aim.relation == "from":
+        return Intent("pick" if aim.goal else "", "want", named[0])
+    skill = "place" if aim.relation in ("on", "in", "to") else ""
+    return Intent(skill, "want", replace(named[0], landmark=None), aim.goal, aim.relation)
 
 
 def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
     return theme is not None and not theme.pronoun and not theme.everywhere
 
 
-def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
+def _goes_on(acting: Sequence[Intent]) -> bool:
     """Whether something else is done to the whole after a part of it was worked: "unscrew the lid, lift the jar"."""
-    first = next(k for k, i in enumerate(acting) if i.skill == skill or i.skill in ABSORBS[skill])
-    worked = skill in ("twist", "open") and acting[first].skill in (skill, "open")
-    later = acting[first + 1 :] if worked else []
-    return any(i.skill in ("pick", "place") and _names(i.theme) and i.theme.noun not in PARTS for i in later)
+    first = next((k for k, i in enumerate(acting) if i.skill in ("twist", "open")), len(acting))
+    moved = [i.theme for i in acting[first + 1 :] if i.skill in ("pick", "place")]
+    return any(_names(theme) and theme.noun not in PARTS for theme in moved)
 
 
 def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead: bool) -> Intent | None:
@@ -210,7 +206,7 @@ def settle(intent: Intent) -> Intent:
 
 def _one_skill(skills: Sequence[str]) -> str:
     """The one skill that does all of them, or ""."""
-    asked = set(skills) if len(set(skills)) < 3 or "push" not in skills else {"", *skills}
+    asked = set(skills)
     return next((s for s in sorted(asked) if asked - {s} <= ABSORBS.get(s, frozenset())), "")
 
 

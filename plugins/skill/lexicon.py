@@ -163,6 +163,8 @@ FILLERS = _words("""
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
+SEEKING = _words("where find see seen looking missing")
+"""Words of clauses about a thing that may not be there."""
 WISHING = _words("ought love want wants like need needs should must belongs goes shall let have has wish")
 """A clause with one of them asks for a state of things."""
 NEEDING = re.compile(
