@@ -18,21 +18,19 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
-        if words[0] == "so" and words[1:2] != ["that"] and _reason(kept):
+        aimed = lexicon.WISHING & {*kept} and {"on", "onto", "into"} & {
+            *kept
+        }  # "it belongs on it, so get it there"
+        if words[0] == "so" and not aimed:
             kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
-        for at in (i for i, word in enumerate(words) if word in lexicon.SINCE and i):
-            if _aside(words[at:], known):  # "open it for Nan"
-                words = words[:at]
-                break
-            if words[at] == "so" and _aside(words[:at], known):  # "it looks like rain so take it out"
-                words = words[at + 1 :]
-                break
-        if "".join(words[:1]).startswith("where") and "the" in words:  # "where's the ladle? hand me that"
-            words = _topic(words, known) or words
-        elif _aside(words, known):
-            words = []
+        since = (
+            i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:], known)
+        )
+        words = words[: next(since, None)]  # "open it for Nan"
+        if _aside(words, known):
+            words = [] if _acts(kept) else _sought(words, stop)
         elif _tells(words, stop):
-            words = _topic(words, known)
+            words = _topic(words, known) or ([] if _acts(kept) else _sought(words, stop))
         kept += [*words, stop]
     return [t for i, t in enumerate(kept) if t and (t not in STOPS or (i and kept[i - 1] not in STOPS))]
 
@@ -52,21 +50,13 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
 def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
-    if words == ["honey"]:
-        return True
     if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
     if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
         return False
-    keeps = lexicon.WISHING | lexicon.STAYING | lexicon.LETTING
-    about = lexicon.PRONOUNS & {*words[:1], *(w for v, w in pairwise(words) if v in keeps)}
-    if (about and said & keeps) or (words[0] == "so" and verbs_of("".join(words[1:2]))):
-        return False
     if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
         return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
-    if words[0] in ("the", "an", "this", "these", "those"):  # "the guests are here", but not "the ketchup"
-        return bool(said & lexicon.BEING)
     follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.WHITHER | {"me", "us"})
     return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
 
@@ -100,13 +90,6 @@ def _acts(words: Sequence[str]) -> list[int]:
     return [i for i, word in enumerate(words) if verbs_of(word) and not noun_use(words, i)]
 
 
-def _reason(words: Sequence[str]) -> bool:
-    """Whether it begins with no verb of doing, says not where a thing belongs, and sets no condition."""
-    first = next((w for w in words if w not in lexicon.MODALS | {"you", "just", "now", "please"}), "")
-    aimed = bool(lexicon.WISHING & set(words)) and bool({"on", "onto", "in", "into"} & set(words))
-    return not (verbs_of(first) or aimed or lexicon.CONDITIONS & set(words))
-
-
 def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     """The first thing that is named, with its article and colour."""
     naming = known - set(FAMILIES) | set(lexicon.CONTENTS)
@@ -121,6 +104,12 @@ def _topic(words: Sequence[str], known: frozenset[str]) -> list[str]:
     while begin and (words[begin - 1] in FAMILIES or words[begin - 1] in lexicon.DETERMINERS):
         begin -= 1
     return list(words[begin : end + 1])
+
+
+def _sought(words: Sequence[str], stop: str) -> list[str]:
+    """What is asked or looked for, known or not: "it" in the wish that follows is that, and nothing else."""
+    begin = max((i for i, word in enumerate(words) if word in lexicon.DETERMINERS), default=len(words))
+    return list(words[begin:]) if stop == "?" or lexicon.SEEKING & set(words) else []
 
 
 def _named(words: Sequence[str], known: frozenset[str]) -> bool:

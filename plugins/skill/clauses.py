@@ -23,7 +23,6 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     joint = ""
     denials: list[tuple[str, ...]] = []
     skipping = False
-    done = 0
 
     def cut(next_joint: str, *, denied: bool = False) -> None:
         nonlocal words, joint, skipping
@@ -34,15 +33,12 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
         words, joint, skipping = [], next_joint, denied
 
     for i, token in enumerate(tokens):
-        if i < done:
-            continue
         following = tokens[i + 1] if i + 1 < len(tokens) else ""
         if token in STOPS:
             if not (token == ":" and following == "on"):  # "lamp: on"
                 cut("stop")
-        elif said := _negation(tokens, i):
+        elif _negates(tokens, i):
             cut("stop", denied=True)
-            done = i + len(said.split())
         elif token in ("and", "then", "but", "while"):
             cut("and")
         elif not skipping and (
@@ -56,12 +52,10 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     return found, denials
 
 
-def _negation(tokens: Sequence[str], i: int) -> str:
-    """The wording at ``i`` from which on it is said what is not meant: "without", "do not", "any cube but"."""
-    if said := phrase_at(tokens, i, lexicon.NEGATIONS):
-        return said
-    among = tokens[i] == "but" and lexicon.EACH & set(tokens[:i])
-    return "but" if among and tokens[i + 1 : i + 2] != ["then"] else ""
+def _negates(tokens: Sequence[str], i: int) -> bool:
+    """Whether from ``i`` on it is said what is not meant: "without", "do not", "any cube but"."""
+    among = tokens[i] == "but" and lexicon.EACH & set(tokens[:i]) and tokens[i + 1 : i + 2] != ["then"]
+    return bool(among or phrase_at(tokens, i, lexicon.NEGATIONS))
 
 
 def phrase_at(tokens: Sequence[str], i: int, phrases: Collection[str]) -> str:

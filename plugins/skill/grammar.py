@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
@@ -94,17 +95,14 @@ def _clause(tokens: list[str]) -> Intent | None:
     if skill in (*lexicon.WORKED, "press") and any(_elsewhere(c, skill) for c in chunks[1:]):
         return Intent(skill, trouble="what it is to be done with, or where, is not understood")
     theme, goal, relation = _roles(skill, chunks)
-    anything = theme is None or theme.everywhere
-    if skill in ("unsupported", "open", "close", "twist") and anything and lexicon.HAND & set(tokens):
+    if (
+        skill in ("unsupported", *lexicon.WORKED)
+        and (theme is None or theme.everywhere)
+        and lexicon.HAND & set(tokens)
+    ):
         return None  # "close your hand and push ...", "with the gripper closed"
-    nowhere = goal is None and direction is None
-    if skill == "push" and nowhere and "up" in tokens:
+    if skill == "push" and goal is None and direction is None and "up" in tokens:
         skill = "pull"  # "slide the umbrella up"
-    if skill == "place" and nowhere:
-        if words[0] in lexicon.CARRYING and _aloft(chunks):
-            skill = "pick"
-        elif theme is not None and theme.noun == "lamp" and "off" in tokens:
-            return Intent("unsupported", "put off", theme)
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
 
 
@@ -122,13 +120,9 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     if word == "off":  # "screw the lid off the jar", but "screw off the lid"
         named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
         return named and i > verb_at + 1
-    if word == "over" and following in lexicon.DETERMINERS:  # "flip the lid back over the box"
-        return True
-    if (
-        word == "out" and i > verb_at + 1 and following in ("the", "its", "that", "this")
-    ):  # "get it out the tower"
-        return True
-    return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
+    if word in ("out", "over"):  # "flip the lid back over the box"
+        return following == "of" or (word == "over" and following in lexicon.DETERMINERS)
+    return word == "from" or noun_class(word) in lexicon.PARTS
 
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
@@ -156,52 +150,38 @@ def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]]
 def _rest_at(tokens: Sequence[str], i: int, rest: Sequence[str]) -> tuple[int, ...]:
     """Positions of a verb at ``i`` and the rest of its phrase, "*" standing for any words between; () if absent."""
     at = [i]
-    for before, word in zip(["", *rest], rest, strict=False):
-        after = at[-1] + 1
-        if word != "*" and tokens[after : after + 1] == [word]:
-            at.append(after)
-        elif word != "*" and before == "*" and word in tokens[after:]:
-            at.append(max(j for j in range(after, len(tokens)) if tokens[j] == word))
-        elif word != "*":
+    for before, word in pairwise(("", *rest)):
+        end = len(tokens) if before == "*" else min(at[-1] + 2, len(tokens))
+        spots = [j for j in range(at[-1] + 1, end) if tokens[j] == word]
+        if word != "*" and not spots:
             return ()
+        at += spots[-1:]
     return tuple(at)
 
 
 def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     """A clause without a known verb: a wish ("I want the cube on the tray", "the lamp should be on"), or just words."""
     wish = bool(lexicon.WISHING & set(tokens))
-    tokens = ["it" if t == "it's" else t for t in tokens]
-    chunks, direction = _chunks(tokens, "place")
+    chunks, direction = _chunks(["it" if t == "it's" else t for t in tokens], "place")
     theme, goal, relation = _roles("place", chunks)
     last = next((t for t in reversed(tokens) if t not in lexicon.FILLERS), "")
     if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
-        if goal.landmark and goal.landmark[1].pronoun:  # "what is left of the square belongs on it"
-            at = replace(goal, landmark=None)
-            return Intent("place", "want", replace(theme, landmark=(relation, at)), at, goal.landmark[0])
         if goal.landmark is not None:
             return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
-    if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not _aloft(chunks):
+    aloft = _aloft(chunks)
+    if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not aloft:
         return Intent("unsupported", "keep")  # "... but keep it on the table"
     words = [t for t in tokens if t.isalpha()]
-    brief = (
-        bool(words)
-        and words[0] not in lexicon.DETERMINERS | lexicon.FILLERS
-        and words[-1] not in lexicon.FILLERS - {"table"}
-    )
-    if (brief or theme is None) and not wish and _aloft(chunks):
-        return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
-    out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
-    if wish and theme is not None and (_aloft(chunks) or out):
-        return Intent("pick", "want", theme, amount=amount)
+    idle = lexicon.DETERMINERS | lexicon.FILLERS
+    brief = bool(words) and words[0] not in idle and words[-1] not in lexicon.FILLERS - {"table"}
+    away = aloft or any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
-    if named and lexicon.NEEDING.search(" ".join(tokens)):
-        return Intent("pick", "want", theme, amount=amount)  # "I need the umbrella"
-    dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
-    if dull and amount is None and direction is None and goal is None:
-        return None
+    needed = named and lexicon.NEEDING.search(" ".join(tokens))  # "I need the umbrella"
+    if (aloft and (brief or theme is None)) or (wish and theme is not None and away) or needed:
+        return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
     if theme is None and goal is not None and lexicon.LOOKING & set(tokens):
         theme, goal, relation = goal, None, ""  # "go to the cube"
     elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
@@ -251,12 +231,7 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     if shown is not None and shown.noun in lexicon.PARTS and theme.noun == "object" and not theme.colour:
         theme = replace(theme, colour=shown.colour)  # "the thing with the green handle"
     told = [c for c in chunks[1:] if c.relation != "with" and not c.phrase.empty and not c.phrase.everywhere]
-    somewhere = (
-        skill == "pick"
-        and theme.pronoun
-        and not any(c.phrase.noun in MEANS or c.relation == "to" for c in told)
-    )
-    aim = _aim("place" if somewhere else skill, told)  # "bring it up beside the cup"
+    aim = _aim(skill, theme, told)
     goal, relation = None, ""
     for chunk in told:
         phrase = chunk.phrase
@@ -264,8 +239,6 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
             goal, relation = phrase, chunk.relation
         elif goal is not None and chunk.relation != "from":
             goal = replace(goal, landmark=(chunk.relation, phrase))
-        elif skill in lexicon.WORKED and (phrase.noun in MEANS or phrase.pronoun):
-            continue  # "by its handle", "out of it"
         elif (skill == "press" and chunk.relation in ("on", "in", "to")) or (
             skill in lexicon.WORKED and theme.noun in OWNED and theme.owner is None
         ):
@@ -275,9 +248,10 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
     return (None if theme.empty and not theme.landmark and not theme.everywhere else theme), goal, relation
 
 
-def _aim(skill: str, told: Sequence[_Chunk]) -> _Chunk | None:
+def _aim(skill: str, theme: Phrase, told: Sequence[_Chunk]) -> _Chunk | None:
+    """Where it goes; a taking says where the thing is, unless "it" is already known: "bring it beside the cup"."""
     if skill in ("pick", "press", "unsupported", "open", "close"):
         return None
-    taking = skill in ("fetch", "pull", "twist")
+    taking = skill == "pull" or (skill in ("fetch", "twist") and not theme.pronoun)
     aims = [c for c in told if c.relation != "from" and (c.dynamic or (c.dynamic is not None and not taking))]
     return next((c for c in aims if c.dynamic), aims[0] if aims else None)

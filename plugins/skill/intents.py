@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
-from gvla2_plugins.skill.lexicon import CONTENTS, PARTS, WORKED
+from gvla2_plugins.skill.lexicon import CONTENTS, DETERMINERS, PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -78,10 +78,6 @@ def combine(said: Sequence[Said]) -> Intent:
         return _telegraph(intents) if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
-    if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
-        acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
-        vague = [i for i in acting if i.skill == "push" and i.theme is not None and i.theme.noun == "object"]
-        acting = [replace(i, skill="press") if i in vague and i.goal is None else i for i in acting]
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
@@ -95,26 +91,17 @@ def combine(said: Sequence[Said]) -> Intent:
     whole = Intent(asked, acting[0].verb, theme, aim.goal, aim.relation, amount, direction)
     if not skill:
         return replace(whole, trouble="it asks for several different actions; ask for one at a time")
-    known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting, skill)
+    known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting)
     first = next(k for k, s in enumerate(said) if s.intent.skill)
     for k, extra in enumerate(said):
         topic = None if extra.intent.skill else extra.intent.theme
-        if (
-            topic is not None
-            and topic.pronoun
-            and topic.landmark
-            and known
-            and whole.theme
-            and not whole.theme.landmark
-        ):
-            whole = replace(
-                whole, theme=replace(whole.theme, landmark=topic.landmark)
-            )  # "it's behind the box"
-        if topic is None or topic.pronoun or topic.everywhere or topic.empty:
+        if topic is None or topic.everywhere or topic.empty:
+            continue
+        if topic.pronoun and not (known and topic.landmark):  # "it's behind the box"
             continue
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
-            if k < first and (known or not {"the", "my"} & {*topic.text.split()}):
-                continue  # "time to lift it", but not "where's the ladle? hand me that"
+            if k < first and (known or topic.text.split()[0] not in DETERMINERS):  # "time to lift it"
+                continue
             return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
         if told is not None:
@@ -128,30 +115,26 @@ def combine(said: Sequence[Said]) -> Intent:
 
 def _telegraph(intents: Sequence[Intent]) -> Intent:
     """What is wished for without a verb: "ring on the red post, please", "umbrella out of the stand"."""
-    theme = next((i.theme for i in intents if _names(i.theme)), None)
-    aim = next((i for i in intents if i.goal is not None), None)
-    relation, place = (theme and theme.landmark) or ("", None)
     named = [i.theme for i in intents if _names(i.theme)]
-    if theme is None or len(named) > 1 or not intents[0].brief or "up" in theme.text.split():
+    if len(named) != 1 or not intents[0].brief or "up" in named[0].text.split():
         return replace(intents[0], skill="")
-    bare = replace(theme, landmark=None)
-    if aim is not None:
-        return Intent("place", "want", bare, aim.goal, aim.relation)
-    if relation in ("on", "in") and place is not None:
-        return Intent("place", "want", bare, place, relation)
-    return Intent("pick" if relation == "from" else "", "want", theme)
+    relation, place = named[0].landmark or ("", None)
+    aim = next((i for i in intents if i.goal is not None), Intent(goal=place, relation=relation))
+    if aim.goal is None or aim.relation == "from":
+        return Intent("pick" if aim.goal else "", "want", named[0])
+    skill = "place" if aim.relation in ("on", "in", "to") else ""
+    return Intent(skill, "want", replace(named[0], landmark=None), aim.goal, aim.relation)
 
 
 def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
     return theme is not None and not theme.pronoun and not theme.everywhere
 
 
-def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
+def _goes_on(acting: Sequence[Intent]) -> bool:
     """Whether something else is done to the whole after a part of it was worked: "unscrew the lid, lift the jar"."""
-    first = next(k for k, i in enumerate(acting) if i.skill == skill or i.skill in ABSORBS[skill])
-    worked = skill in ("twist", "open") and acting[first].skill in (skill, "open")
-    later = acting[first + 1 :] if worked else []
-    return any(i.skill in ("pick", "place") and _names(i.theme) and i.theme.noun not in PARTS for i in later)
+    first = next((k for k, i in enumerate(acting) if i.skill in ("twist", "open")), len(acting))
+    moved = [i.theme for i in acting[first + 1 :] if i.skill in ("pick", "place")]
+    return any(_names(theme) and theme.noun not in PARTS for theme in moved)
 
 
 def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead: bool) -> Intent | None:
@@ -165,10 +148,6 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
     if whole.theme is not None and {"a", "an"} & {*whole.theme.text.split()[:1]} and topic.noun != "object":
         return None
     assert whole.theme is not None
-    if whole.skill == "press":
-        fits = {topic.noun, whole.theme.noun} <= {"", "object", "button", "lamp"}
-        same = topic.colour in ("", whole.theme.colour)
-        return replace(whole, theme=_one_theme([whole.theme, topic], "press")) if fits and same else None
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
@@ -180,6 +159,8 @@ def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead
 def _refined(phrase: Phrase, more: Phrase) -> Phrase | None:
     """A phrase with what a second one says of the same thing; None where they contradict each other."""
     nouns = {phrase.noun, more.noun} - {"", "object"}
+    if nouns == {"button", "lamp"}:  # "use the button to turn on the light"
+        nouns = {"button"}
     colours = {phrase.colour, more.colour} - {""}
     unknown = {phrase.unknown, more.unknown} - {()}
     if max(len(nouns), len(colours), len(unknown)) > 1:
@@ -225,17 +206,15 @@ def settle(intent: Intent) -> Intent:
 
 def _one_skill(skills: Sequence[str]) -> str:
     """The one skill that does all of them, or ""."""
-    asked = set(skills) if len(set(skills)) < 3 or "push" not in skills else {"", *skills}
+    asked = set(skills)
     return next((s for s in sorted(asked) if asked - {s} <= ABSORBS.get(s, frozenset())), "")
 
 
 def _one_theme(named: Sequence[Phrase], skill: str) -> Phrase | None:
     """The theme that all phrases can mean together; None when they differ."""
-    if skill == "press":
-        named = [p for p in named if p.noun == "button"] or named
     if skill in WORKED:  # "open the red jar by twisting its lid": the lid is the jar's
         named = [p for p in named if p.noun not in PARTS] or named
     theme: Phrase | None = named[0]
     for other in named[1:]:
         theme = theme and _refined(theme, other)
-    return theme or (named[0] if skill == "press" else None)
+    return theme

@@ -23,9 +23,9 @@ def _table(**lists: str) -> dict[str, tuple[str, ...]]:
 
 
 VERBS: dict[str, tuple[str, ...]] = _table(
-    pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|bring|move * up, pick|lift|grab|raise|grasp|
+    pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|move * up, pick|lift|grab|raise|grasp|
         hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
-        give * lift, whisk|whip * up, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
+        give * lift, whisk|whip * up, move|carry * off, move|carry|put * air, keep * in the air, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
     fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
         hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out, whip|whisk * off""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
@@ -51,7 +51,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
-    unsupported="""screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
+    unsupported="""put|leave|keep * off, screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
         stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
         spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
         sell|watch|read|dim|extinguish|release|assemble|build""",
@@ -84,8 +84,7 @@ SHAPES: dict[str, dict[str, float]] = {
 
 CONTENTS: dict[str, tuple[str, ...]] = {
     "mustard": ("yellow",), "ketchup": ("red",), "mayonnaise": ("white",), "mayo": ("white",), "milk": ("white",),
-    "wine": ("green", "red", "white", "black"), "champagne": ("green", "black"), "honey": ("yellow", "orange"),
-    "water": ("white", "blue"), "oil": ("green", "yellow"), "soy": ("black", "brown"), "syrup": ("brown",),
+    "wine": ("green", "red", "white", "black"), "champagne": ("green", "black"),     "water": ("white", "blue"), "oil": ("green", "yellow"), "soy": ("black", "brown"), "syrup": ("brown",),
     **dict.fromkeys(("beer", "cola", "juice", "vinegar", "sauce", "shampoo", "soap", "detergent", "lemonade", "medicine", "bleach", "perfume", "lotion", "ink"), ()),
 }  # fmt: skip
 """What comes in bottles, which people say for the bottle, and the colours that such bottles are."""
@@ -123,7 +122,7 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
     right_of="to the right side of, on|to the right of, right of", front_of="in front of, before",
     behind="behind, in back of, beyond", with_="with, using",
     in_="into, inside of, inside, in to, in, within",
-    from_="""away from, off of, off, from, out of, out the|its|that|this, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
+    from_="""away from, off of, off, from, out of, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
 """Relation to its wordings."""
@@ -160,10 +159,12 @@ FILLERS = _words("""
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
     locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind done finished
-    eh ah lah leh""")
+    eh ah lah leh pitch than""")
 """Words that carry nothing for us."""
 LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
 """What comes before every action: the clause then names what the next ones are about."""
+SEEKING = _words("where find see seen looking missing")
+"""Words of clauses about a thing that may not be there."""
 WISHING = _words("ought love want wants like need needs should must belongs goes shall let have has wish")
 """A clause with one of them asks for a state of things."""
 NEEDING = re.compile(
@@ -172,8 +173,6 @@ NEEDING = re.compile(
 """Where no place is said, it asks for a thing."""
 SHINING = _words("shine shines shining glow glows glowing lit bright burning alight")
 """States of a lamp that is on."""
-CARRYING = _words("move carry put transport relocate position transfer")
-"""Verbs of placing that mean lifting where the only place said is the air."""
 TAKING = _words("lift pick grasp grab raise grip hold hoist")
 """What a push does without."""
 HAND = _words("hand gripper fingers finger jaws")
