@@ -125,12 +125,8 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
     """Whether something says that the thing is to be in the air: "off the table", "into the air"."""
-    return any(
-        (c.relation == "from" and lexicon.SUPPORTS & set(c.tokens))
-        or (c.relation in ("on", "in", "to") and {"air", "sky"} & set(c.tokens))
-        for c in chunks[1:]
-        if c.phrase.everywhere
-    )
+    told = [c for c in chunks[1:] if c.phrase.everywhere]
+    return any(c.relation == "from" or {"air", "sky"} & set(c.tokens) for c in told)
 
 
 def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]] | None:

@@ -18,7 +18,7 @@ from gvla2.skills.wholes import holders, inside
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked
 from gvla2_plugins.skill.intents import Denial, Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
@@ -160,26 +160,17 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
         if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
-        if phrase is None or phrase.pronoun or phrase.everywhere:
-            if not _apart(denial, intent):
-                return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
-            continue
-        found = ground_all(phrase, scene)
-        if not denial.verbs and (not found or all(strange(phrase, o) for o in found)):
-            return Abstention("nothing_matches", f"What is meant by not '{denial.text}' cannot be told.")
-        if phrase.unknown and not found and not _apart(denial, intent):
-            return Abstention("other", f"What is not to be done, '{denial.text}', is not understood.")
+        named = phrase is not None and not phrase.pronoun and not phrase.everywhere
+        found = ground_all(phrase, scene) if phrase is not None and named else ()
+        if not found and not _apart(denial, intent):
+            return Abstention("other", f"What is not to be done or not meant, '{denial.text}', is not told.")
         out |= {o.id for o in found}
     return frozenset(out)
 
 
 def _apart(denial: Denial, intent: Intent) -> bool:
-    """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
-    words = set(denial.text.split())
-    if words & lexicon.LETTING or not denial.verbs:
-        return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
-    firsts = {skill: {p.split()[0] for p in phrases} for skill, phrases in lexicon.VERBS.items()}
-    skills = [s for s, verbs in firsts.items() if verbs & denial.verbs and s != "unsupported"]
+    """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
+    skills = {s for s, phrases in lexicon.VERBS.items() if denial.verbs & {p.split()[0] for p in phrases}}
     asked = {*MOVING} if intent.skill in MOVING else {intent.skill}
-    plain = denial.phrase is None or not denial.phrase.unknown
-    return plain and bool(skills) and not asked & set(skills)
+    more = lexicon.LETTING & set(denial.text.split()) or (denial.phrase is not None and denial.phrase.unknown)
+    return bool(skills - {"unsupported"}) and not asked & skills and not more
