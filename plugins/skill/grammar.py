@@ -11,7 +11,7 @@ from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.asides import wishes
 from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
-from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
+from gvla2_plugins.skill.intents import Intent, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
@@ -63,21 +63,16 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
-    read = [(_clause(words), words[0] in ("use", "using"), joint, no) for words, joint, no in parts]
-    intent = combine([Said(said, joint, no, means) for said, means, joint, no in read if said is not None])
-    denials = tuple(_denial(words) for words in denied)
-    if intent.skill == "place" and any(d.verbs & lexicon.TAKING for d in denials):
+    read = [
+        replace(said, joint=joint, denied=no, means=words[0] in ("use", "using"))
+        for words, joint, no in parts
+        if (said := _clause(words)) is not None
+    ]
+    intent = combine(read)
+    denials = tuple((" ".join(words), _clause(list(words)) or Intent()) for words in denied)
+    if intent.skill == "place" and any(d.skill == "pick" for _, d in denials):
         intent = replace(intent, skill="push")  # "move it there without lifting it"
     return replace(intent, notes=tuple(notes), denials=denials)
-
-
-def _denial(words: Sequence[str]) -> Denial:
-    acts = [i for i, t in enumerate(words) if verbs_of(t) and not noun_use(words, i)]
-    if words and words[0] in lexicon.PLACES:  # "not in the block"
-        acts.append(0)
-    phrase = read_phrase([t for i, t in enumerate(words) if i not in acts])
-    verbs = frozenset(v for i in acts for v in verbs_of(words[i]))
-    return Denial(" ".join(words), verbs, None if phrase.empty else phrase)
 
 
 def _clause(tokens: list[str]) -> Intent | None:
@@ -127,12 +122,8 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
     """Whether something says that the thing is to be in the air: "off the table", "into the air"."""
-    return any(
-        (c.relation == "from" and lexicon.SUPPORTS & set(c.tokens))
-        or (c.relation in ("on", "in", "to") and {"air", "sky"} & set(c.tokens))
-        for c in chunks[1:]
-        if c.phrase.everywhere
-    )
+    told = [c for c in chunks[1:] if c.phrase.everywhere]
+    return any(c.relation == "from" or {"air", "sky"} & set(c.tokens) for c in told)
 
 
 def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]] | None:

@@ -48,21 +48,7 @@ def ground(
     noun = "block" if movable and phrase.noun == "target" and not called else phrase.noun
     fits = _fits(phrase, noun, pool)
     fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
-    found = _single(phrase, _of_colour(phrase, fits, scene), scene)
-    if isinstance(found, Grounded) and _holds_other(phrase, found.object):
-        return Abstention(
-            "nothing_matches", f"{phrase.text!r}: the {found.object.label} holds something else."
-        )
-    return found
-
-
-def _holds_other(phrase: Phrase, thing: SceneObject) -> bool:
-    """Whether it is a bottle of another colour than those of the contents that are named: mustard is no milk."""
-    named = [
-        word for word in phrase.unknown if word in lexicon.CONTENTS and word not in tokenise(thing.label)
-    ]
-    usual = [colour for word in named for colour in lexicon.CONTENTS[word]]
-    return _kind(thing) == "bottle" and bool(named) and not any(meant_by(c, [thing.colour]) for c in usual)
+    return _single(phrase, _of_colour(phrase, fits, scene), scene)
 
 
 def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:
@@ -123,15 +109,17 @@ def _fits(phrase: Phrase, noun: str, things: Sequence[SceneObject]) -> Fits:
 
 def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
-    sure = 0.9 + 0.1 * thing.confidence
+    sure, kind = 0.9 + 0.1 * thing.confidence, _kind(thing)
+    contents = [w for w in phrase.unknown if w in lexicon.CONTENTS and w not in tokenise(thing.label)]
+    usual = [colour for word in contents for colour in lexicon.CONTENTS[word]] if kind == "bottle" else []
+    if usual and not any(meant_by(colour, [thing.colour]) for colour in usual):
+        return 0.0  # mustard is no milk
     if not noun:
         if phrase.unknown[-1:] and phrase.unknown[-1] in tokenise(thing.label):
             return sure
-        if _kind(thing) == "bottle" and (usual := lexicon.CONTENTS.get("".join(phrase.unknown))):
-            return sure if any(meant_by(c, [thing.colour]) for c in usual) else 0.0
         anything = not phrase.unknown and not phrase.everywhere
-        return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
-    kind = _kind(thing)
+        known = sure if usual and len(phrase.unknown) == 1 else 0.0
+        return 0.8 * sure * (PART if thing.parent else 1.0) if anything else known
     if noun == kind:
         own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
         return 0.0 if own and strange(phrase, thing) else sure  # a knife block is no jenga block
@@ -170,8 +158,6 @@ def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
         part = phrase.colour and phrase.noun in lexicon.PARTS and not plainly
         return (_parts_of(wholes, fits) if part else []) or coloured
     owner = ground(phrase.owner, scene)
-    if isinstance(owner, Abstention) and phrase.colour and not phrase.owner.colour:
-        owner, coloured = ground(replace(phrase.owner, colour=phrase.colour), scene), fits
     if isinstance(owner, Abstention):
         return coloured
     whole = [(owner.object, 1.0)]
@@ -213,9 +199,6 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:
         return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {inventory}.")
-    if len(fits) > 1 and phrase.noun and all(kinds := [strange(phrase, o) for o, _ in fits]):
-        said = " ".join(sorted(kinds[0]))
-        return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {inventory}.")
     best = max(fits, key=lambda f: f[1])
     tied = [o for o, s in fits if s >= TIE * best[1]]
     singled = [s for s in phrase.selectors if s != "any"]  # "the left one of the posts"

@@ -11,21 +11,15 @@ from gvla2_plugins.skill.phrases import Phrase
 
 
 @dataclass(frozen=True)
-class Denial:
-    """What is not to be done, or not to what: its ``text``, the verbs in it, and the thing that it names, if any."""
-
-    text: str
-    verbs: frozenset[str] = frozenset()
-    phrase: Phrase | None = None
-
-
-@dataclass(frozen=True)
 class Intent:
-    """What a sentence asks for. ``skill`` is "" when no verb was understood; ``verb`` is how it was worded.
+    """What a clause or a sentence asks for. ``skill`` is "" when no verb was understood; ``verb`` is how it was worded.
 
     ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way; ``denials`` what the sentence rules out. ``brief``: without a verb, as on a telegram.
+    guesses made on the way; ``denials`` what the sentence rules out, in words and as it is read.
+
+    Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before; ``means``: its
+    theme is what to do it with ("use ..."); ``denied``: what it names is not to be acted on.
     """
 
     skill: str = ""
@@ -37,20 +31,11 @@ class Intent:
     direction: tuple[float, float] | None = None
     trouble: str = ""
     notes: tuple[str, ...] = ()
+    denials: tuple[tuple[str, Intent], ...] = ()
     brief: bool = False
-    denials: tuple[Denial, ...] = ()
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a clause says, and how it follows the one before; ``means``: its theme is what to do it with ("use ...");
-    ``denied``: what it names is not to be acted on.
-    """
-
-    intent: Intent
     joint: str = ""
-    denied: bool = False
     means: bool = False
+    denied: bool = False
 
 
 ABSORBS: dict[str, frozenset[str]] = {
@@ -64,13 +49,12 @@ ABSORBS: dict[str, frozenset[str]] = {
 """What else a sentence may ask for that is a part of a skill."""
 
 
-def combine(said: Sequence[Said]) -> Intent:
+def combine(intents: Sequence[Intent]) -> Intent:
     """One intent of a sentence's clauses: "grab the cube and put it on the tray" is one placing.
 
     Clauses without a verb may name what the others are about ("the olive cube: lift it", "find the cube and lift
     it") or say more of it afterwards ("lift the cube, the blue one"); otherwise they name a second thing.
     """
-    intents = [s.intent for s in said]
     if unclear := [i for i in intents if i.trouble]:
         return unclear[0]
     acting = [i for i in intents if i.skill]
@@ -92,9 +76,9 @@ def combine(said: Sequence[Said]) -> Intent:
     if not skill:
         return replace(whole, trouble="it asks for several different actions; ask for one at a time")
     known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting)
-    first = next(k for k, s in enumerate(said) if s.intent.skill)
-    for k, extra in enumerate(said):
-        topic = None if extra.intent.skill else extra.intent.theme
+    first = next(k for k, i in enumerate(intents) if i.skill)
+    for k, extra in enumerate(intents):
+        topic = None if extra.skill else extra.theme
         if topic is None or topic.everywhere or topic.empty:
             continue
         if topic.pronoun and not (known and topic.landmark):  # "it's behind the box"
@@ -137,7 +121,7 @@ def _goes_on(acting: Sequence[Intent]) -> bool:
     return any(_names(theme) and theme.noun not in PARTS for theme in moved)
 
 
-def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead: bool) -> Intent | None:
+def _with_topic(whole: Intent, named: bool, extra: Intent, topic: Phrase, *, ahead: bool) -> Intent | None:
     """The intent with what a clause without a verb adds to it; None where that is something else."""
     if not (ahead or extra.joint == "stop") or (extra.means and whole.skill != "press"):
         return None

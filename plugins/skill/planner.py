@@ -18,8 +18,8 @@ from gvla2.skills.wholes import holders, inside
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
-from gvla2_plugins.skill.intents import Denial, Intent
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked
+from gvla2_plugins.skill.intents import Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
 
@@ -152,34 +152,28 @@ def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
 def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     """The ids that a sentence rules out; a refusal where what it rules out cannot be told or leaves nothing to do."""
     out: set[str] = set()
-    for denial in intent.denials:
-        words = denial.text.split()
-        phrase = denial.phrase
-        if phrase is not None and phrase.noun and any(w.startswith(lexicon.TOUCHES) for w in words):
-            out |= {o.id for o in ground_all(phrase, scene)}  # "don't touch the red one"
-        mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
-        if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
+    for text, denied in intent.denials:
+        words, phrase = text.split(), denied.theme or denied.goal
+        named = phrase if phrase is not None and not phrase.pronoun and not phrase.everywhere else None
+        found = ground_all(named, scene) if named is not None else ()
+        mishap = any(w.startswith(lexicon.MISHAPS) for w in words) and intent.skill != "press"
+        if mishap and any(w.startswith(lexicon.TOUCHES) for w in words) and named is not None and named.noun:
+            out |= {o.id for o in found}  # "don't touch the red one"
+        if mishap or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
-        if phrase is None or phrase.pronoun or phrase.everywhere:
-            if not _apart(denial, intent):
-                return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
-            continue
-        found = ground_all(phrase, scene)
-        if not denial.verbs and (not found or all(strange(phrase, o) for o in found)):
-            return Abstention("nothing_matches", f"What is meant by not '{denial.text}' cannot be told.")
-        if phrase.unknown and not found and not _apart(denial, intent):
-            return Abstention("other", f"What is not to be done, '{denial.text}', is not understood.")
+        if not found and not _apart(text, denied, intent):
+            return Abstention("other", f"What is not to be done or not meant, '{text}', is not told.")
         out |= {o.id for o in found}
     return frozenset(out)
 
 
-def _apart(denial: Denial, intent: Intent) -> bool:
-    """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
-    words = set(denial.text.split())
-    if words & lexicon.LETTING or not denial.verbs:
-        return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
-    firsts = {skill: {p.split()[0] for p in phrases} for skill, phrases in lexicon.VERBS.items()}
-    skills = [s for s, verbs in firsts.items() if verbs & denial.verbs and s != "unsupported"]
-    asked = {*MOVING} if intent.skill in MOVING else {intent.skill}
-    plain = denial.phrase is None or not denial.phrase.unknown
-    return plain and bool(skills) and not asked & set(skills)
+def _apart(text: str, denied: Intent, intent: Intent) -> bool:
+    """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
+    asked = MOVING if intent.skill in MOVING else (intent.skill,)
+    unknown = denied.theme is not None and denied.theme.unknown
+    return (
+        denied.skill in STANDARD
+        and denied.skill not in asked
+        and not unknown
+        and not lexicon.LETTING & {*text.split()}
+    )

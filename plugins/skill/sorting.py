@@ -6,14 +6,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gvla2.planning.colours import FAMILIES, colour_distance, meant_by
+from gvla2.planning.colours import FAMILIES, colour_distance
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.chaining import is_container
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import phrase_at
 from gvla2_plugins.skill.grammar import heard
-from gvla2_plugins.skill.grounding import ground
+from gvla2_plugins.skill.grounding import ground, ground_all
 from gvla2_plugins.skill.phrases import read_phrase
 from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
 
@@ -42,10 +42,13 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] |
     if not containers or not things:
         return None
     if many and ALIKE.search(" ".join(tokens)):
-        chosen = _chosen(tokens[: _into(tokens)], things)
+        chosen = _chosen(tokens[: _into(tokens)], replace(scene, objects=tuple(things)))
         if isinstance(chosen, Abstention):
             return chosen
-        return [(t, min(containers, key=lambda c: _unlike(t, c))) for t in chosen]
+        return [
+            (t, min(containers, key=lambda c: (c.colour != t.colour, colour_distance(t.rgb, c.rgb))))
+            for t in chosen
+        ]
     found: list[Pair] = []
     for segment in _segments(tokens):
         at = _into(segment)
@@ -55,7 +58,7 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] |
         goal = ground(where, replace(scene, objects=tuple(containers)))
         if isinstance(goal, Abstention):
             return goal if ground(where, scene) == goal else None
-        chosen = _chosen(segment[:at], things)
+        chosen = _chosen(segment[:at], replace(scene, objects=tuple(things)))
         if isinstance(chosen, Abstention):
             return chosen
         found += [(t, goal.object) for t in chosen]
@@ -70,11 +73,6 @@ def _holds_things(thing: SceneObject) -> bool:
 
 def _into(tokens: Sequence[str]) -> int:
     return next((i for i in range(len(tokens)) if phrase_at(tokens, i, INTO)), len(tokens))
-
-
-def _unlike(thing: SceneObject, container: SceneObject) -> tuple[bool, float]:
-    off = float(colour_distance(tuple(thing.rgb), tuple(container.rgb)))
-    return not thing.colour or thing.colour != container.colour, off
 
 
 def _segments(tokens: Sequence[str]) -> list[list[str]]:
@@ -92,18 +90,12 @@ def _plural(token: str) -> bool:
     return bool(noun_class(token) and token.endswith("s") and noun_class(token[:-1]))
 
 
-def _chosen(tokens: Sequence[str], things: Sequence[SceneObject]) -> list[SceneObject] | Abstention:
+def _chosen(tokens: Sequence[str], things: Scene) -> list[SceneObject] | Abstention:
     """The things that the words before the place mean, by colour and kind; declined where they say more."""
     kept = [t for t in tokens if t not in EACH | GOING and (not verbs_of(t) or noun_class(t))]
-    said = [t for t in kept if t in FAMILIES]
+    colours = [t for t in kept if t in FAMILIES] or [""]
     what = read_phrase([t for t in kept if t not in FAMILIES])
-    if not what.unknown and not what.kinds:
-        colours = {meant_by(t, (o.colour for o in things)) for t in said}
-        looks = lexicon.SHAPES.get(what.noun, {})
-        chosen = [o for o in things if not said or o.colour in colours]
-        if what.noun not in ("", "object"):
-            named = [what.noun in map(noun_class, tokenise(o.label)) for o in chosen]
-            chosen = [o for o, n in zip(chosen, named, strict=True) if n or looks.get(o.shape, 0.0) > 0.7]
-        if chosen:
-            return chosen
+    chosen = [o for colour in colours for o in ground_all(replace(what, colour=colour), things)]
+    if chosen and not what.unknown and not what.kinds:
+        return chosen
     return Abstention("nothing_matches", f"Nothing here is surely one of '{what.text}'.")
