@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
 import json
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -71,9 +73,9 @@ async def only_model(client: openai.AsyncOpenAI, options: AskingOptions) -> str:
 async def _sent(
     client: openai.AsyncOpenAI, options: AskingOptions, send: Any, **asked: Any
 ) -> dict[str, Any]:
-    import httpx
     import openai
 
+    http = _http()
     try:
         async with asyncio.timeout(options.timeout):
             received = (await send(**asked)).http_response.content
@@ -85,12 +87,12 @@ async def _sent(
         ) from error
     except openai.APIStatusError as error:
         raise _status_failure(client, error) from None
-    except (openai.APIConnectionError, httpx.HTTPError) as error:
+    except (openai.APIConnectionError, http.HTTPError) as error:
         cause = error.__cause__ or error
         raise ModelUnavailableError(
             f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
             "running there?",
-            reached=not isinstance(cause, httpx.ConnectError),
+            reached=not isinstance(cause, http.ConnectError),
         ) from error
     try:
         answer = json.loads(_redacted(client, received.decode(errors="replace")))
@@ -102,6 +104,15 @@ async def _sent(
     if not isinstance(answer, dict):
         raise MalformedAnswerError(f"{client.base_url} answered with JSON that is not an object.")
     return answer
+
+
+@cache
+def _http() -> Any:
+    """The HTTP package that this ``openai`` uses: ``httpx``, or ``httpx2`` since its version 3."""
+    import openai
+
+    of_client = next(c for c in openai.DefaultAsyncHttpxClient.__mro__ if c.__name__ == "AsyncClient")
+    return importlib.import_module(of_client.__module__.partition(".")[0])
 
 
 def _status_failure(
