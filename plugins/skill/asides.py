@@ -50,14 +50,14 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
 def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
-    if said & lexicon.TURNING or said <= lexicon.WHITHER or _named(words, known):  # "lamp: on"
+    if said & lexicon.TURNING or _named(words, known):
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
     if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
         return False
     if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
         return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
-    follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.WHITHER | {"me", "us"})
+    follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | {"me", "us"})
     return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
 
 
@@ -123,6 +123,6 @@ def _named(words: Sequence[str], known: frozenset[str]) -> bool:
             return True
         if (noun_class(word) or "object") != "object" or word in FAMILIES or word in lexicon.CONTENTS:
             return True
-        if word in lexicon.ONES or (word in known and not verbs_of(word)):
+        if word in known and not verbs_of(word):
             return True
     return False

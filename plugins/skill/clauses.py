@@ -35,8 +35,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     for i, token in enumerate(tokens):
         following = tokens[i + 1] if i + 1 < len(tokens) else ""
         if token in STOPS:
-            if not (token == ":" and following == "on"):  # "lamp: on"
-                cut("stop")
+            cut("stop")
         elif _negates(tokens, i):
             cut("stop", denied=True)
         elif token in ("and", "then", "but", "while"):

@@ -173,9 +173,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     needed = named and lexicon.NEEDING.search(" ".join(tokens))  # "I need the umbrella"
     if (aloft and (brief or theme is None)) or (wish and theme is not None and away) or needed:
         return Intent("pick", "want", theme, amount=amount)  # "the cube up in the air"
-    if theme is None and goal is not None and lexicon.LOOKING & set(tokens):
-        theme, goal, relation = goal, None, ""  # "go to the cube"
-    elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
+    if theme is not None and goal is not None and not any(c.dynamic for c in chunks):
         theme = replace(theme, landmark=(relation, goal))  # "there is a cube on the tray"
         goal, relation = None, ""
     return Intent("", " ".join(words), theme, goal, relation, amount, direction, brief=brief)

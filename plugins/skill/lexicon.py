@@ -23,34 +23,28 @@ def _table(**lists: str) -> dict[str, tuple[str, ...]]:
 
 
 VERBS: dict[str, tuple[str, ...]] = _table(
-    pick="""pick|lift|raise|hoist|snatch|hold|heave|scoop|gather|lever|move * up, pick|lift|grab|raise|grasp|
-        hoist|seize|elevate|snatch|pluck|clutch|grip|hold|heave|scoop|boost|catch, pick out, grab|get|take|lay hold,
-        give * lift, whisk|whip * up, move|carry * off, move|carry|put * air, keep * in the air, get|take grip on|of, get|take a grip on|of, close|wrap * around, make * rise""",
-    fetch="""take|get|fetch|collect|bring|retrieve|obtain|acquire|remove, take|get|lift * off, take|get|bring|lift * out,
-        hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out, whip|whisk * off""",
+    pick="""pick|lift|raise|hoist|hold|heave|scoop|move|whisk * up, pick|lift|grab|raise|grasp|hoist|seize|elevate|snatch|
+        grip|hold, grab|get|take hold, move|carry * off, move|carry|keep * air, close * around, make * rise, give * lift""",
+    fetch="""take|get|fetch|collect|bring|retrieve|obtain|remove, take|get|lift * off, take|get|bring|lift * out,
+        hand|pass|give me, hand|pass|give * to me, pass|hand|bring * here, fish|whip|whisk|pluck * out""",
     place="""put|set|lay * down, put|place|set|lay|drop|deposit|stack|rest|position|deliver|transfer|carry|relocate|
-        transport|leave|move|stow|store|park|load|pile|balance|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
-        loop|lodge|settle|tuck|pop|plonk|plop|chuck|dump|bung|plant|sling|toss|clear|tidy|stash|bring,
-        pass * over|through|onto, drop * off, put * away|back""",
-    push="""push|slide|shove|nudge|sweep|scoot|shift|drag|propel|skid|thrust|budge|prod|bump|steer|guide|drive|
-        ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
-        give|use * push|shove|nudge, press against""",
+        transport|leave|move|stow|store|load|balance|arrange|sort|insert|slip|thread|fit|hang|hook|mount|stick|lower|
+        pop|plonk|chuck|toss|clear|tidy|bring, pass * over|through|onto, drop * off, put * away|back""",
+    push="""push|slide|shove|nudge|sweep|scoot|shift|drag|prod|bump|steer|guide|drive|ram|herd|coax|work|glide|plough,
+        give|use * push|shove|nudge""",
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
-        flip|enable|trigger|flick|brighten|touch|poke, push|press down on, push in|on, give * press|tap|poke, apply pressure,
-        get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
-        bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
-    open="""open|prise|pry|prop|flip|swing|fold * up, pop * cork, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
-        pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw|crack * open, pop|prise|pry * off,
-        swing|fold|tip|tilt|flip * back""",
-    twist="""give * twist, unscrew|twist|untwist|uncap|unseal|rotate|uncork|loosen|undo|unfasten, screw|twist|rotate|spin * off,
-        screw|twist * open, turn|spin * lid|cap|stopper""",
-    close="""close|seal * up, close|shut|seal|cover,
-        swing|push|pull|flip|fold|slide|get|tip|turn|drop|ease|bring * shut|closed,
+        flip|enable|trigger|flick|touch|poke, push|press down on, push in|on, give * press|tap|poke,
+        get * going|working, get * light up, get * come on, get|make * shine|glow, bring * to life,
+        turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
+    open="""open|prise|pry|prop|flip|swing|fold * up, pop * cork, open|pop|prise|pry|uncover, pop|prise|pry * off,
+        lift|raise|swing|prise|pry|flip|slide|pull|get|make|pop|fold|tip|push|throw|crack * open, swing|fold|tip|flip * back""",
+    twist="""unscrew|twist|untwist|uncap|rotate|uncork|loosen|undo|unfasten, give * twist, screw|twist|spin * off,
+        screw|twist * open, turn * lid|cap|stopper""",
+    close="""close|seal * up, close|shut|seal|cover, swing|push|pull|flip|fold|get|drop|bring * shut|closed,
         swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down,
-        swing|fold|tip|tilt|flip|put|pull|bring * back over|down, cover * up|with, turn * lid over,
-        let * fall shut, let|pull|bring * lid down, bring|pull down * lid""",
+        swing|fold|flip|put * back over|down, cover * up|with, turn * lid over, let|pull|bring * lid down""",
     pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
-        draw|slide|slip|ease|work|drag * from, pull|tug on|at, give * pull|tug, make * come out""",
+        draw|slide|slip|ease * from, pull|tug on|at, give * pull|tug, make * come out""",
     unsupported="""put|leave|keep * off, screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
         stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
         spin|tilt|bend|squeeze|bite|lock|unlock|dance|sing|jump|run|walk|sit|stand|sleep|fly|explode|burn|destroy|kill|buy|
@@ -161,8 +155,6 @@ FILLERS = _words("""
     locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind done finished
     eh ah lah leh pitch than""")
 """Words that carry nothing for us."""
-LOOKING = _words("find locate spot see notice identify look search reach approach head come go")
-"""What comes before every action: the clause then names what the next ones are about."""
 SEEKING = _words("where find see seen looking missing")
 """Words of clauses about a thing that may not be there."""
 WISHING = _words("ought love want wants like need needs should must belongs goes shall let have has wish")
@@ -173,8 +165,6 @@ NEEDING = re.compile(
 """Where no place is said, it asks for a thing."""
 SHINING = _words("shine shines shining glow glows glowing lit bright burning alight")
 """States of a lamp that is on."""
-TAKING = _words("lift pick grasp grab raise grip hold hoist")
-"""What a push does without."""
 HAND = _words("hand gripper fingers finger jaws")
 """Words of the robot's own hand."""
 STAYING = _words("stay stays staying remain remains ignore ignores disregard skip spare exclude neglect")
@@ -206,8 +196,6 @@ SUBJECTS = _words("""i i'm i've i'll i'd i got we we're we've we'll he he's she 
 """Whom a statement is about."""
 CONDITIONS = _words("if unless when whenever once after until till")
 PLACES = _words("on in into inside onto beside behind")
-WHITHER = PLACES | _words("off out up down")
-ONES = _words("left right middle front other")
 BEING = _words("is are was were 's am looks seems feels stays has had have")
 """Verbs of statements: what is said to be so is not asked for."""
 ASKED = _words("""is are was were did does am do has have had should who whose which what when where why how can could may
@@ -222,7 +210,7 @@ REPORTING = re.compile(
 )
 """What is said of wishes, and is none: offers, regrets, judgements."""
 PLAINER = (
-    (r"\bou?tta\b", "out of"), (r"\b(?:free|clear) (?=of|from)", "out "),
+    (r"(^|[,.] )go to (?=the|that)", r"\1find "), (r"\bou?tta\b", "out of"), (r"\b(?:free|clear) (?=of|from)", "out "),
     # asks for nothing more: how, if it is no trouble, so that nothing happens
     (r"\b(?:go ahead (?:and )?|be so (?:kind|good) as to\b)", ""), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""),
     (r"\b(?:pls|plz)\b|(?:, )?\bnice and \w+", ""),
