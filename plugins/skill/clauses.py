@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import pairwise
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.words import noun_class, verbs_of
 
 STOPS = frozenset(",.;:!?")
+ANDS = ("and", "then", "but", "while")
 LONGEST = 6
 
 Clause = tuple[list[str], str, bool]
@@ -18,37 +20,30 @@ negation follows, so that what they only name ("the blue one must not be lifted"
 
 def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]:
     """Clauses, parted at stops, "and", "by pushing", "to press"; and the words of what is not to be done or meant."""
-    found: list[Clause] = []
-    words: list[str] = []
-    joint = ""
-    denials: list[tuple[str, ...]] = []
-    skipping = False
-
-    def cut(next_joint: str, *, denied: bool = False) -> None:
-        nonlocal words, joint, skipping
-        if skipping and (words or not denied):
-            denials.append(tuple(words))
-        elif words and not _leaves_alone(words) and not (denied and _ruled_out(words)):
-            found.append((words, joint if found else "", denied))
-        words, joint, skipping = [], next_joint, denied
-
+    pieces: list[tuple[str, list[str]]] = [("", [])]
     for i, token in enumerate(tokens):
-        following = tokens[i + 1] if i + 1 < len(tokens) else ""
-        if token in STOPS:
-            cut("stop")
-        elif _negates(tokens, i):
-            cut("stop", denied=True)
-        elif token in ("and", "then", "but", "while"):
-            cut("and")
-        elif not skipping and (
-            (token in ("by", "through") and following.endswith("ing") and verbs_of(following))
-            or (token in ("to", "so") and words and verbs_of(following) and not noun_use(tokens, i + 1))
-        ):
-            cut("verb")
+        joint, words = pieces[-1]
+        cut = "stop" if token in STOPS else "not" if _negates(tokens, i) else "and" if token in ANDS else ""
+        if cut or (joint != "not" and _verb_follows(tokens, i) and (words or token not in ("to", "so"))):
+            pieces.append((cut or "verb", []))
         else:
             words.append(token)
-    cut("")
+    found, denials = [], []
+    for (joint, words), (following, _) in pairwise([*pieces, ("", [])]):
+        denied = following == "not"
+        if joint == "not":
+            denials += [tuple(words)] if words or not denied else []
+        elif words and not _leaves_alone(words) and not (denied and _ruled_out(words)):
+            found.append((words, joint, denied))
     return found, denials
+
+
+def _verb_follows(tokens: Sequence[str], i: int) -> bool:
+    """Whether another verb begins after the word at ``i``: "by pushing", "to press"."""
+    following = "".join(tokens[i + 1 : i + 2])
+    if tokens[i] in ("by", "through"):
+        return following.endswith("ing") and bool(verbs_of(following))
+    return tokens[i] in ("to", "so") and bool(verbs_of(following)) and not noun_use(tokens, i + 1)
 
 
 def _negates(tokens: Sequence[str], i: int) -> bool:
