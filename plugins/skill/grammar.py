@@ -18,14 +18,9 @@ from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, 
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
 MARKERS = {
-    wording: (kind, value)
-    for kind, table in (
-        ("relation", lexicon.RELATIONS),
-        ("selector", lexicon.SELECTORS),
-        ("until", {"": lexicon.UNTIL}),
-    )
-    for value, wordings in table.items()
-    for wording in wordings
+    **{wording: ("relation", name) for name, listed in lexicon.RELATIONS.items() for wording in listed},
+    **{wording: ("selector", name) for name, listed in lexicon.SELECTORS.items() for wording in listed},
+    **dict.fromkeys(lexicon.UNTIL, ("until", "")),
 }
 """Wordings that part a clause, or single something out; what each is, and which."""
 DIRECTED = {wording: ("direction", wording) for wording in lexicon.DIRECTIONS}
@@ -87,37 +82,26 @@ def _clause(tokens: list[str]) -> Intent | None:
     chunks += [c for c in ahead[1:] if c.dynamic]  # "to the square push the block"
     if chunks[0].phrase.empty and not ahead[0].phrase.empty:  # "the block should be pushed"
         chunks[0] = ahead[0]
-    if skill in (*lexicon.WORKED, "press") and any(_elsewhere(c, skill) for c in chunks[1:]):
+    odd = {c.relation for c in chunks[1:] if c.phrase.unknown and not (c.phrase.noun or c.phrase.colour)}
+    if skill in (*lexicon.WORKED, "press") and odd & ({"with", "in"} if skill == "press" else {"with"}):
         return Intent(skill, trouble="what it is to be done with, or where, is not understood")
     theme, goal, relation = _roles(skill, chunks)
-    if (
-        skill in ("unsupported", *lexicon.WORKED)
-        and (theme is None or theme.everywhere)
-        and lexicon.HAND & set(tokens)
-    ):
+    nothing = theme is None or theme.everywhere
+    if nothing and skill in ("unsupported", *lexicon.WORKED) and lexicon.HAND & set(tokens):
         return None  # "close your hand and push ...", "with the gripper closed"
     if skill == "push" and goal is None and direction is None and "up" in tokens:
         skill = "pull"  # "slide the umbrella up"
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
 
 
-def _elsewhere(chunk: _Chunk, skill: str) -> bool:
-    """Whether a tool or a place is named that nothing is known of: "with the key", "the light in the hall"."""
-    what = chunk.phrase
-    nothing = bool(what.unknown) and not (what.noun or what.colour or what.everywhere)
-    with_it = chunk.relation == "with" and bool({"the", "a", "an", "this", "that"} & set(chunk.tokens))
-    return nothing and (with_it or (skill == "press" and chunk.relation == "in"))
-
-
 def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     """Whether a word of a verb's phrase also says something of its own: "turn the lid", "pull it out of the tower"."""
     word, following = tokens[i], "".join(tokens[i + 1 : i + 2])
     if word == "off":  # "screw the lid off the jar", but "screw off the lid"
-        named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
-        return named and i > verb_at + 1
-    if word in ("out", "over"):  # "flip the lid back over the box"
-        return following == "of" or (word == "over" and following in lexicon.DETERMINERS)
-    return word == "from" or noun_class(word) in lexicon.PARTS
+        named = following in lexicon.DETERMINERS or following in FAMILIES or noun_class(following)
+        return bool(named) and i > verb_at + 1
+    over = word == "over" and following in lexicon.DETERMINERS  # "flip the lid back over the box"
+    return over or word == "from" or following == "of" or noun_class(word) in lexicon.PARTS
 
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:

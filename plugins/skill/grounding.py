@@ -158,11 +158,11 @@ def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
         part = phrase.colour and phrase.noun in lexicon.PARTS and not plainly
         return (_parts_of(wholes, fits) if part else []) or coloured
     owner = ground(phrase.owner, scene)
+    if isinstance(owner, Abstention) and phrase.colour and not phrase.owner.colour:
+        owner, coloured = ground(replace(phrase.owner, colour=phrase.colour), scene), fits
     if isinstance(owner, Abstention):
         return coloured
     whole = [(owner.object, 1.0)]
-    if phrase.noun == "object" and phrase.colour and not _parts_of(whole, coloured):
-        return _coloured(phrase.colour, whole)  # "the bottle's green body" is the bottle
     return _parts_of(whole, coloured) or _parts_of(whole, fits) or coloured
 
 

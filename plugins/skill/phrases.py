@@ -42,12 +42,6 @@ class Phrase:
 
 def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     """The phrase of ``tokens``, from which relations and the given ``selectors`` were taken out before."""
-    if "'s" in tokens:  # the lamp's button
-        cut = tokens.index("'s")
-        part = read_phrase(tokens[cut + 1 :], selectors)
-        if part.noun or part.unknown:
-            return replace(part, text=" ".join(tokens), owner=read_phrase(tokens[:cut]))
-        tokens = [*tokens[:cut], *tokens[cut + 1 :]]
     if "of" in tokens:  # the button of the lamp, the centre of the square
         cut = tokens.index("of")
         thing, whole = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
@@ -56,7 +50,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
         if thing.noun and whole.noun:
             return replace(thing, text=" ".join(tokens), owner=whole)
         return whole if whole.noun or not thing.noun else thing
-    colour, rest = _colour(tokens)
+    colour, rest = _colour([t for t in tokens if t != "'s"])  # "the lamp's button" is the lamp button
     nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
