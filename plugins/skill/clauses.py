@@ -24,7 +24,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     for i, token in enumerate(tokens):
         joint, words = pieces[-1]
         cut = "stop" if token in STOPS else "not" if _negates(tokens, i) else "and" if token in ANDS else ""
-        if cut or (joint != "not" and _verb_follows(tokens, i) and (words or token not in ("to", "so"))):
+        if cut or (joint != "not" and _verb_follows(tokens, i)):
             pieces.append((cut or "verb", []))
         else:
             words.append(token)
@@ -41,14 +41,13 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
 def _verb_follows(tokens: Sequence[str], i: int) -> bool:
     """Whether another verb begins after the word at ``i``: "by pushing", "to press"."""
     following = "".join(tokens[i + 1 : i + 2])
-    if tokens[i] in ("by", "through"):
-        return following.endswith("ing") and bool(verbs_of(following))
-    return tokens[i] in ("to", "so") and bool(verbs_of(following)) and not noun_use(tokens, i + 1)
+    joins = tokens[i] in ("to", "so") or (tokens[i] in ("by", "through") and following.endswith("ing"))
+    return joins and bool(verbs_of(following)) and not noun_use(tokens, i + 1)
 
 
 def _negates(tokens: Sequence[str], i: int) -> bool:
     """Whether from ``i`` on it is said what is not meant: "without", "do not", "any cube but"."""
-    among = tokens[i] == "but" and lexicon.EACH & set(tokens[:i]) and tokens[i + 1 : i + 2] != ["then"]
+    among = tokens[i] == "but" and lexicon.EACH & set(tokens[:i])
     return bool(among or phrase_at(tokens, i, lexicon.NEGATIONS))
 
 
@@ -78,8 +77,9 @@ def _leaves_alone(words: Sequence[str]) -> bool:
     A verb before such a word makes it an action all the same: "lift it so that it stays in the air".
     """
     said = set(words)
-    letting = said & (lexicon.UNTOUCHED | lexicon.REMAINDER) or words[-1] == "be"
-    marks = said & lexicon.STAYING | (said & lexicon.LETTING if letting else set())
+    marks = said & lexicon.STAYING
+    if said & (lexicon.UNTOUCHED | lexicon.REMAINDER):
+        marks |= said & lexicon.LETTING
     first = min((words.index(word) for word in marks), default=0)
     acts = (i for i in range(first) if words[i] != "let" and verbs_of(words[i]) and not noun_use(words, i))
     return bool(marks) and next(acts, None) is None

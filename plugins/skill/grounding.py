@@ -70,8 +70,6 @@ def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
             return Abstention("nothing_matches", f"'{found.object.label}' is nothing to press.")
         return found
     lamps = [(o, 1.0) for o in scene.objects if _kind(o) == "lamp"]
-    if phrase.noun == "lamp" or (phrase.owner and phrase.owner.noun == "lamp"):
-        buttons = _parts_of(lamps, buttons) or buttons
     coloured = _coloured(phrase.colour, buttons)
     if phrase.noun == "lamp" and not coloured:  # "the red lamp": the colour may be the lamp's
         coloured = _parts_of(_coloured(phrase.colour, lamps), buttons)
@@ -140,8 +138,7 @@ def _kind(thing: SceneObject) -> str:
 def _button_score(thing: SceneObject, scene: Scene) -> float:
     if (kind := _kind(thing)) == "button":
         return 1.0
-    plain = not kind or kind in lexicon.SHAPE_NOUNS
-    return 0.6 + 0.1 * bool(thing.parent) if plain and is_button(thing, scene) else 0.0
+    return 0.6 if kind in ("", *lexicon.SHAPE_NOUNS) and is_button(thing, scene) else 0.0
 
 
 def _parts_of(owners: Fits, fits: Fits) -> Fits:

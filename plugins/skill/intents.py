@@ -173,8 +173,7 @@ def settle(intent: Intent) -> Intent:
     nowhere = intent.goal is None and intent.direction is None
     skill, verb = intent.skill, intent.verb
     pressed = (
-        (noun in ("button", "lamp") and verb in ("flip", "flip up", "work"))
-        or (noun == "button" and skill == "push")
+        (noun == "button" and skill == "push")
         or (noun == "lamp" and skill == "place" and nowhere and verb != "move")  # "put the light on"
     )
     downward = skill == "press" and verb in ("push down", "push on")
@@ -183,7 +182,6 @@ def settle(intent: Intent) -> Intent:
         (pressed and skill in ("open", "close", "push", "place"), "press"),
         (skill == "place" and verb == "pop" and nowhere and noun == "lid", "open"),  # "pop the cork"
         ((downward or (skill == "press" and verb in ("press down", "flip on"))) and noun == "lid", "close"),
-        (downward and noun not in ("", "button", "lamp"), "push"),
     )
     return replace(intent, skill=next((meant for holds, meant in readings if holds), skill))
 

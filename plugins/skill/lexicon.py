@@ -256,7 +256,7 @@ UNREAD = re.compile(
     r"|\btomorrow\b|(?<!little )\bwhen (?:i|we|he|she|they|my) (?!was|were)|\bthe robot (?:can|has|is|will|may|need|does)\b"
     r"|\b(yourself|if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
-    r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
+    r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$|as (?:close|near|far))\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 IRREGULAR: dict[str, str] = {

@@ -51,7 +51,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
             return replace(thing, text=" ".join(tokens), owner=whole)
         return whole if whole.noun or not thing.noun else thing
     colour, rest = _colour([t for t in tokens if t != "'s"])  # "the lamp's button" is the lamp button
-    nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
+    nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i)]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
     after = rest[specific[-1][0] + 1 :] if specific else []
@@ -69,10 +69,10 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, owner, pronoun, kinds)
 
 
-def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:
-    """Whether the word is used as a noun here; "can" is one only after an article or an adjective."""
+def _is_noun(tokens: Sequence[str], i: int) -> bool:
+    """Whether the word is used as a noun here; "can" is one only after an article."""
     before = "".join(tokens[max(i - 1, 0) : i])
-    modal = tokens[i] == "can" and not coloured and before not in lexicon.DETERMINERS
+    modal = tokens[i] == "can" and before not in lexicon.DETERMINERS
     return bool(noun_class(tokens[i])) and not modal
 
 

@@ -132,10 +132,10 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
 
 def _aimed(intent: Intent) -> Intent | None:
     """A taking of what is said to be on something, read as putting it there; None for any other."""
-    relation, goal = (intent.theme and intent.theme.landmark) or ("", None)
-    if intent.skill != "pick" or intent.theme is None or relation not in ("on", "in", "to"):
+    if intent.skill != "pick" or intent.theme is None or intent.theme.landmark is None:
         return None
-    if goal is None or not (goal.noun or goal.colour or goal.unknown):
+    relation, goal = intent.theme.landmark
+    if relation not in ("on", "in", "to") or not (goal.noun or goal.colour or goal.unknown):
         return None  # "on its left side"
     theme = replace(intent.theme, landmark=None)
     return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
