@@ -23,11 +23,9 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
         }  # "it belongs on it, so get it there"
         if words[0] == "so" and not aimed:
             kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
-        since = (
-            i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:], known)
-        )
+        since = (i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:]))
         words = words[: next(since, None)]  # "open it for Nan"
-        if _aside(words, known):
+        if _aside(words):
             words = [] if _acts(kept) else _sought(words, stop)
         elif _tells(words, stop):
             words = _topic(words, known) or ([] if _acts(kept) else _sought(words, stop))
@@ -47,16 +45,16 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
     return [(words, stop) for words, stop in found if words]
 
 
-def _aside(words: Sequence[str], known: frozenset[str]) -> bool:
+def _aside(words: Sequence[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
-    if said & lexicon.TURNING or _named(words, known):
+    if said & lexicon.TURNING or _named(words):
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
     if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
         return False
     if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
-        return len(words) > 2 or not lexicon.PRONOUNS & set(words[1:])
+        return True
     follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | {"me", "us"})
     return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
 
@@ -68,14 +66,13 @@ def _tells(words: Sequence[str], stop: str) -> bool:
         return True
     if said & lexicon.CONDITIONS and "remember" not in said:
         return False
-    first = next((w for w in words if w not in ("please", "and", "well", "hey", "oh", "so", "now")), "")
     if lexicon.ASKED_OF & said and lexicon.MODALS & said:
         return False
-    if first in lexicon.ASKED and (stop == "?" or first in lexicon.BEING - {"has", "have"}):
+    if words[0] in lexicon.ASKED and (stop == "?" or words[0] in lexicon.BEING - {"has", "have"}):
         return True
     wishing = lexicon.WISHING - lexicon.BEING | {"to"}
     if not (acts := _acts(words)):
-        where = wishing | lexicon.PLACES | lexicon.SHINING | {"that"}
+        where = wishing | lexicon.PLACES | {"that"}
         return stop == "?" or (bool(said & lexicon.BEING) and not said & where)
     before = set(words[: acts[0]])
     if before & {"too", "stop", "stopped", "thanks", "hope", "remember"}:
@@ -112,17 +109,12 @@ def _sought(words: Sequence[str], stop: str) -> list[str]:
     return list(words[begin:]) if stop == "?" or lexicon.SEEKING & set(words) else []
 
 
-def _named(words: Sequence[str], known: frozenset[str]) -> bool:
-    """Whether something is named that may be in the scene: by a noun, a colour, a side, or as the other one."""
-    sides = {word for wordings in lexicon.SELECTORS.values() for w in wordings for word in w.split()}
-    for i, word in enumerate(words):
-        if (word == "can" and not noun_use(words, i)) or (i and words[i - 1] in ("a", "an")):
-            continue  # "I can not get a grip on it"
-        pointed = {"the", "this", "that", "other"} & {*words[max(i - 1, 0) : i]}
-        if (noun_class(word) == "object" or word in sides) and pointed:
-            return True
-        if (noun_class(word) or "object") != "object" or word in FAMILIES or word in lexicon.CONTENTS:
-            return True
-        if word in known and not verbs_of(word):
+def _named(words: Sequence[str]) -> bool:
+    """Whether something is named that may be in the scene: by a noun, a colour or a side, but not "a tower"."""
+    for before, word in pairwise(("", *words)):
+        noun = noun_class(word) if word != "can" or before in lexicon.DETERMINERS else ""
+        one = before == "the" and word in lexicon.SELECTORS  # "the left one"
+        known = noun not in ("", "object") or word in FAMILIES or word in lexicon.CONTENTS
+        if one or (known and before not in ("a", "an")):
             return True
     return False
