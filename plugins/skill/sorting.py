@@ -32,43 +32,37 @@ Pair = tuple[SceneObject, SceneObject]
 def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
     """The pairs of a sentence about several things, None for any other sentence."""
     tokens, _ = heard(sentence, [o.label for o in scene.objects], spelling)
-    if not any(verbs_of(t) & GOING or t in GOING for t in tokens):
+    if not _several(tokens) or not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
-    many = bool(EACH & set(tokens)) or any(_plural(t) for t in tokens)
-    if many and any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):
+    if any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):
         return Abstention("other", "Which of several things are left out cannot be told; name each.")
-    containers = [o for o in scene.objects if _holds_things(o)]
-    things = [o for o in scene.objects if o.shape != "region" and not o.parent and o not in containers]
-    if not containers or not things:
+    named = [o for o in scene.objects if {"container", "tray"} & {*map(noun_class, tokenise(o.label))}]
+    whole = [o for o in scene.objects if o.shape != "region" and not o.parent]
+    containers = [o for o in whole if o in named or is_container(o)]
+    things = replace(scene, objects=tuple(o for o in whole if o not in containers))
+    if not containers or not things.objects:
         return None
-    if many and ALIKE.search(" ".join(tokens)):
-        chosen = _chosen(tokens[: _into(tokens)], replace(scene, objects=tuple(things)))
-        if isinstance(chosen, Abstention):
-            return chosen
-        return [
-            (t, min(containers, key=lambda c: (c.colour != t.colour, colour_distance(t.rgb, c.rgb))))
-            for t in chosen
-        ]
+    alike = ALIKE.search(" ".join(tokens))
     found: list[Pair] = []
-    for segment in _segments(tokens):
-        at = _into(segment)
-        if at == len(segment) or not (EACH & set(segment[:at]) or any(_plural(t) for t in segment[:at])):
+    for segment in [tokens] if alike else _segments(tokens):
+        at, goal = _into(segment), None
+        if not alike and (at == len(segment) or not _several(segment[:at])):
             return None
-        where = read_phrase(segment[at + len(phrase_at(segment, at, INTO).split()) :])
-        goal = ground(where, replace(scene, objects=tuple(containers)))
+        if not alike:
+            where = read_phrase(segment[at + len(phrase_at(segment, at, INTO).split()) :])
+            goal = ground(where, replace(scene, objects=tuple(containers)))
         if isinstance(goal, Abstention):
             return goal if ground(where, scene) == goal else None
-        chosen = _chosen(segment[:at], replace(scene, objects=tuple(things)))
+        chosen = _chosen(segment[:at], things)
         if isinstance(chosen, Abstention):
             return chosen
-        found += [(t, goal.object) for t in chosen]
+        found += [(t, goal.object if goal else _nearest(t, containers)) for t in chosen]
     return found or None
 
 
-def _holds_things(thing: SceneObject) -> bool:
-    """Whether other things are put into it, by its shape or by what it is called."""
-    named = {"container", "tray"} & {noun_class(word) for word in tokenise(thing.label)}
-    return is_container(thing) or bool(named and thing.shape != "region" and not thing.parent)
+def _nearest(thing: SceneObject, containers: Sequence[SceneObject]) -> SceneObject:
+    """The container that looks most like a thing."""
+    return min(containers, key=lambda c: (c.colour != thing.colour, colour_distance(thing.rgb, c.rgb)))
 
 
 def _into(tokens: Sequence[str]) -> int:
@@ -86,8 +80,9 @@ def _segments(tokens: Sequence[str]) -> list[list[str]]:
     return [s for s in segments if s]
 
 
-def _plural(token: str) -> bool:
-    return bool(noun_class(token) and token.endswith("s") and noun_class(token[:-1]))
+def _several(tokens: Sequence[str]) -> bool:
+    """Whether it names more than one thing: "every cube", "the cubes"."""
+    return any(t in EACH or (t.endswith("s") and noun_class(t) and noun_class(t[:-1])) for t in tokens)
 
 
 def _chosen(tokens: Sequence[str], things: Scene) -> list[SceneObject] | Abstention:
