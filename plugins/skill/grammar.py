@@ -38,7 +38,6 @@ class _Chunk:
 
     relation: str
     dynamic: bool | None
-    tokens: tuple[str, ...]
     phrase: Phrase
 
 
@@ -107,7 +106,7 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
     """Whether something says that the thing is to be in the air: "off the table", "into the air"."""
     told = [c for c in chunks[1:] if c.phrase.everywhere]
-    return any(c.relation == "from" or {"air", "sky"} & set(c.tokens) for c in told)
+    return any(c.relation == "from" or {"air", "sky"} & set(c.phrase.text.split()) for c in told)
 
 
 def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]] | None:
@@ -181,7 +180,7 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
             wording = tokens[i]
             parts[-1][2].append(wording)
         i += len(wording.split())
-    return [_Chunk(r, d, tuple(t), read_phrase(t, s)) for r, d, t, s in parts], direction
+    return [_Chunk(r, d, read_phrase(t, s)) for r, d, t, s in parts], direction
 
 
 def _marker(tokens: Sequence[str], i: int, *, moving: bool) -> tuple[str, str, str]:

@@ -93,9 +93,9 @@ SUPPORTS = _words("table tabletop desk surface ground floor bench counter")
 TABLE_WORDS = SUPPORTS | _words("air sky top height heights hand gripper")
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at|to the left, on|to your left, furthest|farthest left,
-        at|on the far left, leftmost, left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at|to the right, on|to your right, furthest|farthest right,
+    left="""on|at|to the|your left, on the left side, on the left hand side, furthest|farthest left, at|on the far left,
+        leftmost, left most, left hand, left""",
+    right="""on|at|to the|your right, on the right side, on the right hand side, furthest|farthest right,
         at|on the far right, rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest|closer|nearer to you|yourself|me, closest|nearest|closer|nearer to the|your robot|gripper|base,
@@ -260,8 +260,7 @@ UNREAD = re.compile(
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 IRREGULAR: dict[str, str] = {
-    "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
-    "gave": "give", "given": "give", "laid": "lay", "slid": "slide", "swept": "sweep", "caught": "catch",
-    "made": "make", "hung": "hang", "stuck": "stick", "left": "left", "rose": "rose",
+    "took": "take", "taken": "take", "got": "get", "held": "hold", "brought": "bring", "lit": "light", "given": "give",
+    "laid": "lay", "slid": "slide", "swept": "sweep", "made": "make", "hung": "hang", "stuck": "stick",
 }  # fmt: skip
-"""Inflections that no rule gives; ``left`` and ``rose`` stay a side and a colour."""
+"""Inflections that no rule gives."""

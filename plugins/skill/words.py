@@ -67,15 +67,18 @@ def noun_class(token: str) -> str:
 @cache
 def vocabulary() -> frozenset[str]:
     """Every word the grammar knows."""
-    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.UNITS) | {u + "s" for u in lexicon.UNITS}
-    for listed in (
-        lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
-        lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.LETTING, lexicon.UNTOUCHED,
-        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, lexicon.EACH,
-        FAMILIES, {"grey"},
-        *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
-    ):  # fmt: skip
-        words |= {word for phrase in listed for word in phrase.split()}
+    words = {*_verb_forms(), *_noun_classes(), *lexicon.UNITS, *(u + "s" for u in lexicon.UNITS), "grey"}
+    listed: list[Iterable[str]] = [v for v in vars(lexicon).values() if isinstance(v, frozenset)]
+    listed += [t for table in (lexicon.SELECTORS, lexicon.RELATIONS, lexicon.VERBS) for t in table.values()]
+    listed += [
+        lexicon.NUMBERS,
+        lexicon.DIRECTIONS,
+        lexicon.UNTIL,
+        lexicon.NEGATIONS,
+        lexicon.SORTING,
+        FAMILIES,
+    ]
+    words |= {word for phrases in listed for phrase in phrases for word in phrase.split()}
     return frozenset(words - {"*"})
 
 
@@ -99,7 +102,7 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | {"without", "never", "dont"}
+    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TURNING
     alike = [w for w in sorted(vocabulary() - small) if w[0] == token[0]]
     near = [w for w in alike if w.endswith("ed") <= token.endswith("d")]
     if mixed := [w for w in near if sorted(w) == sorted(token)]:
