@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,6 +67,9 @@ TINGE, DARK = 0.7, 0.25
 """Tuned so that each of the twenty words is nearest to itself in slightly white light, and pale and dark shades get the
 names that people use. Below the brightness ``DARK`` a colour loses its saturation."""
 
+BETWEEN, LEEWAY = 25.0, 2.2
+"""A colour that is further from every word is between them: a word up to so many times as far may be meant."""
+
 _SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 _WHITE = _SRGB_TO_XYZ.sum(axis=1)
 
@@ -126,6 +129,12 @@ def nearest_colours(rgb: ArrayLike, k: int = 3) -> tuple[tuple[str, float], ...]
     return tuple((names[i], float(distances[i])) for i in order)
 
 
+def between(word: str, rgb: ArrayLike) -> bool:
+    """Whether a colour (3,) is so far from every word that people differ about which it is, ``word`` among them."""
+    ((_, off),) = nearest_colours(rgb, 1)
+    return word in COLOURS and off >= BETWEEN and float(naming_distance(COLOURS[word], rgb)) < LEEWAY * off
+
+
 def meant_by(word: str, present: Iterable[str]) -> str:
     """The one colour of ``present`` (words of :data:`COLOURS`) that people mean by ``word``; "" for none or several.
 
@@ -136,6 +145,13 @@ def meant_by(word: str, present: Iterable[str]) -> str:
         return word
     found = [name for name in FAMILIES.get(word, ()) if name in here]
     return found[0] if len(found) == 1 else ""
+
+
+def first_colour(words: Sequence[str]) -> tuple[int, int, str] | None:
+    """The span of the first colour that people name, two words before one, and its word in :data:`FAMILIES`."""
+    plain = [w if w in FAMILIES else SYNONYMS.get(w, w) for w in words]
+    spans = ((i, i + width) for width in (2, 1) for i in range(len(plain) - width + 1))
+    return next(((i, j, said) for i, j in spans if (said := " ".join(plain[i:j])) in FAMILIES), None)
 
 
 def colours_in(sentence: str) -> tuple[str, ...]:

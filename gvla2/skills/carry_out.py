@@ -20,6 +20,7 @@ from gvla2.skills.joined import joined
 from gvla2.skills.meaning import Meant, meant, whole_meant
 from gvla2.skills.parameters import limited, scales
 from gvla2.skills.proposals import Job, Proposal
+from gvla2.skills.room import no_room
 from gvla2.skills.several import all_in_one
 from gvla2.skills.skill import Skill
 from gvla2.skills.soundness import nonsense, unaimed, unknown
@@ -64,7 +65,8 @@ def _one(
     share: tuple[int, int] = (0, 1),
 ) -> Plan:
     """The plan for one call, the k-th of n with the same goal (``share``)."""
-    what = meant(call, request.scene)
+    theme, goal = request.scene[call.theme], request.scene[call.goal] if call.goal else None
+    what = (goal and no_room(theme, goal, call.relation, request.scene)) or meant(call, request.scene)
     if isinstance(what, Abstention):
         return Plan(None, call.skill, {"theme": call.theme}, abstention=what)
     if what.skill not in skills:

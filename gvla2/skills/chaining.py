@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
@@ -18,8 +16,6 @@ from gvla2.skills.meaning import meant, whole_meant
 
 MOST = 3
 """Most objects in one trajectory: it has at most 20 waypoints, and each object takes six."""
-SLACK = 0.002
-"""Error of perceived sizes that is allowed when an object is to go through an opening, metres."""
 WIDE = 0.06
 """A container's opening is wider than this, metres, so that objects fit side by side."""
 INTO = ("", "on", "in", "to")
@@ -91,18 +87,3 @@ def is_container(thing: SceneObject) -> bool:
     wide = float(thing.extents[:2].min())
     whole = thing.shape != "region" and not thing.parent
     return whole and thing.opening > WIDE and thing.top - thing.bottom < wide
-
-
-def kept_out(theme: SceneObject, goal: SceneObject) -> str:
-    """Why an object cannot go into another, by their shapes and sizes; "" if it can."""
-    if goal.shape == "region" or goal.parent:
-        return ""
-    if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
-        return ""  # cups and bowls stack
-    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
-    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
-        return f"The {goal.label} does not seem to be open, so nothing can go into it."
-    room = goal.opening or float(np.max(goal.extents[:2]))
-    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # in any orientation
-        return f"The {theme.label} is too large to go into the {goal.label}."
-    return ""

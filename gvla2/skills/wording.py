@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from gvla2.planning.colours import FAMILIES, SYNONYMS, meant_by
+from gvla2.planning.colours import FAMILIES, SYNONYMS, first_colour, meant_by
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mentions import DETERMINERS, PLACES
 from gvla2.skills.parts import root_of
@@ -136,14 +136,9 @@ def _noun_phrase(words: Sequence[str], i: int) -> int | None:
 
 def _colour(words: Sequence[str], scene: Scene) -> tuple[tuple[int, int] | None, str]:
     """The span of a colour in the words of a phrase, and the scene's colour that it means; "" for none."""
-    plain = [SYNONYMS.get(w, w) if w not in FAMILIES else w for w in words]
-    present = [o.colour for o in scene.objects if o.colour]
-    for width in (2, 1):
-        for i in range(len(plain) - width + 1):
-            said = " ".join(plain[i : i + width])
-            if said in FAMILIES:
-                return (i, i + width), meant_by(said, present)
-    return None, ""
+    if (found := first_colour(words)) is None:
+        return None, ""
+    return found[:2], meant_by(found[2], [o.colour for o in scene.objects if o.colour])
 
 
 def _seen_as(word: str, colour: str, scene: Scene) -> str:

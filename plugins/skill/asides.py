@@ -18,10 +18,8 @@ def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
     """
     kept: list[str] = []
     for words, stop in _segments(tokens):
-        aimed = lexicon.WISHING & {*kept} and {"on", "onto", "into"} & {
-            *kept
-        }  # "it belongs on it, so get it there"
-        if words[0] == "so" and not aimed:
+        aimed = {"on", "onto", "into"} & {*kept}  # "it belongs on it, so get it there"
+        if words[0] == "so" and words[1:] and not aimed:
             kept, words = [*_topic(kept, known), ","], words[1:]  # "we are to have some wine, so open it"
         since = (i for i, word in enumerate(words) if i and word in lexicon.SINCE and _aside(words[i:]))
         words = words[: next(since, None)]  # "open it for Nan"

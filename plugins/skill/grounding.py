@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gvla2.planning.colours import COLOURS, FAMILIES, meant_by, naming_distance, nearest_colours
+from gvla2.planning.colours import FAMILIES, between, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
@@ -22,8 +22,6 @@ PART = 0.6
 """What is left of a fit where a part of a thing is to be any thing."""
 HOLDING = (*sorted(lexicon.SHAPE_NOUNS), "stand", "tower")
 """What people call what something is taken out of, whatever it looks like."""
-BETWEEN, LEEWAY = 25.0, 2.2
-"""A colour that is further from every word is between them: a word up to so many times as far may be meant."""
 
 
 @dataclass(frozen=True)
@@ -167,16 +165,7 @@ def _coloured(colour: str, fits: Fits) -> Fits:
     """Objects of the colour that is meant; where none is called so, those whose colour lies between two words."""
     name = meant_by(colour, (o.colour for o, _ in fits))
     exact = [(o, s) for o, s in fits if not colour or (name and o.colour == name)]
-    return exact or [(o, NEAR_COLOUR * s) for o, s in fits if _between(colour, o)]
-
-
-def _between(colour: str, thing: SceneObject) -> bool:
-    """Whether a thing's colour is so far from every word that people differ about which it is, this one among them."""
-    seen = tuple(float(v) for v in thing.rgb)
-    ((_, off),) = nearest_colours(seen, 1)
-    if colour not in COLOURS or off < BETWEEN:
-        return False
-    return float(naming_distance(COLOURS[colour], seen)) < LEEWAY * off
+    return exact or [(o, NEAR_COLOUR * s) for o, s in fits if between(colour, o.rgb)]
 
 
 def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:

@@ -172,16 +172,12 @@ def settle(intent: Intent) -> Intent:
     noun = intent.theme.noun if intent.theme is not None else ""
     nowhere = intent.goal is None and intent.direction is None
     skill, verb = intent.skill, intent.verb
-    pressed = (
-        (noun == "button" and skill == "push")
-        or (noun == "lamp" and skill == "place" and nowhere and verb != "move")  # "put the light on"
-    )
-    downward = skill == "press" and verb in ("push down", "push on")
+    lit = noun == "lamp" and skill == "place" and nowhere and verb != "move"  # "put the light on"
     readings = (
         (skill == "fetch", "pick" if nowhere else "place"),
-        (pressed and skill in ("open", "close", "push", "place"), "press"),
+        (lit or (noun == "button" and skill in ("open", "close", "push")), "press"),
         (skill == "place" and verb == "pop" and nowhere and noun == "lid", "open"),  # "pop the cork"
-        ((downward or (skill == "press" and verb in ("press down", "flip on"))) and noun == "lid", "close"),
+        (noun == "lid" and verb in ("push down", "push on", "press down", "flip on"), "close"),
     )
     return replace(intent, skill=next((meant for holds, meant in readings if holds), skill))
 

@@ -120,8 +120,8 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
 """Relation to its wordings."""
-UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
-    so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
+UNTIL = frozenset(_phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
+    so that it ends up, to be|lie|sit|rest, to end up, ends up, end up"""))
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
     (0.0, 1.0): "to the|your left, leftward|leftwards|left",
@@ -172,12 +172,12 @@ LETTING = _words("leave leaves keep keeps let")
 UNTOUCHED = _words("alone untouched undisturbed unmoved where")
 REMAINDER = _words("others other rest everything else")
 """Words of a clause that says what is to be left as it is."""
-NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
+NEGATIONS = frozenset(_phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
     ignoring, keeping, except, except for, excepting, excluding, other than, apart|aside from, besides, but|save for, neither,
-    nor, no""")
+    nor, no"""))
 """From one of these to the end of its clause, what is said is what not to do."""
 EACH = _words("all any every each everything anything both")
-SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
+SORTING = frozenset(_phrases("sort, group, separate, distribute, divide, match, matching, same, both, by"))
 """Words of sentences about several things."""
 TOUCHES = tuple("knock touch hit bump disturb".split())
 MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".split())

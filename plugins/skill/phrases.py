@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gvla2.planning.colours import COLOURS, FAMILIES
+from gvla2.planning.colours import COLOURS, FAMILIES, first_colour
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.words import noun_class
 
@@ -83,12 +83,9 @@ def _is_content(token: str) -> bool:
 
 
 def _colour(tokens: Sequence[str]) -> tuple[str, list[str]]:
-    """The first colour word of a phrase, two words before one, and the tokens without it; "dark red" is "maroon"."""
-    plain = ["gray" if t == "grey" else t for t in tokens]
-    for width in (2, 1):
-        for i in range(len(plain) - width + 1):
-            said = " ".join(plain[i : i + width])
-            if said in FAMILIES:
-                only = FAMILIES[said] if said not in COLOURS and len(FAMILIES[said]) == 1 else (said,)
-                return only[0], [*tokens[:i], *tokens[i + width :]]
-    return "", list(tokens)
+    """The first colour word of a phrase, and the tokens without it; "dark red" is "maroon"."""
+    if (found := first_colour(tokens)) is None:
+        return "", list(tokens)
+    begin, end, said = found
+    shades = () if said in COLOURS else FAMILIES[said]
+    return shades[0] if len(shades) == 1 else said, [*tokens[:begin], *tokens[end:]]

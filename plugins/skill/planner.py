@@ -7,14 +7,10 @@ from typing import cast
 
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import Scene
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.chaining import kept_out
 from gvla2.skills.meaning import suited
-from gvla2.skills.parts import closed_by
-from gvla2.skills.stuck import stuck
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wholes import holders, inside
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
@@ -98,19 +94,8 @@ def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abs
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return _unread(goal, intent.goal, scene)
-    if intent.relation in ("in", "on", "to") and goal.object.id in rests_in(theme.object, scene):
-        return Abstention("no_goal", f"The {theme.object.label} is in the {goal.object.label} already.")
-    if intent.relation == "in" and (why := kept_out(theme.object, goal.object)):
-        return Abstention("no_goal", why)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
     return SentenceReading((call,), (*intent.notes, *theme.notes, *goal.notes))
-
-
-def rests_in(thing: SceneObject, scene: Scene) -> set[str]:
-    """The ids of what it stands or sticks in."""
-    held = stuck(thing, scene)
-    on = {thing.parent} if closed_by(thing, scene) is not None else set()
-    return on | {h.id for h in holders(thing, scene) if inside(thing, h)} | set(held.holders if held else ())
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:

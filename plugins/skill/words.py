@@ -67,19 +67,17 @@ def noun_class(token: str) -> str:
 @cache
 def vocabulary() -> frozenset[str]:
     """Every word the grammar knows."""
-    words = {*_verb_forms(), *_noun_classes(), *lexicon.UNITS, *(u + "s" for u in lexicon.UNITS), "grey"}
-    listed: list[Iterable[str]] = [v for v in vars(lexicon).values() if isinstance(v, frozenset)]
-    listed += [t for table in (lexicon.SELECTORS, lexicon.RELATIONS, lexicon.VERBS) for t in table.values()]
-    listed += [
-        lexicon.NUMBERS,
-        lexicon.DIRECTIONS,
-        lexicon.UNTIL,
-        lexicon.NEGATIONS,
-        lexicon.SORTING,
-        FAMILIES,
-    ]
-    words |= {word for phrases in listed for phrase in phrases for word in phrase.split()}
-    return frozenset(words - {"*"})
+    tables = [t for name, t in vars(lexicon).items() if name.isupper() and isinstance(t, frozenset | dict)]
+    plural = {f"{unit}s" for unit in lexicon.UNITS}
+    return frozenset({*_verb_forms(), *_noun_classes(), *FAMILIES, *plural, *_words_of(tables), "grey"})
+
+
+def _words_of(listed: object) -> set[str]:
+    """All words of phrases in tables of any depth, keys and values."""
+    if isinstance(listed, str):
+        return set(re.findall(r"[a-z]+", listed))
+    inner = (*listed, *listed.values()) if isinstance(listed, dict) else listed
+    return {word for item in inner for word in _words_of(item)} if isinstance(inner, Iterable) else set()
 
 
 def spell(
@@ -102,7 +100,7 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TURNING
+    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TURNING | {*lexicon.CONTENTS}
     alike = [w for w in sorted(vocabulary() - small) if w[0] == token[0]]
     near = [w for w in alike if w.endswith("ed") <= token.endswith("d")]
     if mixed := [w for w in near if sorted(w) == sorted(token)]:

@@ -159,7 +159,6 @@ using the button, switch the lamp on
 turn the lamp on with its button
 turn on the lamp via the button
 the lamp: turn it on
-lamp: on
 button: press
 the button, press it
 I want the lamp on
