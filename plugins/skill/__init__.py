@@ -17,8 +17,7 @@ class SkillConfig(ComponentConfig):
 
     ``lift_height`` is how far an object is lifted when the sentence gives no amount; ``push_distance`` how far it
     is pushed when the sentence gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where
-    it touches. ``spelling`` in [0, 1] is how alike an unknown word must be to a known one to be read as it
-    (1 switches guessing off). ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the
+    it touches. ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the
     numbers of each plan about what they would be, by this relative spread and never by more than half, for episodes
     that gather experience; ``explore_seed`` gives other variations of the same scene.
     """
@@ -27,7 +26,6 @@ class SkillConfig(ComponentConfig):
     push_distance: float = 0.10
     speed: float = 0.25
     contact_speed: float = 0.08
-    spelling: float = 0.85
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0

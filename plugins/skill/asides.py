@@ -8,7 +8,8 @@ from itertools import pairwise
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import STOPS, noun_use
-from gvla2_plugins.skill.words import noun_class, verbs_of, vocabulary
+from gvla2_plugins.skill.phrases import is_content
+from gvla2_plugins.skill.words import noun_class, verbs_of
 
 
 def wishes(tokens: Sequence[str], known: frozenset[str]) -> list[str]:
@@ -54,7 +55,7 @@ def _aside(words: Sequence[str]) -> bool:
     if words[0] in lexicon.SUBJECTS | lexicon.SINCE:
         return True
     follows = {*words[1:2]} & (lexicon.DETERMINERS | lexicon.PRONOUNS | {"me", "us"})
-    return not _acts(words) and not (follows and words[0] not in vocabulary())  # "decant it"
+    return not _acts(words) and not (follows and is_content(words[0]))  # "decant it"
 
 
 def _tells(words: Sequence[str], stop: str) -> bool:

@@ -33,7 +33,7 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
         denied = following == "not"
         if joint == "not":
             denials += [tuple(words)] if words or not denied else []
-        elif words and not _leaves_alone(words) and not (denied and _ruled_out(words)):
+        elif words and not (denied and _ruled_out(words)):
             found.append((words, joint, denied))
     return found, denials
 
@@ -69,17 +69,3 @@ def noun_use(tokens: Sequence[str], i: int) -> bool:
 def _ruled_out(words: Sequence[str]) -> bool:
     """Whether what follows is denied of a thing ("the box is not ..."), not of which thing is meant ("that is not")."""
     return words[-1] in lexicon.BEING and words[-2:-1] not in (["that"], ["which"], ["who"])
-
-
-def _leaves_alone(words: Sequence[str]) -> bool:
-    """Whether a clause says what is to stay as it is: "leave the others", "ignore the blue one", "it can stay".
-
-    A verb before such a word makes it an action all the same: "lift it so that it stays in the air".
-    """
-    said = set(words)
-    marks = said & lexicon.STAYING
-    if said & (lexicon.UNTOUCHED | lexicon.REMAINDER):
-        marks |= said & lexicon.LETTING
-    first = min((words.index(word) for word in marks), default=0)
-    acts = (i for i in range(first) if words[i] != "let" and verbs_of(words[i]) and not noun_use(words, i))
-    return bool(marks) and next(acts, None) is None

@@ -13,7 +13,7 @@ from gvla2_plugins.skill.asides import wishes
 from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
 from gvla2_plugins.skill.intents import Intent, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
-from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
+from gvla2_plugins.skill.words import noun_class, take_length, tokenise, verbs_of
 
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
@@ -29,7 +29,7 @@ VERB_PHRASES: dict[str, list[tuple[str, list[str]]]] = {}
 """Verb to the skills that its phrases ask for, and the rest of each phrase."""
 for _skill, _phrase in ((skill, p.split()) for skill, listed in lexicon.VERBS.items() for p in listed):
     VERB_PHRASES.setdefault(_phrase[0], []).append((_skill, _phrase[1:]))
-MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
+OWNED = ("lid", "handle", "drawer")
 
 
 @dataclass(frozen=True)
@@ -41,21 +41,19 @@ class _Chunk:
     phrase: Phrase
 
 
-def heard(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> tuple[list[str], list[str]]:
-    """The words of a sentence's wishes, rightly spelt and plainly put, and one sentence for each guess."""
-    known = frozenset(word for label in labels for word in tokenise(label))
-    tokens, notes = spell(tokenise(sentence), spelling, known)
-    text = " ".join(tokens)
+def heard(sentence: str, labels: Sequence[str] = ()) -> list[str]:
+    """The words of a sentence's wishes, plainly put. ``labels`` are those of the scene."""
+    text = " ".join(tokenise(sentence))
     for wording, plainer in lexicon.PLAINER:
         text = re.sub(wording, plainer, text)
-    return wishes(text.split(), known), notes
+    return wishes(text.split(), frozenset(word for label in labels for word in tokenise(label)))
 
 
-def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
+def parse(sentence: str, labels: Sequence[str] = ()) -> Intent:
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
-    tokens, notes = heard(sentence, labels, spelling)
+    tokens = heard(sentence, labels)
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
-        return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
+        return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty")
     parts, denied = clauses(tokens)
     read = [
         replace(said, joint=joint, denied=no, means=words[0] in ("use", "using"))
@@ -66,7 +64,7 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     denials = tuple((" ".join(words), _clause(list(words)) or Intent()) for words in denied)
     if intent.skill == "place" and any(d.skill == "pick" for _, d in denials):
         intent = replace(intent, skill="push")  # "move it there without lifting it"
-    return replace(intent, notes=tuple(notes), denials=denials)
+    return replace(intent, denials=denials)
 
 
 def _clause(tokens: list[str]) -> Intent | None:
@@ -150,7 +148,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         return Intent("unsupported", "keep")  # "... but keep it on the table"
     words = [t for t in tokens if t.isalpha()]
     idle = lexicon.DETERMINERS | lexicon.FILLERS
-    brief = bool(words) and words[0] not in idle and words[-1] not in lexicon.FILLERS - {"table"}
+    verb = words[1:2] and words[1] in lexicon.DETERMINERS  # "squash the cube onto the tray"
+    brief = bool(words) and not verb and words[0] not in idle and words[-1] not in lexicon.FILLERS - {"table"}
     away = aloft or any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     named = theme is not None and theme.noun not in ("", "lamp") and not theme.unknown
     needed = named and lexicon.NEEDING.search(" ".join(tokens))  # "I need the umbrella"

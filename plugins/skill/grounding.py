@@ -9,7 +9,6 @@ from gvla2.planning.colours import FAMILIES, between, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
-from gvla2.skills.meaning import workable
 from gvla2.skills.parts import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
@@ -17,7 +16,8 @@ from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
 
 TIE = 0.9
 """Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
-NEAR_COLOUR = 0.7
+NEAR_COLOUR, SAME_KIND = 0.7, 0.85
+"""What is left of a fit by a colour between two, and by another word: "the box" is the box before the cube."""
 PART = 0.6
 """What is left of a fit where a part of a thing is to be any thing."""
 HOLDING = (*sorted(lexicon.SHAPE_NOUNS), "stand", "tower")
@@ -74,26 +74,6 @@ def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
     return _single(phrase, coloured, scene)
 
 
-def ground_worked(phrase: Phrase, scene: Scene) -> Grounded | Abstention:
-    """The thing that a phrase means, looked for first among the things with a lid, a handle or a cap.
-
-    "The box" then is the box and not its lid, which is called a box lid; where a part is named with its owner
-    ("the lid of the red box") the owner's colour counts.
-    """
-    wholes, parts = workable(scene)
-    if phrase.owner is not None:
-        owner = ground(phrase.owner, replace(scene, objects=tuple(wholes)) if wholes else scene)
-        if isinstance(owner, Grounded):
-            kin = (owner.object, *scene.parts_of(owner.object.id))
-            part = ground(replace(phrase, owner=None), replace(scene, objects=kin), movable=True)
-            return part if isinstance(part, Grounded) else owner
-    for pool in (wholes, parts):
-        found = ground(phrase, replace(scene, objects=tuple(pool)), movable=True)
-        if isinstance(found, Grounded) or found.kind == "ambiguous":
-            return found
-    return ground(phrase, scene, movable=True)
-
-
 def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
     """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
     return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
@@ -118,7 +98,12 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else known
     if noun == kind:
         own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
-        return 0.0 if own and strange(phrase, thing) else sure  # a knife block is no jenga block
+        called = (
+            tokenise(thing.label)[-1] in phrase.text.split()
+        )  # "the box" is the box before it is the cube
+        return (
+            0.0 if own and strange(phrase, thing) else sure * (1.0 if called else SAME_KIND)
+        )  # a knife block is no jenga block
     if noun == "block" and thing.opening and "box" in phrase.text.split():
         return sure  # "the box": a hollow one, whatever it is called
     if noun == "object" and thing.parent:

@@ -15,8 +15,8 @@ class Intent:
     """What a clause or a sentence asks for. ``skill`` is "" when no verb was understood; ``verb`` is how it was worded.
 
     ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
-    in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way; ``denials`` what the sentence rules out, in words and as it is read.
+    in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed; ``denials``
+    what the sentence rules out, in words and as it is read.
 
     Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before; ``means``: its
     theme is what to do it with ("use ..."); ``denied``: what it names is not to be acted on.
@@ -30,7 +30,6 @@ class Intent:
     amount: float | None = None
     direction: tuple[float, float] | None = None
     trouble: str = ""
-    notes: tuple[str, ...] = ()
     denials: tuple[tuple[str, Intent], ...] = ()
     brief: bool = False
     joint: str = ""

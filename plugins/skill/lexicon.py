@@ -43,7 +43,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     close="""close|seal * up, close|shut|seal|cover, swing|push|pull|flip|fold|get|drop|bring * shut|closed,
         swing|pull|flip|fold|bring|tip * over, lower|cover * lid, fold|flip|swing|tip * down,
         swing|fold|flip|put * back over|down, cover * up|with, turn * lid over, let|pull|bring * lid down""",
-    pull="""pull|slide|draw|tug|yank|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
+    pull="""pull|slide|draw|tug|yank|haul|ease|drag|slip|work|wiggle|coax * out, pull|tug|yank|extract|withdraw,
         draw|slide|slip|ease * from, pull|tug on|at, give * pull|tug, make * come out""",
     unsupported="""put|leave|keep * off, screw|turn|kick|throw|hurl|pack|unpack|peck|pour|fill|empty|unfold|wipe|clean|wash|cut|slice|chop|
         stab|break|smash|crush|eat|drink|cook|stir|mix|shake|wave|write|draw|paint|measure|count|tie|untie|plug|unplug|roll|
@@ -120,8 +120,8 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
         that protrudes from, sticking|poking|jutting out of, protruding from""",
 )  # fmt: skip
 """Relation to its wordings."""
-UNTIL = frozenset(_phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
-    so that it ends up, to be|lie|sit|rest, to end up, ends up, end up"""))
+UNTIL = _phrases("""until|till it is|sits|rests|lies|lands|stands, so it is|sits|lies|lands, so it ends up, so that it is|sits|rests|lies,
+    so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 _AIMS = {
     (0.0, 1.0): "to the|your left, leftward|leftwards|left",
@@ -152,7 +152,7 @@ FILLERS = _words("""
     away wooden wood plastic metal metallic steel cardboard rubber ceramic further make sure ok okay hey hi well let
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
-    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind done finished
+    locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind alone untouched done finished
     eh ah lah leh pitch than""")
 """Words that carry nothing for us."""
 SEEKING = _words("where find see seen looking missing")
@@ -167,17 +167,15 @@ SHINING = _words("shine shines shining glow glows glowing lit bright burning ali
 """States of a lamp that is on."""
 HAND = _words("hand gripper fingers finger jaws")
 """Words of the robot's own hand."""
-STAYING = _words("stay stays staying remain remains ignore ignores disregard skip spare exclude neglect")
 LETTING = _words("leave leaves keep keeps let")
-UNTOUCHED = _words("alone untouched undisturbed unmoved where")
 REMAINDER = _words("others other rest everything else")
 """Words of a clause that says what is to be left as it is."""
-NEGATIONS = frozenset(_phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
-    ignoring, keeping, except, except for, excepting, excluding, other than, apart|aside from, besides, but|save for, neither,
-    nor, no"""))
+NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
+    ignore, ignoring, disregard, keeping, except, except for, excepting, excluding, other than, apart|aside from, besides, but|save for, neither,
+    nor, no""")
 """From one of these to the end of its clause, what is said is what not to do."""
 EACH = _words("all any every each everything anything both")
-SORTING = frozenset(_phrases("sort, group, separate, distribute, divide, match, matching, same, both, by"))
+SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
 TOUCHES = tuple("knock touch hit bump disturb".split())
 MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".split())
@@ -224,6 +222,7 @@ PLAINER = (
      r"|do not)\b(?! you))[^,.;!?:]*", ""),
     (r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b", ""),
     (r"\b(?:before|now that|while) (?:i|we|she|he|they|somebody|someone|the little one|(?:i|we)'ve)\b[^,.;!?:]*(?=[.,;!?:]|$)", ""),
+    (r"\b(?:leave|keep|let) (?=[^,.;]*\b(?:alone|untouched|others?|the rest|everything else|(?:exactly )?where (?:it|they))\b)", "ignore "),
     # wishes
     (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you) (?=\w)", r"\1please "),
     (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
@@ -261,6 +260,6 @@ UNREAD = re.compile(
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "held": "hold", "brought": "bring", "lit": "light", "given": "give",
-    "laid": "lay", "slid": "slide", "swept": "sweep", "made": "make", "hung": "hang", "stuck": "stick",
+    "laid": "lay", "slid": "slide", "swept": "sweep", "made": "make", "hung": "hang", "stuck": "stick", "thrown": "throw",
 }  # fmt: skip
 """Inflections that no rule gives."""

@@ -55,7 +55,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
     after = rest[specific[-1][0] + 1 :] if specific else []
-    after = [t for t in after if _is_content(t) and noun_class(t) != "object"]
+    after = [t for t in after if is_content(t) and noun_class(t) != "object"]
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
     owner: Phrase | None = None
@@ -63,7 +63,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     if before and noun in lexicon.PARTS and before[0][1] != noun:  # the lamp button
         owner = Phrase(rest[before[0][0]], before[0][1])
     taken = {i for i, _ in nouns}
-    unknown = tuple(t for i, t in enumerate(rest) if i not in taken and _is_content(t))
+    unknown = tuple(t for i, t in enumerate(rest) if i not in taken and is_content(t))
     pronoun = not (noun or unknown or colour) and bool(lexicon.PRONOUNS & set(tokens))
     kinds = tuple(rest[i] for i, kind in before if kind != noun and owner is None)
     return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, owner, pronoun, kinds)
@@ -76,7 +76,8 @@ def _is_noun(tokens: Sequence[str], i: int) -> bool:
     return bool(noun_class(tokens[i])) and not modal
 
 
-def _is_content(token: str) -> bool:
+def is_content(token: str) -> bool:
+    """Whether a word says something of a thing, known or not."""
     dull = lexicon.FILLERS | lexicon.WISHING | lexicon.SHINING | lexicon.TABLE_WORDS
     dull |= lexicon.DETERMINERS | lexicon.PRONOUNS
     return token.isalpha() and token not in dull and token not in lexicon.NUMBERS

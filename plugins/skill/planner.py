@@ -14,7 +14,7 @@ from gvla2.skills.table import STANDARD
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button
 from gvla2_plugins.skill.intents import Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
@@ -40,24 +40,24 @@ class SkillPlanner:
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
-        found = read(request.instruction, request.scene, self.config.spelling)
+        found = read(request.instruction, request.scene)
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, options=self.options)
         made = carry_out(found.calls, request, self.options)
         return replace(made, notes=(*found.notes, *made.notes), sure=True)
 
 
-def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading | Abstention:
+def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
     """The skill calls of a sentence; an abstention where it cannot be read with certainty.
 
     Read as it stands; where that fails, in the words that perception has for what is there; then part by part.
     """
     known = in_scene_words(sentence, scene)
-    found = _read(sentence, scene, spelling)
+    found = _read(sentence, scene)
     if isinstance(found, Abstention) and known != sentence:
-        found = _read(known, scene, spelling)
+        found = _read(known, scene)
     if isinstance(found, Abstention) and found.kind == "other":
-        parts = [_read(part, scene, spelling) for part in lexicon.THEN.split(known)]
+        parts = [_read(part, scene) for part in lexicon.THEN.split(known)]
         said = [part for part in parts if isinstance(part, SentenceReading)]
         if len(said) == len(parts) > 1:
             calls, notes = [c for part in said for c in part.calls], [n for part in said for n in part.notes]
@@ -65,12 +65,12 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading
     return found
 
 
-def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abstention:
-    if isinstance(pairs := sorting(sentence, scene, spelling), Abstention):
+def _read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
+    if isinstance(pairs := sorting(sentence, scene), Abstention):
         return pairs
     if pairs:
         return SentenceReading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
-    intent = parse(sentence, [o.label for o in scene.objects], spelling)
+    intent = parse(sentence, [o.label for o in scene.objects])
     if refusal := _not_understood(intent, sentence):
         absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
         if isinstance(absent, Abstention) and absent.kind == "nothing_matches" and intent.skill in STANDARD:
@@ -88,14 +88,14 @@ def _read(sentence: str, scene: Scene, spelling: float) -> SentenceReading | Abs
     call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
     skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
     if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
-        return SentenceReading((call,), (*intent.notes, *theme.notes))
+        return SentenceReading((call,), theme.notes)
     if intent.goal.pronoun and intent.goal.landmark:
         return Abstention("no_goal", f"What '{intent.goal.text}' stands for is not told.")
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return _unread(goal, intent.goal, scene)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
-    return SentenceReading((call,), (*intent.notes, *theme.notes, *goal.notes))
+    return SentenceReading((call,), (*theme.notes, *goal.notes))
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
@@ -111,8 +111,7 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
     phrase = intent.theme or Phrase("it", pronoun=True)
-    worked = intent.skill in lexicon.WORKED
-    return ground_worked(phrase, seen) if worked else ground(phrase, seen, movable=True)
+    return ground(phrase, seen, movable=True)
 
 
 def _aimed(intent: Intent) -> Intent | None:

@@ -29,9 +29,9 @@ ALIKE = re.compile(
 Pair = tuple[SceneObject, SceneObject]
 
 
-def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
+def sorting(sentence: str, scene: Scene) -> list[Pair] | Abstention | None:
     """The pairs of a sentence about several things, None for any other sentence."""
-    tokens, _ = heard(sentence, [o.label for o in scene.objects], spelling)
+    tokens = heard(sentence, [o.label for o in scene.objects])
     if not _several(tokens) or not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
     if any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):

@@ -30,6 +30,8 @@ def test_what_cannot_go_in_is_refused(theme, goal, things, why):
     assert why in refusal.message
 
 
-@pytest.mark.parametrize(("goal", "relation"), [(SOLID, "on"), (NARROW, "on"), (TRAY, "in"), (DEEP, "beside")])
+@pytest.mark.parametrize(
+    ("goal", "relation"), [(SOLID, "on"), (NARROW, "on"), (TRAY, "in"), (DEEP, "beside")]
+)
 def test_what_has_room_is_not_refused(goal, relation):
     assert no_room(CUBE, goal, relation, request(CUBE, goal).scene) is None
