@@ -35,7 +35,9 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 """Colour words and their sRGB values in [0, 1]; the corners and edges of the colour cube."""
 
 SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
-"""Synonyms of the colour words."""
+SYNONYMS |= {"reddish": "red", "bluish": "blue", "purplish": "purple", "whitish": "white", "pinkish": "pink"}
+SYNONYMS |= {f"{word}ish": word for word in (*COLOURS, "brown")}
+"""Synonyms of the colour words, and what is nearly of a colour."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
-from gvla2_plugins.skill.lexicon import CONTENTS, DETERMINERS, PARTS, WORKED
+from gvla2_plugins.skill.lexicon import CONTENTS, PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -18,8 +18,8 @@ class Intent:
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed; ``denials``
     what the sentence rules out, in words and as it is read.
 
-    Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before; ``means``: its
-    theme is what to do it with ("use ..."); ``denied``: what it names is not to be acted on.
+    Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before;
+    ``means``: its theme is what to do it with; ``denied``: what it names is not to be acted on.
     """
 
     skill: str = ""
@@ -59,8 +59,6 @@ def combine(intents: Sequence[Intent]) -> Intent:
     acting = [i for i in intents if i.skill]
     if not acting:
         return _telegraph(intents) if intents else Intent()
-    if unsupported := [i for i in acting if i.skill == "unsupported"]:
-        return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
@@ -80,10 +78,10 @@ def combine(intents: Sequence[Intent]) -> Intent:
         topic = None if extra.skill else extra.theme
         if topic is None or topic.everywhere or topic.empty:
             continue
-        if topic.pronoun and not (known and topic.landmark):  # "it's behind the box"
+        if topic.pronoun and not topic.landmark:  # but "it's behind the box"
             continue
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
-            if k < first and (known or topic.text.split()[0] not in DETERMINERS):  # "time to lift it"
+            if k < first and known:  # "time to lift it"
                 continue
             return replace(whole, trouble=f"'{topic.text}' is not understood")
         told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
@@ -128,13 +126,13 @@ def _with_topic(whole: Intent, named: bool, extra: Intent, topic: Phrase, *, ahe
         return replace(whole, goal=topic)  # "there is a tray; put the cube on it"
     if not named:
         return replace(whole, theme=topic)
-    if whole.theme is not None and {"a", "an"} & {*whole.theme.text.split()[:1]} and topic.noun != "object":
-        return None
     assert whole.theme is not None
+    if whole.theme.text.startswith(("a ", "an ")) and topic.noun != "object":
+        return None
     if not ahead and whole.goal is not None and (goal := _refined(whole.goal, topic)) is not None:
         return replace(whole, goal=goal)  # what was said last is what it says more of
     theme = _refined(whole.theme, topic)
-    if theme is None and ahead and whole.skill in (*WORKED, "pick") and whole.theme.noun in PARTS:
+    if theme is None and whole.theme.noun in PARTS and whole.skill != "press":
         return replace(whole, theme=replace(whole.theme, owner=topic))  # "the jar is stuck, unscrew the lid"
     return None if theme is None else replace(whole, theme=theme)
 

@@ -153,7 +153,7 @@ FILLERS = _words("""
     let's lets we off table being by entire whole very rather fully nicely direction distance about around roughly
     approximately exactly at marked painted highlighted outlined designated indicated namely meaning as among find
     locate spot see notice identify look search reach approach head come begin keep continue use using via wants free slow steady gentle careful neatly sat mind alone untouched done finished
-    eh ah lah leh pitch than""")
+    eh ah lah leh pitch than pls plz""")
 """Words that carry nothing for us."""
 SEEKING = _words("where find see seen looking missing")
 """Words of clauses about a thing that may not be there."""
@@ -211,34 +211,27 @@ PLAINER = (
     (r"(^|[,.] )go to (?=the|that)", r"\1find "), (r"\bou?tta\b", "out of"), (r"\b(?:free|clear) (?=of|from)", "out "),
     # asks for nothing more: how, if it is no trouble, so that nothing happens
     (r"\b(?:go ahead (?:and )?|be so (?:kind|good) as to\b)", ""), (r"\b(?:clean|right|straight) (?=out of|off|up)", ""),
-    (r"\b(?:pls|plz)\b|(?:, )?\bnice and \w+", ""),
     (r"(?:, )?\b(?:i |it )?(?:do|does) not (?:mind|matter|care) (?:how|which|where|what)(?: one)?(?: (?:it|way))?\b", ""),
     (r"\ba (\w+) , any(?: one)?(?: of (?:the|them)(?: \w+)?)? will do\b", r"any \1"),
-    (r"(?:, )?\b(?:when|once) you(?:'re| 're| are)? (?:done|finished|ready|free|through)\b", ""),
     (r"^right , |\bright (?=there|here|now|away|beside|next|in front|behind)", ""), (r" , (?:the )?\w+ and all\b", ""),
     (r"(?:, )?\b(?:if|when|whenever) (?:you|possible|it|it's)(?: (?:do|would) not mind| 's| is| no| not| too much| please"
      r"| can| could| would|'d| be| so| like| trouble| bother| kind| good| have| get| got| a \w+){0,5}(?=\s*(?:[.,;!?]|$|and\b))", ""),
     (r"(?:, )?\bso (?:that )?(?:(?:no|nothing|nobody|it no|they)\b|(?:(?:the|my|our|your) )?(?:\w+ ){1,2}(?:can|could|does not"
      r"|do not)\b(?! you))[^,.;!?:]*", ""),
     (r"\b(?:till|until|so)(?: that)? (?:it|the (?:open )?\w+)(?: is|'s| 's)? (?:shuts?|close[sd]|sealed|opens?|clicks)\b", ""),
-    (r"\b(?:before|now that|while) (?:i|we|she|he|they|somebody|someone|the little one|(?:i|we)'ve)\b[^,.;!?:]*(?=[.,;!?:]|$)", ""),
     (r"\b(?:leave|keep|let) (?=[^,.;]*\b(?:alone|untouched|others?|the rest|everything else|(?:exactly )?where (?:it|they))\b)", "ignore "),
     # wishes
     (r"(^|[,.;!?] |\bso |\band )(?:if you (?:could|would)(?: just)?|why (?:don't|do not) you) (?=\w)", r"\1please "),
-    (r"\b(?:see (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)|(?:make (?:it so|sure)|ensure)(?: that)? )"
-     r"(?=(?:the|that|this|my) )", "i want "),
+    (r"\bsee (?:to it )?(?:that )?(?=[^,.;?!]*\b(?:on|onto|in|into|over)\b)(?=(?:the|that|this|my) )", "i want "),
     (r"\bi(?: would|'d| 'd) (?:appreciate|love|like|prefer) (?:having|to have) (?!a )", "i want "),
     (r"\bto (?:sit|stand|rest|lie|go|end up) (?=(?:on|onto|in|into|over)\b)", "to be "),
     (r"(?<!but )\bkeep ((?:the|that|this|it)\b(?: \w+){0,3}?) (?=(?:on|onto|in|into|inside) (?!the (?:table|desk)))", r"put \1 "),
-    (r"\b(?:get|bring|take) (it|them) (?=(?:over |across )?there\b)", r"move \1 "), (r"\boff with ", "take off "),
+    (r"\boff with ", "take off "),
     (r"\b((?:flip|lift|raise|swing|pull|pop|open)(?: up)? (?:the|that) (?:\w+ )?(?:lid|flap|cover)) on (?=the|that)", r"\1 of "),
     (r"\bget (?:into|inside) |\b(?:see|check|show me) (?:what (?:is|'s)|the thing) (?:in|inside) "
      r"|\b(?:have|take|get) a \w+ (?:inside|into|in) |\b(?:look|peek|peep) (?:inside|into) ", "open "),
     # words and places
     (r"\b(?:been|is|was|'ve|i|you|we|they|he|she|who|somebody|someone)(?: .s|.s)? left (?=the|that|this|it|their|your|my|his|her|open|up|on|in)", "is "),
-    (r"\b(?:until|till) it(?: is|'s| 's| comes| gets) (?:all the way )?(?:out|free) ", "out "),
-    (r"\b(pink|green|brown|yellow|gray|orange|black)ish\b", r"\1"), (r"\bpurplish\b", "purple"), (r"\breddish\b", "red"),
-    (r"\bblu(?:e)?ish\b", "blue"), (r"\bwhitish\b", "white"),
     (r"\b(?:him|her) (?=down|up|on|onto|in|into|over|out|off)", "it "),
     (r"\b(?:gimme|give us)\b", "give me"), (r"\by(?:'all|a)\b", "you"), (r"\bof (?:them|'em) (?=\w)", "of the "),
     (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "),

@@ -58,15 +58,11 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     after = [t for t in after if is_content(t) and noun_class(t) != "object"]
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
-    owner: Phrase | None = None
-    before = specific[:-1]
-    if before and noun in lexicon.PARTS and before[0][1] != noun:  # the lamp button
-        owner = Phrase(rest[before[0][0]], before[0][1])
     taken = {i for i, _ in nouns}
     unknown = tuple(t for i, t in enumerate(rest) if i not in taken and is_content(t))
     pronoun = not (noun or unknown or colour) and bool(lexicon.PRONOUNS & set(tokens))
-    kinds = tuple(rest[i] for i, kind in before if kind != noun and owner is None)
-    return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, owner, pronoun, kinds)
+    kinds = tuple(rest[i] for i, kind in specific[:-1] if kind != noun)
+    return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, None, pronoun, kinds)
 
 
 def _is_noun(tokens: Sequence[str], i: int) -> bool:

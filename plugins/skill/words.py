@@ -31,18 +31,13 @@ def _verb_forms() -> dict[str, frozenset[str]]:
     bases = {phrase.split()[0] for listed in lexicon.VERBS.values() for phrase in listed}
     forms: dict[str, set[str]] = {}
     for base in bases:
-        stem = base[:-1] if base.endswith("e") else base
-        inflected = [base, base + "s", stem + "ed", stem + "ing"]
-        inflected += [base + "es"] * base.endswith(("s", "sh", "ch", "x", "z", "o"))
-        if len(base) > 2 and base[-1] not in "aeiouwxy" and base[-2] in "aeiou":
-            inflected += [base + base[-1] + "ed", base + base[-1] + "ing"]
-        if base.endswith("y") and base[-2] not in "aeiou":
-            inflected += [base[:-1] + "ies", base[:-1] + "ied"]
-        for form in inflected:
+        stem, doubled = base.removesuffix("e"), base + base[-1]
+        inflected = {base, f"{base}s", f"{base}es", re.sub("y$", "ies", base), re.sub("y$", "ied", base)}
+        inflected |= {each + ending for each in (stem, doubled) for ending in ("ed", "ing")}
+        for form in inflected:  # and some that are no words
             forms.setdefault(form, set()).add(base)
     for form, base in lexicon.IRREGULAR.items():
-        if base in bases:
-            forms.setdefault(form, set()).add(base)
+        forms.setdefault(form, set()).add(base)
     for form in lexicon.STANDING:
         forms.pop(form, None)
     return {form: frozenset(found) for form, found in forms.items()}

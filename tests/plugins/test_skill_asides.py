@@ -63,7 +63,7 @@ READ = {
     "square": """c s|My lad's been messing about, so please put the red cube back on its blue square.
 c s|You see that red cube? I want it on the blue square.
 c s|Put the reddish cube on the blue square, I don't mind which way.
-c s|I would appreciate having the red cube on the blue square when you're done.
+c s|I would appreciate having the red cube on the blue square.
 c s|I'd love the red cube to sit on the blue square.
 c s|The red cube belongs on the blue square, so please get it there.
 c s|The red cube ought to be on the blue square, dear.
