@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mechanisms import hinge_for, hinges, slide_for, slides
+from gvla2.skills.mechanisms import hinge_for, slide_for
 from gvla2.skills.parts import button_of, cap_of, closed_by, is_lid, root_of
 from gvla2.skills.schemas.insert import fits_over
 from gvla2.skills.stuck import stuck
@@ -105,25 +105,6 @@ def threaded(theme: SceneObject, scene: Scene) -> bool:
     """Whether it is a round lid or cap, or has one."""
     caps = [o for o in scene.objects if o.shape in ("cylinder", "disc") and is_lid(o, scene)]
     return any(theme.id in (cap.id, cap.parent) for cap in caps)
-
-
-def workable(scene: Scene) -> tuple[list[SceneObject], list[SceneObject]]:
-    """The wholes that have a lid, a drawer or a cap, and the parts that are moved then."""
-    wholes: dict[str, SceneObject] = {}
-    parts: dict[str, SceneObject] = {}
-    for hinge in hinges(scene):
-        parts[hinge.lid.id] = hinge.lid
-        if hinge.body is not None:
-            wholes[hinge.body.id] = hinge.body
-    for slide in slides(scene):
-        wholes[slide.front.id] = slide.front
-        for thing in (slide.handle, slide.body):
-            if thing is not None:
-                parts[thing.id] = thing
-    for thing in scene.objects:
-        if threaded(thing, scene):
-            (parts if thing.parent else wholes)[thing.id] = thing
-    return list(wholes.values()), [p for p in parts.values() if p.id not in wholes]
 
 
 def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:

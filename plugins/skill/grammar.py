@@ -9,8 +9,7 @@ from itertools import pairwise
 
 from gvla2.planning.colours import FAMILIES, SYNONYMS
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.asides import wishes
-from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at
+from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at, wishes
 from gvla2_plugins.skill.intents import Intent, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
 from gvla2_plugins.skill.words import noun_class, take_length, tokenise, verbs_of

@@ -41,17 +41,12 @@ def ground(
 ) -> Grounded | Abstention:
     """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
-    called = {word for o in pool for word in tokenise(o.label)[-1:]} & set(tokenise(phrase.text))
-    # "lift the red square"; but what is called a marker is no place
-    noun = "block" if movable and phrase.noun == "target" and not called else phrase.noun
-    fits = _fits(phrase, noun, pool)
-    fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
-    return _single(phrase, _of_colour(phrase, fits, scene), scene)
+    return _single(phrase, _of_colour(phrase, _fits(phrase, pool), scene), scene)
 
 
 def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:
     """All things of a scene that a phrase means, parts too: "the red ones", "the lids". Empty where nothing fits."""
-    fits = _coloured(phrase.colour, _fits(phrase, phrase.noun, scene.objects))
+    fits = _coloured(phrase.colour, _fits(phrase, scene.objects))
     best = max((s for _, s in fits), default=0.0)
     return tuple(o for o, s in fits if s >= TIE * best)
 
@@ -79,13 +74,13 @@ def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
     return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
 
 
-def _fits(phrase: Phrase, noun: str, things: Sequence[SceneObject]) -> Fits:
-    return [(o, score) for o in things if (score := _noun_score(phrase, noun, o)) > 0]
+def _fits(phrase: Phrase, things: Sequence[SceneObject]) -> Fits:
+    return [(o, score) for o in things if (score := _noun_score(phrase, o)) > 0]
 
 
-def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
+def _noun_score(phrase: Phrase, thing: SceneObject) -> float:
     """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
-    sure, kind = 0.9 + 0.1 * thing.confidence, _kind(thing)
+    noun, kind, sure = phrase.noun, _kind(thing), 0.9 + 0.1 * thing.confidence
     contents = [w for w in phrase.unknown if w in lexicon.CONTENTS and w not in tokenise(thing.label)]
     usual = [colour for word in contents for colour in lexicon.CONTENTS[word]] if kind == "bottle" else []
     if usual and not any(meant_by(colour, [thing.colour]) for colour in usual):
@@ -104,8 +99,6 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
         return (
             0.0 if own and strange(phrase, thing) else sure * (1.0 if called else SAME_KIND)
         )  # a knife block is no jenga block
-    if noun == "block" and thing.opening and "box" in phrase.text.split():
-        return sure  # "the box": a hollow one, whatever it is called
     if noun == "object" and thing.parent:
         sure *= PART
     if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":

@@ -69,6 +69,3 @@ def test_a_marker_that_is_called_so_is_no_place():
     found = ground(read_phrase(["the", "marker"], ["big"]), scene(pen, cube), movable=True)
     assert isinstance(found, Grounded), found.message
     assert found.object.id == "a"
-    square = ground(read_phrase(["the", "red", "square"]), scene(pen, cube), movable=True)
-    assert isinstance(square, Grounded), square.message
-    assert square.object.id == "b"
