@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.holds import holds
+from gvla2.skills.holds import has_hold
 from gvla2.skills.mechanisms import hinge_for, slide_for
 from gvla2.skills.parts import button_of, called, cap_of, closed_by, is_button, root_of
 from gvla2.skills.schemas.insert import fits_over
@@ -49,7 +49,7 @@ def fits_pick(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
         return False
     if fits_close(thing, scene, hand) or (is_button(thing, scene) and thing.parent):
         return False
-    return stuck(thing, scene) is not None or bool(holds(assembled(thing, scene), hand))
+    return stuck(thing, scene) is not None or has_hold(assembled(thing, scene), hand)
 
 
 fits_place = fits_pick

@@ -54,8 +54,16 @@ class Hold:
 
 def holds(theme: SceneObject, hand: Hand) -> list[Hold]:
     """All holds that fit in the hand, those of the whole object first."""
-    found = [h for h in whole(theme, hand) if h.width + GRASP_PLAY <= hand.max_width]
-    return [*found, *slim_top(theme, hand), *wall(theme, hand)]
+    return [*_fitting(theme, hand), *slim_top(theme, hand), *wall(theme, hand)]
+
+
+def has_hold(theme: SceneObject, hand: Hand) -> bool:
+    """Whether there is any hold; the upper end, which takes longest, is looked at last."""
+    return bool(_fitting(theme, hand) or wall(theme, hand) or slim_top(theme, hand))
+
+
+def _fitting(theme: SceneObject, hand: Hand) -> list[Hold]:
+    return [h for h in whole(theme, hand) if h.width + GRASP_PLAY <= hand.max_width]
 
 
 def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
@@ -99,7 +107,10 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
-    yaw = float(turns[np.ptp(spans(band, turns), axis=0).argmin()])
+    widths = np.ptp(spans(band, turns), axis=0)
+    if widths.min() + GRASP_PLAY > hand.max_width or widths.min() >= theme.extents[:2].max() - SLIMMER:
+        return []
+    yaw = float(turns[widths.argmin()])
     found = []
     yaws = yaw + np.pi * np.arange(2 * YAWS) / YAWS
     ends, sides = spans(band, yaws).T, spans(band, yaws + 0.5 * np.pi).T
