@@ -18,8 +18,8 @@ class Intent:
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed; ``denials``
     what the sentence rules out, in words and as it is read.
 
-    Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before;
-    ``means``: its theme is what to do it with; ``denied``: what it names is not to be acted on.
+    Of a clause: ``brief``: without a verb, as on a telegram; ``joint``: how it follows the one before; ``means``: its
+    theme is what to do it with ("use ..."); ``denied``: what it names is not to be acted on.
     """
 
     skill: str = ""
@@ -59,6 +59,8 @@ def combine(intents: Sequence[Intent]) -> Intent:
     acting = [i for i in intents if i.skill]
     if not acting:
         return _telegraph(intents) if intents else Intent()
+    if unsupported := [i for i in acting if i.skill == "unsupported"]:
+        return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if _names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)

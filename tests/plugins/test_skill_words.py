@@ -275,6 +275,11 @@ def test_what_is_no_skill_of_ours_is_none(sentence):
     assert parse(sentence).skill in ("", "unsupported")
 
 
+@pytest.mark.parametrize("sentence", ["wipe the cube", "lift the red cube and wash it"])
+def test_a_verb_that_is_understood_and_not_carried_out_is_told(sentence):
+    assert "is no skill of this planner" in parse(sentence).trouble
+
+
 @pytest.mark.parametrize(
     "sentence",
     ["pick up the red cube and the blue cube", "push the cube and press the button", "pick up it and the red cube",
