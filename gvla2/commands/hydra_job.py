@@ -136,6 +136,8 @@ def launch(
         return 143 if isinstance(stopped, Terminated) else 130
     except HydraException as error:  # some of them are an OSError too
         return tell(error, registry)
+    except BrokenPipeError:  # `gvla2 run --help | head`
+        raise
     except ConnectionError as error:  # also OSError, from a launcher whose cluster does not answer
         return tell(Gvla2Error(f"The sweep could not be launched: {error}"), registry)
     except OSError as error:  # the job's own errors come as JobFailedError: this one concerns Hydra's folder
