@@ -91,7 +91,7 @@ class EpisodeRequest:
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
     there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
-    it is confident (:mod:`gvla2.loop.consulting`).
+    it is confident; None leaves that to the planner (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int
@@ -101,7 +101,7 @@ class EpisodeRequest:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    agreement: bool = False
+    agreement: bool | None = None
 
 
 _SILENT = SilentListener()

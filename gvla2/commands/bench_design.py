@@ -117,7 +117,7 @@ def planner_label(config: BenchConfig) -> str:
             changed.append(f"{field.name}={value}")
     label = f"{planner.name} ({', '.join(changed)})" if changed else planner.name
     helped = config.fallback.name not in ("", "none")
-    joint = "agreeing with" if config.agreement else "then"
+    joint = {True: "agreeing with", False: "then", None: "with"}[config.agreement]
     return f"{label}, {joint} {config.fallback.name}" if helped else label
 
 
@@ -174,7 +174,7 @@ def _design(
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
     """What all episodes of a task share that could change their outcome, by task."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    tries = (config.replan, config.max_parts, *(["agreement"] if config.agreement else []))
+    tries = (config.replan, config.max_parts, config.agreement)
     found = {}
     for task in tasks:
         typed = configured(registry, chosen_parts(config, registry, task), (*LOOP, *GEOMETRY))

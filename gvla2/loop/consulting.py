@@ -3,8 +3,8 @@
 If a planner fails (no answer, no plan, rejected twice) or declines for lack of means, another one may follow. That is
 never silent: the plan names the one that stepped in, and a note says why.
 
-With ``agreement`` the fallback planner is asked first, about every instruction. If it is confident, or its refusal is
-final, it decides and the planner is not asked. Otherwise the planner decides; if both have plans that mean the same,
+With ``agreement``, or by default where the planner ``defers``, the fallback planner is asked first, about every
+instruction. If it is confident, or its refusal is final, it decides and the planner is not asked. Otherwise the planner decides; if both have plans that mean the same,
 the planner's is taken, and if they do not, nothing is done.
 """
 
@@ -37,14 +37,16 @@ class Asked:
 
 @dataclass(frozen=True)
 class Consultation:
-    """Whom to ask (``agreement``: always both), for how many seconds each (0: for ever), for which arm and skills."""
+    """Whom to ask (``agreement``: the fallback first; None: as the planner ``defers``), for how many seconds each (0:
+    for ever), for which arm and skills.
+    """
 
     first: Asked
     fallback: Asked | None
     seconds: float
     arm: Arm
     skills: Mapping[str, Skill]
-    agreement: bool = False
+    agreement: bool | None = None
 
     def plan(self, record: EpisodeRecord) -> EpisodeRecord:
         """The record with a plan; a final abstention is its failure.
@@ -81,7 +83,8 @@ class Consultation:
 
     def _heard(self, record: EpisodeRecord) -> tuple[EpisodeRecord, Plan | None]:
         """The record, with the fallback's plan where that decides, and the fallback's answer if the two must agree."""
-        if not self.agreement or self.fallback is None:
+        agreed = getattr(self.first.planner, "defers", False) if self.agreement is None else self.agreement
+        if not agreed or self.fallback is None:
             return record, None
         try:
             other = self._ask(record, self.fallback)

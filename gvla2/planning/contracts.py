@@ -140,7 +140,10 @@ class Plan:
 
 
 class Planner(Protocol):
-    """Plans waypoints from an instruction, a scene and advice."""
+    """Plans waypoints from an instruction, a scene and advice.
+
+    An optional attribute ``defers`` says that a fallback planner which is sure of its plan may go first.
+    """
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan, or an abstention; never an exception for an impossible instruction."""

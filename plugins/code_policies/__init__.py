@@ -20,7 +20,8 @@ class CodePoliciesConfig(ComponentConfig):
     ``tries`` bounds how often the model is asked, with the reasons when a program cannot be followed; ``samples``
     answers a try are drawn and the one that most agree on is taken. ``agreement`` in [0, 1]: where fewer of the
     samples than this share agree, it abstains. ``cautious`` declines wishes that rule something out ("not",
-    "except") and programs that leave out what the wish names, as small models need; large ones do better without.
+    "except") and programs that leave out what the wish names, as small models need; large ones do better without. A
+    cautious planner lets a ``fallback`` that is sure go first.
     ``programs`` remembered successes at most are shown. ``lift_height`` and ``push_distance`` (metres) hold where
     the program gives no amount; ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
     ``explore`` > 0 varies each plan's numbers by this relative spread, another way for each ``explore_seed``.

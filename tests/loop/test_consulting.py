@@ -164,6 +164,15 @@ def unsure(parts, skill="pick"):
     return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False, transcript=TALK)
 
 
+@pytest.mark.parametrize(("agreement", "asked"), [(None, False), (True, False), (False, True)])
+def test_a_planner_that_defers_is_asked_last_unless_told_otherwise(parts, agreement, asked):
+    planner = Answering(parts.fallback.plan)
+    planner.defers = True
+    record = run(parts, planner, agreement=agreement)
+    assert record.failure is None
+    assert bool(planner.requests) == asked
+
+
 def test_where_both_mean_the_same_the_planners_own_plan_is_taken(parts):
     record = agreeing(parts, Answering(parts.fallback.plan), Answering(unsure(parts)))
     assert (record.plan.fallback, record.failure) == ("", None)
