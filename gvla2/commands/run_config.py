@@ -27,9 +27,9 @@ class RunConfig(EveryKind):
     again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
     means, ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and decides if it is
-    confident (null: where the planner defers to one, as a cautious ``code_policies`` does). A program that takes several plans is carried out in up to ``max_parts``. A
-    sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept, unless
-    ``results.fresh``.
+    confident (null: where the planner defers to one, as a cautious ``code_policies`` does). A program that takes
+    several plans is carried out in up to ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that
+    are done in its folder are kept, unless ``results.fresh``.
     """
 
     instruction: str | None = None

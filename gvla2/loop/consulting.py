@@ -4,8 +4,8 @@ If a planner fails (no answer, no plan, rejected twice) or declines for lack of 
 never silent: the plan names the one that stepped in, and a note says why.
 
 With ``agreement``, or by default where the planner ``defers``, the fallback planner is asked first, about every
-instruction. If it is confident, or its refusal is final, it decides and the planner is not asked. Otherwise the planner decides; if both have plans that mean the same,
-the planner's is taken, and if they do not, nothing is done.
+instruction. If it is confident, or its refusal is final, it decides and the planner is not asked. Otherwise the planner
+decides; if both have plans that mean the same, the planner's is taken, and if they do not, nothing is done.
 """
 
 from __future__ import annotations
