@@ -29,7 +29,7 @@ FURTHER = ("third", "fourth", "fifth", "sixth")
 LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
 _NAME = re.compile(r"\{(\w{1,20})\}")
-_SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
+_SHARE = re.compile(r"(-?\d{1,4}(?:\.\d{1,4})?)([hwc])")
 _LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
 """A line of a program of calls; a remembered one is untrusted."""
 _NOBODY: Mapping[str, Collection[str]] = {}
@@ -45,7 +45,8 @@ class Program:
     * ``waypoints``: a step is ``["{theme}", dx, dy, up, g]``, from the middle of the object's top to the tool in
       millimetres, x away from the robot, y to its left; or ``["{theme}", "{goal}", along, up, g]``, along from the
       first object's middle towards the second's. A length may be a share: ``"-0.5h"`` of the first object's height,
-      ``"0.4w"`` of its longer level side. ``g`` is the hand's opening in [0, 1].
+      ``"0.4w"`` of its longer level side; while something is carried, ``"5c"`` is the height of its lower end above
+      the first object, so that a taller thing is carried higher. ``g`` is the hand's opening in [0, 1].
 
     ``roles`` gives the kinds of things in the roles ("red cup cylinder"), ``instruction`` is the one it was written
     for.
@@ -118,8 +119,13 @@ def waypoints_program(steps: Sequence[Sequence[Any]], scene: Scene, **about: Any
     """A program of waypoints from steps with scene ids for names and millimetres for lengths."""
     used = [part for step in steps for part in step[:2] if isinstance(part, str)]
     roles = role_names(used, about.pop("roles", {}))
-    general = tuple(_generalised(step, roles, scene[step[0]]) for step in steps)
-    return Program("waypoints", general, {roles[i]: kind_of(scene[i]) for i in roles}, **about)
+    general = [_generalised(step, roles, scene[step[0]]) for step in steps]
+    if (take := _taking(steps)) is not None:
+        below = _below(steps[take], scene[steps[take][0]])
+        for k in range(take + 1, len(steps)):
+            if steps[k][0] != steps[take][0]:
+                general[k] = (*general[k][:-2], f"{steps[k][-2] - below:.0f}c", general[k][-1])
+    return Program("waypoints", tuple(general), {roles[i]: kind_of(scene[i]) for i in roles}, **about)
 
 
 def bind(
@@ -164,7 +170,8 @@ def told(
     named = {role: names[i] for role, i in bound.items()}
     if program.language == "calls":
         return tuple(_NAME.sub(lambda m: named.get(m.group(1), m.group(1)), step) for step in program.steps)
-    found = []
+    found: list[tuple[Any, ...]] = []
+    take = _taking(program.steps)
     for step in program.steps:
         role = _NAME.fullmatch(step[0])
         if role is None or any(
@@ -172,6 +179,11 @@ def told(
         ):
             return None
         thing = scene[bound[role.group(1)]]
+        if str(step[-2]).endswith("c"):
+            if take is None or len(found) <= take:
+                return None
+            carried = scene[bound[str(program.steps[take][0]).strip("{}")]]
+            step = (*step[:-2], round(float(step[-2][:-1]) + _below(found[take], carried)), step[-1])
         found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
                            else _absolute(part, thing) for part in step))  # fmt: skip
     return tuple(found)
@@ -220,6 +232,16 @@ def _generalised(step: Sequence[Any], roles: Mapping[str, str], thing: SceneObje
         for v in middle
     ]  # fmt: skip
     return ("{" + roles[name] + "}", *aside, low, g)
+
+
+def _taking(steps: Sequence[Sequence[Any]]) -> int | None:
+    """The index of the waypoint where an open hand closes; None if it never does."""
+    return next((k for k in range(1, len(steps)) if steps[k][-1] < 0.5 <= steps[k - 1][-1]), None)
+
+
+def _below(step: Sequence[Any], thing: SceneObject) -> float:
+    """How far the lower end of a thing is below the tool that takes it at ``step``, millimetres."""
+    return _sizes(thing)[0] + float(step[-2])
 
 
 def _absolute(part: Any, thing: SceneObject) -> Any:

@@ -29,6 +29,11 @@ def read_steps(text: str, ids: Mapping[str, str], *, bare: bool) -> list[Step]:
     return [_bare(step) if bare else _relative(step, ids) for step in found]
 
 
+def written(steps: Sequence[Sequence[Any]]) -> str:
+    """Waypoints as an answer has them."""
+    return json.dumps(steps, separators=(",", ":"))
+
+
 def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene, *, bare: bool) -> list[PathPoint]:
     """The points of the hand's path, world metres."""
     if bare:

@@ -13,6 +13,7 @@ from gvla2.skills.proposals import Job, Path, Proposal
 from gvla2.skills.schemas.insert import aligning_turns, lower_over
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
 from gvla2.skills.schemas.place import TURNS, carry, over_spot, put_down
+from gvla2.skills.stuck import stuck
 
 if TYPE_CHECKING:
     from gvla2.skills.lifting import PathPoint
@@ -23,6 +24,8 @@ APPROACH = 0.12
 """Points within this horizontal distance of the grasp belong to its approach or retreat, metres."""
 CENTRED = 0.03
 """An object released this close to a goal's middle is put down at the middle, metres."""
+LOWERED = 0.03
+"""A point over the release that is higher by less belongs to it, metres."""
 FAR = 10.0
 """Deduction from the preference for each metre between grasp and point."""
 TURNED = 0.05
@@ -67,10 +70,13 @@ def _along(
         if float(np.linalg.norm((point.array - grasp.centre)[:2])) > APPROACH:
             before.go("move", point.array)
     path.waypoints[:0] = before.waypoints
-    touching = job.own() | job.resting()
+    held = stuck(job.theme, job.scene)
+    touching = job.own() | job.resting() | (held.holders if held is not None else frozenset())
     here = draw_out(job, path, grasp)
     clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
     end = len(points) if opened is None else opened
+    while opened is not None and end > at + 1 and _released_at(points[end - 1].array, points[opened].array):
+        end -= 1  # putting down leads there, and knows what may be touched
     for k, point in enumerate(points[at + 1 : end]):
         there = np.minimum(point.array, [np.inf, np.inf, job.ceiling()])
         if k == 0 and opened is None and at + 2 == end:
@@ -92,6 +98,11 @@ def _along(
     how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     cost = TURNED * (turn != 0.0)
     return Proposal(how, grasp.approaches, preference - cost, path.trajectory())
+
+
+def _released_at(point: FloatArray, spot: FloatArray) -> bool:
+    """Whether a point is the place of the release itself, and no more than lowered there."""
+    return float(np.linalg.norm((point - spot)[:2])) < CENTRED and float(point[2] - spot[2]) < LOWERED
 
 
 def _let_go(

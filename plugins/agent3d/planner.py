@@ -12,12 +12,13 @@ from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.programs.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
+from gvla2.programs.remembered import Remembered, remembered_paths
+from gvla2.programs.waypoints import Step, grammar, path_of, read_steps, schema, with_ids, written
 from gvla2.skills.asked_paths import last_answer, nothing_to_ask
 from gvla2.skills.lifting import lift
 from gvla2.skills.mentions import roles_said
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.prompt import Remembered, messages, rejected_path, remembered_paths, written
+from gvla2_plugins.agent3d.prompt import messages, rejected_path
 
 BACK = 2
 """How often the reasons for an infeasible path go back to the model."""
@@ -41,7 +42,7 @@ class Agent3d:
             return refusal
         bare = self._bare
         brief = scene_brief(request.scene, positions=bare, points=self.config.points)
-        known = [] if bare else remembered_paths(request, brief, self.config.programs)
+        known = [] if bare else remembered_paths(request, brief, self.config.programs, self._options)
         asked, held = messages(request, brief, known, bare=bare), self._held(request, brief, known)
         if request.rejections:
             why = [brief.named(reason, request.scene) for reason in request.rejections]

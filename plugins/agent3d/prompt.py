@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any
 
 from gvla2.language import Message
-from gvla2.planning.colours import FAMILIES
 from gvla2.planning.contracts import PlanRequest
-from gvla2.planning.programs import remembered, told
+from gvla2.planning.programs import remembered
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.programs.remembered import Remembered
+from gvla2.programs.waypoints import written
 from gvla2.skills.asked_paths import instruction_in
-from gvla2.skills.mentions import may_mean, roles_said
 
 EXAMPLE_THINGS = {
     False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
@@ -27,19 +23,6 @@ EXAMPLE_PATH = {
     '["tan_sponge",0,0,120,0],["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
     True: "[[100,50,120,1],[100,50,20,1],[100,50,20,0],[100,50,190,0],[300,-100,180,0],[300,-100,80,1]]",
 }
-
-
-@dataclass(frozen=True)
-class Remembered:
-    """A path that succeeded before, with the present ``names`` in order, and the ``task`` that it was for."""
-
-    task: str
-    steps: tuple[tuple[Any, ...], ...]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of its things, in order."""
-        return tuple(dict.fromkeys(p for step in self.steps for p in step[:2] if isinstance(p, str)))
 
 
 def messages(
@@ -63,39 +46,8 @@ def messages(
     return asked
 
 
-def written(steps: Sequence[Sequence[Any]]) -> str:
-    """A path in the model's format."""
-    return json.dumps(steps, separators=(",", ":"))
-
-
 def _question(things: str, task: str) -> str:
     return f"Things (name, length x width x height in mm):\n{things}\nTask: {task}"
-
-
-def remembered_paths(request: PlanRequest, brief: SceneBrief, programs: int) -> list[Remembered]:
-    """Successes in the most similarly worded tasks, the most similar last, next to the question.
-
-    Only paths of skills that the instruction's verb may mean, whose roles things in the scene can fill: the moved
-    object and the goal that it names, if any. All those shown are of one skill.
-    """
-    wish, scene = request.instruction, request.scene
-    said = roles_said(wish, scene)
-    found: list[tuple[float, str, Remembered]] = []
-    for place, program in enumerate(request.advice.programs):
-        if program.language != "waypoints" or not may_mean(program.skill, wish):
-            continue
-        steps = told(program, scene, brief.names, wish, said)
-        if steps is not None:
-            alike = _alike(wish, program.instruction) - 0.01 * place  # memory's own order settles ties
-            found.append((alike, program.skill, Remembered(_one_line(program.instruction), steps)))
-    found.sort(key=lambda each: -each[0])
-    return [path for _, skill, path in found if skill == found[0][1]][:programs][::-1]
-
-
-def _alike(wish: str, other: str) -> float:
-    """The share of words that both have in common, ignoring colours."""
-    mine, theirs = (set(re.findall(r"[a-z]+", text.casefold())) - set(FAMILIES) for text in (wish, other))
-    return len(mine & theirs) / max(1, len(mine | theirs))
 
 
 def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:
