@@ -152,7 +152,7 @@ def run_episodes(
         progress.say(bank_line(config, parts.memory))
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
         tracking = stack.enter_context(Tracking(tracker, config, folder, viewer))
-        blame = partial(crashed_component, parts, registry)
+        blame = partial(crashed_component, parts)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
@@ -197,16 +197,18 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
     if choices is None:
         chosen = [group for group in registry.groups if group != "language" or group in built]
         choices = {kind: getattr(config, kind).name for kind in chosen}
+    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Parts(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
         geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
+        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
 
 
-def crashed_component(parts: Parts, registry: Registry, error: BaseException) -> str:
+def crashed_component(parts: Parts, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
@@ -219,9 +221,7 @@ def crashed_component(parts: Parts, registry: Registry, error: BaseException) ->
             package = home.rpartition(".")[0]
             inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
             if module == home or inside:
-                name = parts.choices[kind]
-                plugin = registry.offers(kind)[name].plugin.name
-                return f"The {kind} '{name}' of plugin '{plugin}' crashed"
+                return f"{parts.named(kind)} crashed"
     return ""
 
 
