@@ -59,8 +59,17 @@ if TYPE_CHECKING:
 ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
 
+PLANNING: tuple[Stage, ...] = ("plan", "check")
+"""The stages at which nothing but the planner, its fallback and the skills that they call can crash."""
+
 VOID = "simulation"
 """The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
+
+
+def planner_crashed(record: EpisodeRecord) -> bool:
+    """Whether the episode ended in a crash of its planner: whoever compares planners counts it as a failure."""
+    failure = record.failure
+    return failure is not None and failure.kind == "crashed" and failure.stage in PLANNING
 
 
 @dataclass(frozen=True)
