@@ -18,7 +18,6 @@ import numpy as np
 
 from gvla2.errors import (
     Gvla2Error,
-    MemoryStoreError,
     PerceptionError,
     PlannerTimeoutError,
     PlanningError,
@@ -41,7 +40,8 @@ from gvla2.loop.lessons import memory_task, transcript
 from gvla2.loop.listener import EpisodeListener, SilentListener
 from gvla2.loop.refine import GeometryParts, refine_scene
 from gvla2.loop.telling import told_of
-from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
+from gvla2.memory.asking import context_of, learned_of, verdict_of
+from gvla2.memory.contracts import Memory, Verifier
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
@@ -59,13 +59,22 @@ if TYPE_CHECKING:
 ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
 
+PLANNING: tuple[Stage, ...] = ("plan", "check")
+"""The stages at which nothing but the planner, its fallback and the skills that they call can crash."""
+
 VOID = "simulation"
 """The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
 
 
+def planner_crashed(record: EpisodeRecord) -> bool:
+    """Whether the episode ended in a crash of its planner: whoever compares planners counts it as a failure."""
+    failure = record.failure
+    return failure is not None and failure.kind == "crashed" and failure.stage in PLANNING
+
+
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group.
+    """The components of one run, built; ``choices`` are their names by Hydra group, ``plugins`` those of their plugins.
 
     ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
     ``language`` is the model that some of them ask, None if none does.
@@ -82,6 +91,12 @@ class Parts:
     fallback: Planner | None = None
     skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
     language: LanguageModel | None = None
+    plugins: Mapping[str, str] = field(default_factory=dict)
+
+    def named(self, kind: str) -> str:
+        """The component in a message: "The verifier 'mine' of plugin 'yours'"."""
+        plugin = self.plugins.get(kind, "")
+        return f"The {kind} '{self.choices.get(kind, '')}'" + (f" of plugin '{plugin}'" if plugin else "")
 
 
 @dataclass(frozen=True)
@@ -289,10 +304,7 @@ def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 
 
 def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    try:
-        context = parts.memory.recall(memory_task(record))
-    except MemoryStoreError as error:
-        context = MemoryContext(degraded=str(error))
+    context = context_of(parts.memory, memory_task(record), parts.named("memory"))
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
     context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
@@ -356,10 +368,8 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
         report=record.report or ExecutionReport(),
         gripper_width=seen.gripper_width,
     )
-    try:
-        verdict = parts.verifier.verify(evidence)
-    except Gvla2Error as error:
-        verdict = Verdict.unavailable(str(error), parts.choices.get("verifier", ""))
+    name = parts.choices.get("verifier", "")
+    verdict = verdict_of(parts.verifier, evidence, name, parts.named("verifier"))
     record = replace(record, verdict=verdict)
     if verdict.outcome == "verified_fail" and record.failure is None:
         return replace(record, failure=Failure("verify", "not_achieved", " ".join(verdict.reasons)))
@@ -368,13 +378,9 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 
 def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     """Report every attempt and every part to memory, each with its own verdict."""
-    answers = []
-    for episode, verdict in told_of(record, parts.skills):
-        try:
-            answers.append(parts.memory.learn(episode, verdict))
-        except MemoryStoreError as error:
-            answers.append(Learned(degraded=str(error)))
-    learned = pooled(answers)
+    who = parts.named("memory")
+    told = told_of(record, parts.skills)
+    learned = pooled([learned_of(parts.memory, episode, verdict, who) for episode, verdict in told])
     notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
     return replace(record, learned=learned, notes=record.notes + notes)
 

@@ -260,6 +260,30 @@ def test_options_with_dashes_are_told_how_to_be_written(words: list[str], said: 
     assert bool(dashed_option(words)) == bool(said)
 
 
+@pytest.mark.parametrize(
+    ("words", "ordered"),
+    [
+        ("a=1 -m b=1,2", "a=1 b=1,2 -m"),
+        ("-cn=x a=1 --conf folder=1 b=2 -r", "a=1 b=2 -cn=x --conf folder=1 -r"),
+        ("--info a=1 --info all b=2", "a=1 b=2 --info --info all"),
+        ("-m -- a=1", "-m -- a=1"),
+    ],
+)
+def test_flags_may_stand_anywhere(words: str, ordered: str):
+    from gvla2.commands.hydra_job import flags_last
+
+    assert " ".join(flags_last(words.split())) == ordered
+
+
+def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["reconstruct", "views=nowhere", "-m", "fusion=none,blend", "views_spec=0"]) == 1
+    told = capsys.readouterr().err
+    assert "nowhere" in told
+    assert "unrecognized" not in told
+    assert list(tmp_path.glob("outputs/reconstruct/*/*-sweep"))
+
+
 def test_a_dashed_option_ends_at_once(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["run", "--seed", "3"]) == 2
     assert capsys.readouterr().err == "gvla2: options have no dashes: instead of `--seed 3` write seed=3\n"

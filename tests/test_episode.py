@@ -13,7 +13,7 @@ from gvla2.commands.config_errors import explain
 from gvla2.commands.run import build_parts, run_episodes
 from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
-from gvla2.memory.contracts import MemoryContext, MemoryItem
+from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect
 from gvla2.robot.task import Body, Joint
@@ -274,6 +274,56 @@ def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_pat
     assert record.learned.degraded
     assert len(record.notes) == 2
     assert path.read_bytes() == b"this is no database" * 100
+
+
+def crash(*_):
+    raise RuntimeError("a mistake of its own")
+
+
+@pytest.mark.parametrize(
+    ("verify", "told"),
+    [
+        (crash, "The verifier 'geometric' of plugin 'geometric' crashed: RuntimeError: a mistake of its own"),
+        (
+            lambda evidence: Verdict.from_criteria({"lifted": float("nan")}),
+            "crashed: ValueError: A verdict needs",
+        ),
+        (
+            lambda evidence: None,
+            "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
+        ),
+        (lambda evidence: True, "returned bool, not a Verdict."),
+        (
+            lambda evidence: Verdict("well", 1.0, 1.0),
+            "returned a verdict with outcome 'well', which is not one of",
+        ),
+    ],
+    ids=["crash", "nan", "none", "true", "outcome"],
+)
+def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, told):
+    parts, listener = parts_of(), Listener()
+    broken = replace(parts, verifier=Wrapped(parts.verifier, verify=verify))
+    record = run_episode(broken, EpisodeRequest(seed=1), listener)
+    assert tuple(listener.records) == ORDER
+    assert record.verdict.outcome == "unavailable"
+    assert told in record.verdict.reasons[0]
+    assert record.failure is None
+    assert record.judgement.eased
+    assert not record.learned.added, "what nobody judged is no knowledge"
+
+
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [(crash, "crashed: RuntimeError: a mistake"), (lambda *_: None, "returned NoneType, not a ")],
+    ids=["crash", "none"],
+)
+def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, told):
+    parts = parts_of()
+    broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
+    record = run_episode(broken, EpisodeRequest(seed=1))
+    assert record.judgement.eased
+    for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learnt: "), strict=True):
+        assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {told}")
 
 
 def test_the_same_seed_twice_is_the_same_episode(parts_of):

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from omegaconf import OmegaConf
 from gvla2 import cli
 from gvla2.catalog import Registry
 from gvla2.commands.memory import MemoryCommandConfig, VerbJob, tell
+from gvla2.commands.memory_answers import clock
 from gvla2.commands.memory_line import VERBS, UsageError, parser_of, understood
+from gvla2.commands.memory_looking import events_listing
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.record.files import plain
@@ -126,6 +129,17 @@ def test_show_and_history_take_the_beginning_of_an_id(run: Run):
     events = data(run, "history", "hint")
     assert [event["record"] for event in events] == [hint] * len(events)
     assert events[0]["change"]["content"].startswith("Lift the cup")
+
+
+def test_history_shows_times_as_dates(run: Run, path: Path):
+    hint = ids(run)["procedural_hint"]
+    with KnowledgeBank(f"sqlite:///{path}") as bank, bank.store.reading("default") as view:
+        event = view.history(hint)[-1]
+    shown = events_listing(
+        [replace(event, change='{"updated": [1795660000.5, 1795663600.5], "used": [0.0, 1e9]}')]
+    )
+    told = f"updated: {clock(1795660000)} -> {clock(1795663600)}; used: never -> {clock(1e9)}"
+    assert shown.rows[0][-1] == told
 
 
 def test_search_shows_every_term(run: Run):

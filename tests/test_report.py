@@ -63,6 +63,30 @@ def test_what_is_not_there(url, tmp_path):
         ReportConfig(formats=["pdf"])
 
 
+def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
+    url = f"sqlite:///{tmp_path / 'results.sqlite'}"
+    with Results.open(url) as results, pytest.raises(ConfigurationError, match="is empty: `gvla2 bench`"):
+        made(ReportConfig(results=ResultsConfig(url)), tmp_path)
+    with Results.open(url) as results:
+        measures = dict.fromkeys(("episodes", "succeeded", "succeeded_strict", "seconds", "tokens"), 1.0)
+        run = results.begin(Run(suite="run", started=now(), config=""))
+        results.add(run, "run", [Cell("job", {"job": 0, "seed": "0"}, measures, {"status": "ok"})])
+    made(ReportConfig(results=ResultsConfig(url), formats=["terminal", "markdown"]), tmp_path / "one")
+    assert "all jobs" in capsys.readouterr().out
+    assert (tmp_path / "one" / "report.md").is_file()
+    with pytest.raises(ConfigurationError, match=r"There are others: `gvla2 report suite=run`\."):
+        made(ReportConfig(suite="robot", results=ResultsConfig(url)), tmp_path)
+    with Results.open(url) as results:
+        run = results.begin(Run(suite="reconstruction", started=now(), config=""))
+        factors = {"object": "apple", "variant": "baseline", "seed": 0, "drift": "none"}
+        results.add(run, "reconstruction", [Cell("c", factors, {"cd_surface": 1.0}, {"status": "ok"})])
+    assert made(ReportConfig(results=ResultsConfig(url), formats=["markdown"]), tmp_path / "all") == 2
+    assert sorted(file.parent.name for file in (tmp_path / "all").glob("*/report.md")) == [
+        "reconstruction",
+        "run",
+    ]
+
+
 def test_as_a_command(url, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = Path("out")

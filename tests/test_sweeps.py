@@ -117,6 +117,53 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert "all jobs" in capsys.readouterr().out
 
 
+def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_told(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The planner crashes in the first of two episodes; the bank's database is none."""
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    real, asked = SkillPlanner.plan, []
+
+    def crash(self: Any, request: Any) -> Any:
+        asked.append(request)
+        if len(asked) == 1:
+            raise KeyError("nowhere")
+        return real(self, request)
+
+    monkeypatch.setattr(SkillPlanner, "plan", crash)
+    broken = here / "broken.db"
+    broken.write_bytes(b"this is no database" * 100)
+    sweep = ("run", "-m", "seed=1", "episodes=2", *SWEEP[4:], "quiet=true", f"memory.url=sqlite:///{broken}")
+    assert cli.main([*sweep, "robot.image_size=160"]) == 0
+    told = capsys.readouterr()
+    (folder,) = here.glob("outputs/run/*/*-sweep")
+    (row,) = csv.DictReader((folder / "jobs.csv").read_text().splitlines())
+    assert (row["episodes"], row["succeeded"], row["status"]) == ("2", "1", "ok")
+    assert row["memory_unavailable"] == "2"
+    assert "all jobs (memory unavailable in 2 of 2)" in " ".join(told.out.split())
+    assert "memory unavailable in 2 of 2 episodes: " in told.err
+    (result,) = folder.glob("*/result.json")
+    failure = json.loads(result.read_text())["rows"][0]["failure"]
+    assert (failure["stage"], failure["kind"]) == ("plan", "crashed")
+
+
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        ("memory.bank='a b'", "'memory.bank' is wrong: 'a b' cannot be the name of a bank"),
+        ("episodes=0", "at least 1"),
+    ],
+)
+def test_no_sweep_of_a_wrong_configuration_is_resumed(
+    here: Path, capsys: pytest.CaptureFixture[str], option: str, told: str
+):
+    assert cli.main([*SWEEP, option]) == 1
+    errors = capsys.readouterr().err
+    assert told in errors
+    assert "To resume" not in errors
+
+
 def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Path):
     fresh = sweeps.with_fresh_bank(compose_run("memory.url=''"), tmp_path)
     assert fresh.memory.url == f"sqlite:///{tmp_path / 'memory.db'}"
@@ -136,12 +183,14 @@ def test_what_an_unfinished_job_left_in_its_bank_is_taken_away(tmp_path: Path):
 
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
     digest = sweeps.digest_of(compose_run("seed=1"))
-    row = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
+    row: dict[str, Any] = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
     (tmp_path / sweeps.JOB).write_text(json.dumps(row))
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=1", "quiet=false"))) == 0.75
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=2"))) is None
     (tmp_path / sweeps.JOB).write_text(json.dumps({**row, "status": "failed: no robot"}))
     assert sweeps.done_before(tmp_path, digest) is None
+    (tmp_path / sweeps.JOB).write_text(json.dumps({**row, "memory_unavailable": 1}))
+    assert sweeps.done_before(tmp_path, digest) is None, "its memory was not there"
     (tmp_path / sweeps.JOB).write_text("{half")
     assert sweeps.done_before(tmp_path, digest) is None
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output, Sandbox
+from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import (
     Evidence,
     Learned,
@@ -92,7 +93,7 @@ def attempt(
     clock.lap("tests")
     told = transcript(run)
     facts: dict[str, Any] = {"exit_status": tests.status} if tests_told else {}
-    verdict = verifier.verify(Evidence(task.instruction, told, facts))
+    verdict = verdict_of(verifier, Evidence(task.instruction, told, facts))
     clock.lap("verify")
     episode = MemoryEpisode(
         task=asked, lessons=(), transcript=told, recalled=recalled, source=source, facts=facts

@@ -84,6 +84,7 @@ PEER = "plain rule"
 
 def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun) -> dict[str, Figure]:
     from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
+    from gvla2.memory.asking import verdict_of
     from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask, Verdict
 
     memory, verdicts = built["memory"], list[Verdict]()
@@ -96,7 +97,7 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
             told += bool(memory.recall(task).text)
             before = time.monotonic()
             facts = {"exit_status": trial.exit_status} if trial.exit_status else {}
-            verdict = built["verifier"].verify(Evidence(trial.instruction, trial.account, facts))
+            verdict = verdict_of(built["verifier"], Evidence(trial.instruction, trial.account, facts))
             spent += time.monotonic() - before
             asked += int(sum(v for k, v in verdict.usage.items() if k.endswith("_tokens")))
             verdicts.append(verdict)

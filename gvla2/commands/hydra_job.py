@@ -102,6 +102,7 @@ def launch(
         if advice:
             print(f"gvla2: {printable(advice)}", file=sys.stderr)
             return status
+    argv = flags_last(argv)
     # Presets of runs name any group; `gvla2 memory` has none, and should start fast.
     schema = PRIMARY[config_name]
     own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
@@ -177,6 +178,36 @@ def _sweep_shown(argv: Sequence[str]) -> str:
     if showing and {"-m", "--multirun"} & set(argv):
         return "--cfg and --info show one job: omit -m, and give each option one value."
     return ""
+
+
+def flags_last(argv: Sequence[str]) -> list[str]:
+    """The arguments with Hydra's flags behind the overrides: argparse refuses overrides on both sides of a flag.
+
+    ``a=1 -m b=1,2`` becomes ``a=1 b=1,2 -m``. A flag keeps its value.
+    """
+    if "--" in argv:
+        return list(argv)
+    overrides, flags = list[str](), list[str]()
+    words = iter(zip(argv, [*argv[1:], ""], strict=True))
+    for word, following in words:
+        if not word.startswith("-"):
+            overrides.append(word)
+            continue
+        flags.append(word)
+        wanted = _values_of(word)  # that of --info may be missing
+        if following and (wanted is None or (wanted == "?" and "=" not in following and following[0] != "-")):
+            flags.append(following)
+            next(words)
+    return [*overrides, *flags]
+
+
+def _values_of(flag: str) -> str | int | None:
+    """As argparse's ``nargs``, of Hydra's flag, which may be abbreviated (``--conf``): None is one, 0 none."""
+    for action in get_args_parser()._actions:
+        spelt = flag in action.option_strings
+        if spelt or (flag.startswith("--") and any(name.startswith(flag) for name in action.option_strings)):
+            return action.nargs
+    return 0
 
 
 def dashed_option(argv: Sequence[str]) -> str:

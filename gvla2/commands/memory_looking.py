@@ -15,6 +15,8 @@ from gvla2.memory.storage.view import BankView
 from gvla2.record.text import count, one_line
 
 T = TypeVar("T")
+_TIMES = ("created", "updated", "used")
+"""A record's fields that are seconds since the epoch."""
 _SERVED = (
     "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are, "
     "until `gvla2 memory repair` restores them from the events."
@@ -199,12 +201,14 @@ def _change_words(event: Event) -> str:
     parts = []
     for name, value in change.items():
         if isinstance(value, list) and len(value) == 2:
-            before, after = (one_line(_short(v), 40) for v in value)
+            before, after = (one_line(_short(name, v), 40) for v in value)
             parts.append(f"{name}: {before} -> {after}")
     return "; ".join(parts) if parts else ("created" if "content" in change else "")
 
 
-def _short(value: Any) -> str:
+def _short(name: str, value: Any) -> str:
+    if name in _TIMES and isinstance(value, int | float):
+        return clock(value) if value else "never"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -231,8 +235,6 @@ def _bounded(
 
 
 def _value(name: str, value: Any) -> str:
-    if name in ("created", "updated", "used"):
-        return clock(value) if value else "never"
     if isinstance(value, dict | list):
         return json.dumps(value, ensure_ascii=False)[:4000]
-    return "" if value is None else _short(value)
+    return "" if value is None else _short(name, value)

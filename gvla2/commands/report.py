@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,11 +25,12 @@ FORMATS = ("terminal", "markdown", "latex", "html")
 class ReportConfig:
     """A selection of the results database.
 
-    ``where`` keeps the cells whose factors have one of the given values (``where.object=[apple,bowl]``); ``runs`` keeps
-    those of some runs; ``formats`` are the forms that the table is made in.
+    ``suite`` "" takes every suite that has results; several of them get a folder each, of the suite's name.
+    ``where`` keeps the cells whose factors have one of the given values (``where.object=[apple,bowl]``); ``runs``
+    keeps those of some runs; ``formats`` are the forms that the table is made in.
     """
 
-    suite: str = "reconstruction"
+    suite: str = ""
     where: dict[str, list[str]] = field(default_factory=dict)
     runs: list[int] = field(default_factory=list)
     formats: list[str] = field(default_factory=lambda: list(FORMATS))
@@ -49,29 +50,42 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
     from gvla2.evaluation.reports import REPORTS
     from gvla2.evaluation.results import Results, file_of
 
-    if config.suite not in REPORTS:
+    if config.suite and config.suite not in REPORTS:
         raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(REPORTS)}.")
     path = file_of(config.results.url)
     if path is not None and not path.is_file():
         raise ConfigurationError(
-            f"There is no results database {path}. `gvla2 bench` makes one; name another with results.url=..."
+            f"There is no results database {path}. `gvla2 bench` makes one, or a sweep of `gvla2 run`; "
+            "name another with results.url=..."
         )
     with Results.open(config.results.url) as results:
-        cells = results.cells(config.suite, config.where, config.runs)
-        runs = results.runs(config.suite)
-        if not cells:
-            raise ConfigurationError(_nothing(config, results.cells(config.suite), [run.id for run in runs]))
-        written = publish(cells, runs, config.suite, folder, config.formats)
+        asked = [config.suite] if config.suite else list(REPORTS)
+        found = {suite: results.cells(suite, config.where, config.runs) for suite in asked}
+        found = {suite: cells for suite, cells in found.items() if cells}
+        if not found:
+            raise ConfigurationError(_nothing(config, {suite: results.cells(suite) for suite in REPORTS}))
+        written = []
+        for suite, cells in found.items():
+            place = folder / suite if len(found) > 1 else folder
+            written += publish(cells, results.runs(suite), suite, place, config.formats)
     for file in written:
         print(f"{file.suffix[1:]}: {file}")
-    return len(cells)
+    return sum(len(cells) for cells in found.values())
 
 
-def _nothing(config: ReportConfig, cells: Sequence[Cell], runs: Sequence[int | None]) -> str:
-    """Why nothing was found, and what there is."""
+def _nothing(config: ReportConfig, stored: Mapping[str, Sequence[Cell]]) -> str:
+    """Why nothing was found, and what there is, by suite."""
+    there = [suite for suite, cells in stored.items() if cells]
+    if not there:
+        return f"{config.results.url} is empty: `gvla2 bench` and sweeps of `gvla2 run` fill it."
+    cells = [cell for suite in there if config.suite in ("", suite) for cell in stored[suite]]
     if not cells:
-        return f"{config.results.url} holds no cells of the suite '{config.suite}'."
-    parts = [f"Nothing in {config.results.url} fits the selection. Runs: {', '.join(map(str, runs))}."]
+        listed = " or ".join(f"`gvla2 report suite={suite}`" for suite in there)
+        return (
+            f"{config.results.url} holds no cells of the suite '{config.suite}'. There are others: {listed}."
+        )
+    runs = ", ".join(map(str, sorted({cell.run for cell in cells})))
+    parts = [f"Nothing in {config.results.url} fits the selection. Runs: {runs}."]
     for name in config.where:
         values = sorted({str(cell.factors.get(name)) for cell in cells})
         parts.append(f"{name}: {', '.join(values)}.")

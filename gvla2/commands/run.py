@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import Gvla2Error
+from gvla2.record.text import count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -113,9 +114,9 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     try:
         share = run_episodes(config, registry, folder, label, records)
     except Exception as error:
-        sweeps.write_job(folder, config, digest, records, f"failed: {error}")
+        sweeps.write_job(folder, config, digest, records, error)
         raise
-    sweeps.write_job(folder, config, digest, records, "ok")
+    sweeps.write_job(folder, config, digest, records)
     return share
 
 
@@ -129,10 +130,12 @@ def run_episodes(
     """As :func:`job` outside a sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
     aggregate ``result.json`` (brought up to date after each) and the composed configuration.
 
-    ``label`` begins each line on the terminal; ``records`` collects the episodes, also those before an error.
+    ``label`` begins each line on the terminal; ``records`` collects the episodes, also those before an error. Where
+    they are collected, to be counted, an episode whose planner crashed is one of them, and the next one follows;
+    otherwise the crash is raised.
     """
     from gvla2.commands.tracking import Tracking
-    from gvla2.episode import ABANDONED
+    from gvla2.episode import ABANDONED, planner_crashed
     from gvla2.record.files import write_text
     from gvla2.record.overview import write_summary
     from gvla2.record.progress import Progress
@@ -141,7 +144,7 @@ def run_episodes(
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
     if config.episodes > 1:
         write_text(folder / "config.yaml", composed)
-    records = [] if records is None else records
+    counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
         parts = build_parts(config, registry)
         gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
@@ -150,24 +153,44 @@ def run_episodes(
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
         progress.say(bank_line(config, parts.memory))
+        stack.callback(_say_unremembered, records, progress)
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
         tracking = stack.enter_context(Tracking(tracker, config, folder, viewer))
-        blame = partial(crashed_component, parts, registry)
+        blame = partial(crashed_component, parts)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
             listener = EpisodeReporter(recorder, progress)
             source = "/".join(target.parts[-_TELLING:])
-            record = _run_one(parts, config, config.seed + number, listener, blame, source)
+            try:
+                record = _run_one(parts, config, config.seed + number, listener, blame, source)
+            except Exception:
+                crashed = listener.latest
+                if not counting or crashed is None or not planner_crashed(crashed):
+                    raise
+                log.info("The planner crashed: this episode counts as a failure.", exc_info=True)
+                record = crashed
             progress.finish(record, target)
             records.append(record)
             tracking.episode(number, record, target)
             if config.episodes > 1:
                 write_summary(folder, records)
                 write_index(folder, records)
-            if record.failure is not None and record.failure.kind in ABANDONED:
+            if (
+                record.failure is not None
+                and record.failure.kind in ABANDONED
+                and not planner_crashed(record)
+            ):
                 raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
     return sum(bool(r.judgement and r.judgement.eased) for r in records) / len(records)
+
+
+def _say_unremembered(records: Sequence[EpisodeRecord], progress: Progress) -> None:
+    """Say, also when quiet, in how many episodes memory was not there: they are no evidence about it."""
+    reasons = [why for record in records if (why := record.memory_unavailable)]
+    if reasons:
+        told = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
+        progress.say(told, "yellow", always=True)
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
@@ -197,16 +220,18 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
     if choices is None:
         chosen = [group for group in registry.groups if group != "language" or group in built]
         choices = {kind: getattr(config, kind).name for kind in chosen}
+    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Parts(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
         geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
+        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
 
 
-def crashed_component(parts: Parts, registry: Registry, error: BaseException) -> str:
+def crashed_component(parts: Parts, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
@@ -219,9 +244,7 @@ def crashed_component(parts: Parts, registry: Registry, error: BaseException) ->
             package = home.rpartition(".")[0]
             inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
             if module == home or inside:
-                name = parts.choices[kind]
-                plugin = registry.offers(kind)[name].plugin.name
-                return f"The {kind} '{name}' of plugin '{plugin}' crashed"
+                return f"{parts.named(kind)} crashed"
     return ""
 
 

@@ -22,7 +22,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.errors import Gvla2Error
+from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
     from gvla2.commands.run_config import RunConfig
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 JOB = "job.json"
 _BANK = "memory.db"
-_MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens")
+_MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens", "memory_unavailable")
+_STOPPED = (130, 143)
+"""Exit statuses of a sweep that was stopped, and would have gone on."""
 _NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
 
 
@@ -82,17 +84,23 @@ def digest_of(config: RunConfig) -> str:
 
 
 def done_before(folder: Path, digest: str) -> float | None:
-    """The success rate of a job that finished in this folder with this configuration; None if there is none."""
+    """The success rate of a job that finished in this folder with this configuration; None if there is none, or its
+    memory was unavailable.
+    """
     row = _read(folder / JOB)
-    if row.get("status") != "ok" or row.get("digest") != digest:
+    if row.get("status") != "ok" or row.get("digest") != digest or row.get("memory_unavailable"):
         return None
     return float(row["succeeded"]) / row["episodes"] if row.get("episodes") else None
 
 
 def write_job(
-    folder: Path, config: RunConfig, digest: str, records: Sequence[EpisodeRecord], status: str
+    folder: Path,
+    config: RunConfig,
+    digest: str,
+    records: Sequence[EpisodeRecord],
+    error: Exception | None = None,
 ) -> None:
-    """Write what the sweep's table needs from this job."""
+    """Write what the sweep's table needs from this job, which may have ended in an error."""
     from gvla2.record.files import write_json
 
     carried_out = [record for record in records if record.judgement is not None or record.failure is None]
@@ -103,14 +111,16 @@ def write_job(
     row = {
         "job": HydraConfig.get().job.num,
         "overrides": {name: value for name, _, value in overrides},
-        "status": status,
+        "status": f"failed: {error}" if error else "ok",
+        "refused": isinstance(error, ConfigurationError),
         "digest": digest,
         "results": config.results.url,
-        "episodes": len(records) if status == "ok" else len(carried_out),
+        "episodes": len(carried_out) if error else len(records),
         "succeeded": sum(each.eased for each in judged),
         "succeeded_strict": sum(each.strict for each in judged),
         "seconds": round(sum(record.seconds for record in records), 3),
         "tokens": tokens,
+        "memory_unavailable": sum(bool(record.memory_unavailable) for record in records),
     }
     write_json(folder / JOB, row)
 
@@ -118,7 +128,7 @@ def write_job(
 def conclude(status: int, argv: Sequence[str]) -> int:
     """After a sweep: its table on the terminal, as a page, as CSV and in the results database; the exit status.
 
-    Does nothing outside a sweep. After an incomplete sweep it prints how to resume.
+    Does nothing outside a sweep. After an incomplete sweep it prints how to resume, unless its configuration is wrong.
     """
     folder, SweepFolder.latest = SweepFolder.latest, None
     if folder is None:
@@ -131,7 +141,7 @@ def conclude(status: int, argv: Sequence[str]) -> int:
     except Gvla2Error as error:
         print(f"gvla2: the table of the sweep could not be made: {error}", file=sys.stderr)
         status = status or 1
-    if status:
+    if status in _STOPPED or (status and any(not row.get("refused") for _, row in rows)):
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
         command = shlex.join(["gvla2", "run", *words, f"hydra.sweep.dir={folder}"])
         print(f"gvla2: finished jobs are kept. To resume: {command}", file=sys.stderr)
@@ -148,7 +158,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         Cell(
             cell_key(SUITE, str(place)),
             {"job": row["job"], **row["overrides"]},
-            {name: float(row[name]) for name in _MEASURES},
+            {name: float(row.get(name, 0)) for name in _MEASURES},
             {"status": row["status"], "folder": str(place)},
         )
         for place, row in rows
@@ -172,7 +182,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
     """One line per job: its overrides, result and page."""
     lines = [
-        {"job": row["job"], **row["overrides"], **{name: row[name] for name in (*_MEASURES, "status")},
+        {"job": row["job"], **row["overrides"], **{name: row.get(name, 0) for name in (*_MEASURES, "status")},
          "page": place / "index.html"}
         for place, row in rows
     ]  # fmt: skip

@@ -16,7 +16,8 @@ REPEATED = "seed"
 
 EXPLANATION = (
     "Success in per cent of the episodes by the simulator's referee, with its 95 % Wilson interval; an unjudged "
-    "episode counts as a failure, one that could not be carried out is not counted. Seconds and tokens are "
+    "episode counts as a failure, also one whose planner crashed; one that could not be carried out is not counted. "
+    "Where memory was unavailable, episodes ran without it. Seconds and tokens are "
     "medians over jobs, a job's episodes taken together."
 )
 
@@ -51,7 +52,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
     return Sheet(
         f"Runs: {', '.join(names) or 'nothing'} varied",
         ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
-        tuple(SheetRow(label, _cells(members)) for label, members in rows.items()),
+        tuple(SheetRow(label + _marked(members), _cells(members)) for label, members in rows.items()),
         f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
@@ -63,7 +64,15 @@ def _caption(cell: Cell, names: Sequence[str]) -> str:
     told = label_of(cell.factors, names) or f"job {cell.factors['job']}"
     if cell.notes.get("status") != "ok":
         return f"{told}: {cell.notes.get('status')}"
-    return f"{told}: {cell.measures['succeeded']:.0f} of {cell.measures['episodes']:.0f}"
+    return f"{told}: {cell.measures['succeeded']:.0f} of {cell.measures['episodes']:.0f}{_marked([cell])}"
+
+
+def _marked(members: Sequence[Cell]) -> str:
+    """A mark behind the name of jobs with episodes in which memory was unavailable; "" for none."""
+    well = [cell for cell in members if cell.notes.get("status") == "ok"]
+    lost = int(sum(cell.measures.get("memory_unavailable") or 0 for cell in well))
+    episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
+    return f" (memory unavailable in {lost} of {episodes})" if lost else ""
 
 
 def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:

@@ -83,6 +83,11 @@ class EpisodeRecord:
         return sum(self.timings.values()) + sum(each.seconds for each in (*self.attempts, *self.parts))
 
     @property
+    def memory_unavailable(self) -> str:
+        """Why memory could not be used or taught, in a sentence; "" if it could."""
+        return next((each.degraded for each in (self.recalled, self.learned) if each and each.degraded), "")
+
+    @property
     def whole(self) -> tuple[EpisodeRecord, ...]:
         """The parts of this attempt, first to last, this record being the last; just one if it was not split."""
         return (*self.parts, replace(self, attempts=(), parts=()))

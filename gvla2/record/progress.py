@@ -27,9 +27,9 @@ class Progress:
     """Shows a person what a run is doing, as a context manager.
 
     On a terminal each stage shows a spinner, then a tick, its seconds and what it found; elsewhere (a file, a pipe)
-    plain lines, one per finished stage. ``quiet`` reports only how an episode ended, a closed terminal gets nothing.
-    Each line begins with ``label``, for parallel jobs of a sweep. Texts from outside (instructions, labels) are printed
-    literally, without terminal control characters or markup.
+    plain lines, one per finished stage. ``quiet`` reports only how an episode ended and what makes its result
+    doubtful, a closed terminal gets nothing. Each line begins with ``label``, for parallel jobs of a sweep. Texts
+    from outside (instructions, labels) are printed literally, without terminal control characters or markup.
     """
 
     def __init__(self, quiet: bool = False, console: Console | None = None, label: str = "") -> None:
@@ -46,9 +46,9 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def say(self, text: str, style: str = "") -> None:
-        """Print a line."""
-        if not self._quiet:
+    def say(self, text: str, style: str = "", *, always: bool = False) -> None:
+        """Print a line; with ``always`` also when quiet."""
+        if always or not self._quiet:
             self._print(Text(self._printable(text, 400), style=style))
 
     def begin(self, stage: str) -> None:

@@ -21,7 +21,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.storage.addresses import settled
+from gvla2.memory.storage.addresses import check_bank, settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 class GovernedMemory:
     """A :class:`KnowledgeBank` that opens on first use and answers "degraded" if the bank raises.
 
-    An invalid address is a configuration error and raises :class:`~gvla2.errors.ConfigurationError` immediately. An
-    unavailable database is tried again at the next call.
+    An invalid address or name of a bank raises :class:`~gvla2.errors.ConfigurationError` immediately. An unavailable
+    database is tried again at the next call.
     """
 
     def __init__(
@@ -45,6 +45,7 @@ class GovernedMemory:
     ) -> None:
         # Absolute from the start: a run may change its working directory later.
         self.url = settled(config.url, os.environ)
+        check_bank(config.bank)
         self._options = options_of(config)
         self._config, self._retriever, self._embedder = config, retriever, embedder
         self._verifier, self._inducer, self._judge = verifier, inducer, judge

@@ -20,7 +20,7 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.memory.records import Record
-from gvla2.memory.storage.addresses import settled
+from gvla2.memory.storage.addresses import check_bank, settled
 from gvla2.memory.storage.store import Store
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 from gvla2_plugins.memory_baselines.vector_store import Draft, Found, VectorStore
@@ -46,7 +46,7 @@ class Method(Protocol):
 class WholeMethod:
     """The memory of a :class:`Method`. It opens on first use and answers "degraded" if the store fails.
 
-    An invalid address raises :class:`~gvla2.errors.ConfigurationError` immediately.
+    An invalid address or name of a bank raises :class:`~gvla2.errors.ConfigurationError` immediately.
     """
 
     def __init__(
@@ -58,6 +58,7 @@ class WholeMethod:
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.url = settled(config.url, os.environ)
+        check_bank(config.bank)
         self._config, self._method, self._embedder = config, method, embedder
         self._inducer, self._clock = inducer, clock
         self._store: Store | None = None

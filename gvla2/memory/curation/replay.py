@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from gvla2.errors import Gvla2Error
+from gvla2.memory.asking import verdict_of
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
 from gvla2.memory.curation.admission import credible, weigh
@@ -39,11 +39,8 @@ def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None,
     """
     done = Replayed()
     for episode in _asked(bank, limit, but):
-        try:
-            shown = Evidence(episode.task.query, episode.transcript, episode.facts)
-            verdict, _ = credible(verifier.verify(shown))
-        except Gvla2Error as error:
-            verdict = Verdict.unavailable(str(error))
+        shown = Evidence(episode.task.query, episode.transcript, episode.facts)
+        verdict, _ = credible(verdict_of(verifier, shown))
         done.episodes += 1
         if verdict.outcome == "unavailable":
             done.unavailable += 1

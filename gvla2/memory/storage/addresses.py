@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gvla2.databases import parsed
+from gvla2.errors import ConfigurationError
 
 LONGEST_NAME = 200
 
@@ -22,6 +23,12 @@ def settled(address: str, environment: Mapping[str, str]) -> str:
         address = f"sqlite:///{(Path(folder).expanduser() / 'memory.db').absolute()}"
     url = parsed(address)
     return f"sqlite:///{url.database}" if url.drivername == "sqlite" else address
+
+
+def check_bank(name: str) -> None:
+    """Raises :class:`~gvla2.errors.ConfigurationError` where a memory's option ``bank`` cannot be a bank's name."""
+    if wrong := wrong_bank_name(name):
+        raise ConfigurationError(f"The option 'memory.bank' is wrong: {wrong}")
 
 
 def wrong_bank_name(name: str) -> str:
