@@ -173,6 +173,7 @@ def test_a_part_that_only_moves_with_its_whole_means_the_whole():
         (SkillCall("pull", "a"), "unknown_skill", "no visible handle"),
         (SkillCall("twist", "jar", amount=0.05, direction=(0.0, 0.0)), "other", "must not be (0, 0)"),
         (SkillCall("push", "a", "tray", amount=0.1), "other", "only with a direction"),
+        (SkillCall("place", "a", "tray", amount=0.1), "other", "right of, behind, in front of the thing tray"),
         (SkillCall("close", "a", amount=0.1), "other", "takes no amount"),
         (SkillCall("pick", "a", theta={"graspdepth": 0.1}), "other", "grasp_depth"),
         (SkillCall("pick", "a", theta={"standoff": 3.0}), "other", "from 0 to 0.2 m"),
