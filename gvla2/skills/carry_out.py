@@ -176,11 +176,15 @@ def _theta(
     ``stepwise`` ones) and the scene's limits.
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
-    if "lift_height" in theta:
-        theta["lift_height"] = max(theta["lift_height"], rise(theme, request.scene) + CLEAR)
     own = {k: float(v) for k, v in call.theta.items() if k in theta}
     if skill.amount and call.amount is not None:
         own[skill.amount] = call.amount
+    raised: list[str] = []
+    least = rise(theme, request.scene) + CLEAR
+    if "lift_height" not in own and (asked := theta.get("lift_height", least)) < least:
+        theta["lift_height"] = least
+        why = f"the least that takes the {theme.label} clear of what it stands on or in"
+        raised.append(f"lift_height was raised from {asked:.4g} to {least:.4g} m, {why}")
     theta |= own
     lengths, effects = sides_of(theme), request.advice.effects
     theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)
@@ -191,7 +195,7 @@ def _theta(
         theta, kept = apply_effects(theta, bounds, skill.name, lengths=lengths)
         notes += [*tried, *kept]
     theta, limits = limited(theta, theme, request.scene)
-    return theta, [*notes, *limits]
+    return theta, [*raised, *notes, *limits]
 
 
 def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:

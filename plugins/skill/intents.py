@@ -78,10 +78,8 @@ def combine(intents: Sequence[Intent]) -> Intent:
     first = next(k for k, i in enumerate(intents) if i.skill)
     for k, extra in enumerate(intents):
         topic = None if extra.skill else extra.theme
-        if topic is None or topic.everywhere or topic.empty:
-            continue
-        if topic.pronoun and not topic.landmark:  # but "it's behind the box"
-            continue
+        if topic is None or topic.everywhere or topic.empty or (topic.pronoun and not topic.landmark):
+            continue  # but "it's behind the box"
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
             if k < first and known:  # "time to lift it"
                 continue
