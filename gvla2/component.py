@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
+
+from gvla2.errors import ConfigurationError
+
+Range = tuple[float, float, str]
+"""Least and greatest value of a numeric option, both allowed, and its unit, "" for none."""
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -22,6 +27,20 @@ class ComponentConfig:
     required: ClassVar[tuple[str, ...]] = ()
 
     name: str = ""
+
+
+def check_ranges(options: object, kind: str, ranges: Mapping[str, Range]) -> None:
+    """Raise :class:`ConfigurationError` for a number outside its range or not-a-number; for ``__post_init__``.
+
+    ``kind`` is the options' place on the command line, "planner"; ``ranges`` may have more than these options.
+    """
+    for name, value in vars(options).items():
+        if name not in ranges:
+            continue
+        least, most, unit = ranges[name]
+        if not least <= value <= most:
+            span = f"from {least} to {most} {unit}".rstrip()
+            raise ConfigurationError(f"{kind}.{name} is {value}; it must be {span}.")
 
 
 class Component(Generic[T_co]):

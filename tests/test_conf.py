@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,28 @@ def test_every_file_of_conf_is_a_choice_that_composes():
         with initialize_config_module("gvla2.conf", version_base="1.3"):
             config = compose(command, overrides=[f"{plus}{choice.parent.as_posix()}={choice.name}"])
         assert isinstance(OmegaConf.to_object(config), PRIMARY[command])
+
+
+PLANNERS = ("skill", "code_policies", "agent3d", "voxposer", "hamster", "robopoint")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [*(("planner", name) for name in PLANNERS), ("verifier", "geometric")]
+)
+def test_every_number_of_a_planner_has_a_range(registry: Registry, kind: str, name: str):
+    options = registry.components(kind)[name].config(name=name)
+    numbers = {key: value for key, value in vars(options).items() if type(value) in (int, float)}
+    assert numbers
+    for key in numbers:
+        for wrong in (-1, float("nan"), float("inf")):
+            with pytest.raises(ConfigurationError, match=rf"^{kind}\.{key} is {wrong}; it must be from \d"):
+                replace(options, **{key: wrong})
+
+
+def test_a_number_out_of_its_range_is_told_with_the_range():
+    with pytest.raises(ConfigurationError) as caught:
+        composed("planner.lift_height=nan")
+    assert str(caught.value) == "planner.lift_height is nan; it must be from 0 to 0.6 m."
 
 
 def test_every_component_is_a_choice(registry: Registry):

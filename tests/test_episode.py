@@ -227,7 +227,7 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(KeyError) as caught:
         run_episodes(compose_run(*SMALL), registry, tmp_path / "out")
-    assert explain(caught.value) == "KeyError: 'nowhere' The planner 'skill' of plugin 'skill' crashed."
+    assert explain(caught.value) == "KeyError: 'nowhere'. The planner 'skill' of plugin 'skill' crashed."
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
     assert failure["message"] == "The planner 'skill' of plugin 'skill' crashed: KeyError: 'nowhere'"
 

@@ -43,7 +43,8 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
             return _wrong_option("The configuration is wrong:", error)
         case _ if isinstance(error.__cause__, OmegaConfBaseException):
             return _wrong_option(str(error), error.__cause__)
-    return " ".join([describe(error), *getattr(error, "__notes__", ())])
+    notes = getattr(error, "__notes__", ())
+    return " ".join([describe(error).rstrip(".") + ".", *notes]) if notes else describe(error)
 
 
 def unreadable_choice(

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from gvla2.component import Range
+
 Relation = Literal["", "on", "in", "to", "beside", "left_of", "right_of", "behind", "front_of"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
 """How the theme should lie relative to the goal; "" if the skill has only one way."""
@@ -72,6 +74,18 @@ class SkillOptions:
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0
+
+
+OPTION_RANGES: Mapping[str, Range] = {
+    "lift_height": (0, 0.6, "m"),
+    "push_distance": (0.001, 1, "m"),
+    "speed": (0.01, 0.5, "m/s"),
+    "contact_speed": (0.01, 0.25, "m/s"),
+    "tries": (1, 1000, ""),
+    "explore": (0, 2, ""),
+    "explore_seed": (0, 2**63 - 1, ""),
+}
+"""Ranges of :class:`SkillOptions`, for the configurations of planners that have them."""
 
 
 def written(call: SkillCall, names: Mapping[str, str]) -> str:

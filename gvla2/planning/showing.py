@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gvla2.errors import ConfigurationError
+from gvla2.component import check_ranges
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import View
@@ -15,8 +14,8 @@ if TYPE_CHECKING:
     from gvla2.planning.contracts import PlanRequest
 
 
-SMALLEST, LARGEST = 64, 4096
-"""Bounds of a picture's longer side, pixels: below, details are lost; above, servers refuse."""
+RANGES = {"longest": (64, 4096, "pixels"), "scale": (0.001, 1_000_000, ""), "tries": (1, 1000, "")}
+"""Below 64 pixels details are lost, above 4096 servers refuse."""
 
 
 @dataclass(kw_only=True)
@@ -26,7 +25,8 @@ class PictureOptions:
     ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is the range of the model's coordinates: 1
     as published for HAMSTER and RoboPoint, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most
     ``longest`` pixels; ``grid`` draws labelled lines on it, for models not trained to point. After an unusable answer
-    the model is asked again, with the reason, ``tries`` times in all.
+    the model is asked again, with the reason, ``tries`` times in all. Raises
+    :class:`~gvla2.errors.ConfigurationError` for numbers out of range.
     """
 
     camera: str = ""
@@ -35,19 +35,8 @@ class PictureOptions:
     grid: bool = False
     tries: int = 3
 
-    def check(self) -> None:
-        """Raises :class:`ConfigurationError` for invalid options."""
-        if not SMALLEST <= self.longest <= LARGEST:
-            raise ConfigurationError(
-                f"longest is {self.longest} pixels; the picture's longer side has {SMALLEST} to {LARGEST}."
-            )
-        if not 0.0 < self.scale < math.inf:
-            raise ConfigurationError(
-                f"scale is {self.scale}; it is the range of the model's coordinates: 1, 100, 1000, or the picture's "
-                "side."
-            )
-        if self.tries < 1:
-            raise ConfigurationError(f"tries is {self.tries}; it must be at least 1.")
+    def __post_init__(self) -> None:
+        check_ranges(self, "planner", RANGES)
 
     def view(self, request: PlanRequest) -> View:
         """The camera's view; raises :class:`~gvla2.errors.PlanningError` if there is no such camera."""

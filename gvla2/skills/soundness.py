@@ -41,7 +41,10 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
         )
     if goal is not None:
         if goal.id == theme.id:
-            return Abstention("other", f"The {theme.label} cannot be its own goal.")
+            return Abstention(
+                "other",
+                f"The {theme.label} cannot be its own goal: nothing goes on, in or beside itself. Name another thing.",
+            )
         if goal in scene.parts_of(theme.id):
             return Abstention(
                 "other", f"The {goal.label} is a part of the {theme.label}, so not a goal for it."

@@ -10,6 +10,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any
 
+from gvla2.planning.calls import OPTION_RANGES
 from gvla2.skills.skill import Parameter, Role, Skill
 
 _SIDES = ("beside", "left_of", "right_of", "behind", "front_of")
@@ -25,7 +26,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             Parameter("approach_tilt", "rad", "lean of the approach from straight down", 0.0, 1.57),
             Parameter("grasp_depth", "m", "from the top (or front) of what is held to the tool", 0.0, 0.3),
             Parameter("grasp_fraction", "", "where along its longer side it is grasped, 0 to 1", 0.0, 1.0),
-            Parameter("lift_height", "m", "how far it is lifted", 0.0, 0.6),
+            Parameter("lift_height", "m", "how far it is lifted", *OPTION_RANGES["lift_height"][:2]),
             Parameter(
                 "transit_clearance", "m", "gap between what is carried and the highest thing", 0.0, 0.3
             ),
@@ -47,8 +48,10 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
                 "unlatch_lift", "m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04
             ),
             Parameter("end_distance", "m", "how far from its free end a thing is held", 0.0, 0.1),
-            Parameter("speed", "m/s", "of the tool in the open", 0.01, 0.5),
-            Parameter("contact_speed", "m/s", "of the tool where it touches", 0.01, 0.25),
+            Parameter("speed", "m/s", "of the tool in the open", *OPTION_RANGES["speed"][:2]),
+            Parameter(
+                "contact_speed", "m/s", "of the tool where it touches", *OPTION_RANGES["contact_speed"][:2]
+            ),
         )
     }
 )

@@ -6,13 +6,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError
+from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
     from gvla2.planning.contracts import Planner
 
 FORMS = ("relative", "bare")
+RANGES = {
+    "points": (0, 100_000, ""),
+    "samples": (1, 1000, ""),
+    "programs": (0, 1000, ""),
+    "max_tokens": (1, 1_000_000, ""),
+}
 
 
 @dataclass(kw_only=True)
@@ -40,10 +48,7 @@ class Agent3dConfig(ComponentConfig):
     def __post_init__(self) -> None:
         if self.waypoints not in FORMS:
             raise ConfigurationError(f"waypoints is '{self.waypoints}'; it is one of {', '.join(FORMS)}.")
-        if min(self.points, self.programs) < 0 or min(self.tries, self.samples, self.max_tokens) < 1:
-            raise ConfigurationError(
-                "points and programs are 0 or more; tries, samples and max_tokens 1 or more."
-            )
+        check_ranges(self, "planner", {**OPTION_RANGES, **RANGES})
 
 
 def _build(config: Agent3dConfig, language: LanguageModel) -> Planner:

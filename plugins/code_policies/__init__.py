@@ -6,11 +6,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.errors import ConfigurationError
+from gvla2.component import check_ranges
+from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
     from gvla2.planning.contracts import Planner
+
+RANGES = {
+    "samples": (1, 1000, ""),
+    "agreement": (0, 1, ""),
+    "programs": (0, 1000, ""),
+    "max_tokens": (1, 1_000_000, ""),
+}
 
 
 @dataclass(kw_only=True)
@@ -41,10 +49,7 @@ class CodePoliciesConfig(ComponentConfig):
     explore_seed: int = 0
 
     def __post_init__(self) -> None:
-        if min(self.tries, self.samples, self.max_tokens) < 1 or self.programs < 0:
-            raise ConfigurationError("tries, samples and max_tokens are 1 or more; programs is not negative.")
-        if not 0.0 <= self.agreement <= 1.0:
-            raise ConfigurationError(f"agreement is {self.agreement}; it lies in [0, 1].")
+        check_ranges(self, "planner", {**OPTION_RANGES, **RANGES})
 
 
 def _build(config: CodePoliciesConfig, language: LanguageModel) -> Planner:

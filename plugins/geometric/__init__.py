@@ -6,9 +6,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Verifier
+
+RANGES = {
+    "same_place": (0.001, 0.5, "m"),
+    "risen": (0.001, 0.6, "m"),
+    "empty_width": (0, 0.1, "m"),
+    "margin": (0, 0.2, "m"),
+}
 
 
 @dataclass
@@ -24,6 +32,9 @@ class GeometricConfig(ComponentConfig):
     risen: float = 0.03
     empty_width: float = 0.001
     margin: float = 0.005
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "verifier", RANGES)
 
 
 def _build(config: GeometricConfig) -> Verifier:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
 from gvla2.planning.showing import PictureOptions
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ class HamsterConfig(PictureOptions, ComponentConfig):
     """
 
     travel: float = 0.15
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, "planner", {"travel": (0, 1, "m")})
 
 
 def _build(config: HamsterConfig, language: LanguageModel) -> Planner:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gvla2.errors import ConfigurationError, PlanningError
+from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.pointing import read_path
@@ -31,9 +31,6 @@ class HamsterPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner` by a path in one picture."""
 
     def __init__(self, config: HamsterConfig, language: LanguageModel) -> None:
-        config.check()
-        if not 0.0 <= config.travel < 1.0:
-            raise ConfigurationError(f"travel is {config.travel}; it lies in [0, 1) metres.")
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:

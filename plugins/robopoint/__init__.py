@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
 from gvla2.planning.showing import PictureOptions
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ class RoboPointConfig(PictureOptions, ComponentConfig):
     """
 
     agreement: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, "planner", {"agreement": (0.001, 1, "")})
 
 
 def _build(config: RoboPointConfig, language: LanguageModel) -> Planner:

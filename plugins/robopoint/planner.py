@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, PlanningError
+from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
@@ -44,9 +44,6 @@ class RoboPointPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner`; what moves is what a skill proposed and checked."""
 
     def __init__(self, config: RoboPointConfig, language: LanguageModel) -> None:
-        config.check()
-        if not 0.0 < config.agreement <= 1.0:
-            raise ConfigurationError(f"agreement is {config.agreement}; it lies in (0, 1].")
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:

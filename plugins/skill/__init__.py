@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
+from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
     from gvla2.planning.contracts import Planner
@@ -29,6 +31,9 @@ class SkillConfig(ComponentConfig):
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "planner", OPTION_RANGES)
 
 
 def _build(config: SkillConfig) -> Planner:

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.phrases import is_content
-from gvla2_plugins.skill.words import noun_class, verbs_of
+from gvla2_plugins.skill.phrases import is_content, noun_after
+from gvla2_plugins.skill.words import noun_class, take_length, verbs_of
 
 STOPS = frozenset(",.;:!?")
 ANDS = ("and", "then", "but", "while")
@@ -54,7 +54,7 @@ def _segments(tokens: Sequence[str]) -> list[tuple[list[str], str]]:
 def _aside(words: Sequence[str]) -> bool:
     """Whether it holds no wish, nothing that turns or delays one, and nothing of the scene."""
     said = set(words)
-    if said & lexicon.TURNING or _named(words):
+    if said & lexicon.TURNING or _named(words) or take_length([*words])[1] is not None:
         return False
     denies = words[: words.index("not")] if "not" in said else ["i"]
     if not {"i", "i'm", "we", "we're", "my", "our"} & set(denies) and denies != ["can"]:
@@ -118,7 +118,7 @@ def _sought(words: Sequence[str], stop: str) -> list[str]:
 def _named(words: Sequence[str]) -> bool:
     """Whether something is named that may be in the scene: by a noun, a colour or a side, but not "a tower"."""
     for before, word in pairwise(("", *words)):
-        noun = noun_class(word) if word != "can" or before in lexicon.DETERMINERS else ""
+        noun = noun_after(before, word)
         one = before == "the" and word in lexicon.SELECTORS  # "the left one"
         known = noun not in ("", "object") or word in FAMILIES or word in lexicon.CONTENTS
         if one or (known and before not in ("a", "an")):

@@ -100,12 +100,6 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     return over or word == "from" or following == "of" or noun_class(word) in lexicon.PARTS
 
 
-def _aloft(chunks: Sequence[_Chunk]) -> bool:
-    """Whether something says that the thing is to be in the air: "off the table", "into the air"."""
-    told = [c for c in chunks[1:] if c.phrase.everywhere]
-    return any(c.relation == "from" or {"air", "sky"} & set(c.phrase.text.split()) for c in told)
-
-
 def _verb(tokens: Sequence[str]) -> tuple[str, tuple[str, ...], tuple[int, ...]] | None:
     """The verb phrase of a clause, the one with most words, then the first: its skill, its words and where they are."""
     found = []
@@ -142,7 +136,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         if goal.landmark is not None:
             return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
-    aloft = _aloft(chunks)
+    anywhere = [c for c in chunks[1:] if c.phrase.everywhere]  # "off the table", "into the air"
+    aloft = any(c.relation == "from" or {"air", "sky"} & set(c.phrase.text.split()) for c in anywhere)
     if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not aloft:
         return Intent("unsupported", "keep")  # "... but keep it on the table"
     words = [t for t in tokens if t.isalpha()]

@@ -93,12 +93,10 @@ def _noun_score(phrase: Phrase, thing: SceneObject) -> float:
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else known
     if noun == kind:
         own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
-        called = (
-            tokenise(thing.label)[-1] in phrase.text.split()
-        )  # "the box" is the box before it is the cube
-        return (
-            0.0 if own and strange(phrase, thing) else sure * (1.0 if called else SAME_KIND)
-        )  # a knife block is no jenga block
+        called = tokenise(thing.label)[-1] in phrase.text.split()  # "the box" is the box before the cube
+        if own and strange(phrase, thing):
+            return 0.0  # a knife block is no jenga block
+        return sure * (1.0 if called else SAME_KIND)
     if noun == "object" and thing.parent:
         sure *= PART
     if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":
@@ -154,15 +152,16 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
         if relation == "beside" and where.noun in lexicon.PARTS:  # "by its handle"
             fits = [f for f in fits if where.noun in map(_kind, scene.parts_of(f[0].id))] or fits
         else:
-            at = ground(where, scene)
-            if isinstance(at, Grounded):
-                there = located([o for o, _ in fits], relation, at.object)
+            near = ground(where, scene)
+            if isinstance(near, Grounded):
+                there = located([o for o, _ in fits], relation, near.object)
                 fits = [f for f in fits if f[0] in there]
             elif not (where.pronoun or (relation == "from" and (where.noun in HOLDING or where.empty))):
-                return at
+                return near
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:
-        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {inventory}.")
+        at = f" {phrase.landmark[0].replace('_', ' ')} '{phrase.landmark[1].text}'" if phrase.landmark else ""
+        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'{at}; {inventory}.")
     best = max(fits, key=lambda f: f[1])
     tied = [o for o, s in fits if s >= TIE * best[1]]
     singled = [s for s in phrase.selectors if s != "any"]  # "the left one of the posts"

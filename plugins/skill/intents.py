@@ -62,7 +62,7 @@ def combine(intents: Sequence[Intent]) -> Intent:
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     skill = _one_skill([i.skill for i in acting])
-    named = [i.theme for i in acting if _names(i.theme)]
+    named = [i.theme for i in acting if names(i.theme)]
     said_first = next((i.theme for i in acting if i.theme is not None), None)
     theme = _one_theme(named, skill) if named else said_first
     aim = next((i for i in reversed(intents) if i.goal is not None), Intent())
@@ -78,10 +78,8 @@ def combine(intents: Sequence[Intent]) -> Intent:
     first = next(k for k, i in enumerate(intents) if i.skill)
     for k, extra in enumerate(intents):
         topic = None if extra.skill else extra.theme
-        if topic is None or topic.everywhere or topic.empty:
-            continue
-        if topic.pronoun and not topic.landmark:  # but "it's behind the box"
-            continue
+        if topic is None or topic.everywhere or topic.empty or (topic.pronoun and not topic.landmark):
+            continue  # but "it's behind the box"
         if not (topic.noun or topic.colour or set(topic.unknown) <= set(CONTENTS)):
             if k < first and known:  # "time to lift it"
                 continue
@@ -98,7 +96,7 @@ def combine(intents: Sequence[Intent]) -> Intent:
 
 def _telegraph(intents: Sequence[Intent]) -> Intent:
     """What is wished for without a verb: "ring on the red post, please", "umbrella out of the stand"."""
-    named = [i.theme for i in intents if _names(i.theme)]
+    named = [i.theme for i in intents if names(i.theme)]
     if len(named) != 1 or not intents[0].brief or "up" in named[0].text.split():
         return replace(intents[0], skill="")
     relation, place = named[0].landmark or ("", None)
@@ -109,7 +107,8 @@ def _telegraph(intents: Sequence[Intent]) -> Intent:
     return Intent(skill, "want", replace(named[0], landmark=None), aim.goal, aim.relation)
 
 
-def _names(theme: Phrase | None) -> TypeGuard[Phrase]:
+def names(theme: Phrase | None) -> TypeGuard[Phrase]:
+    """Whether a theme is named, in words of its own."""
     return theme is not None and not theme.pronoun and not theme.everywhere
 
 
@@ -117,7 +116,7 @@ def _goes_on(acting: Sequence[Intent]) -> bool:
     """Whether something else is done to the whole after a part of it was worked: "unscrew the lid, lift the jar"."""
     first = next((k for k, i in enumerate(acting) if i.skill in ("twist", "open")), len(acting))
     moved = [i.theme for i in acting[first + 1 :] if i.skill in ("pick", "place")]
-    return any(_names(theme) and theme.noun not in PARTS for theme in moved)
+    return any(names(theme) and theme.noun not in PARTS for theme in moved)
 
 
 def _with_topic(whole: Intent, named: bool, extra: Intent, topic: Phrase, *, ahead: bool) -> Intent | None:

@@ -244,6 +244,7 @@ PLAINER = (
 THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", re.IGNORECASE)
 """What parts wishes that follow one another."""
 UNREAD = re.compile(
+    rf"\d (?:(?:to|minus|,) )?[\d.]+ (?:{'|'.join(UNITS)})s?\b|"
     r"^(?:once|when|whenever|after(?! that| this)|as soon as|tomorrow|tonight|later|next (?:\w+)|at \w+ o'clock)\b"
     r"|\btomorrow\b|(?<!little )\bwhen (?:i|we|he|she|they|my) (?!was|were)|\bthe robot (?:can|has|is|will|may|need|does)\b"
     r"|\b(yourself|if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"

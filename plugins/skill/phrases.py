@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from gvla2.planning.colours import COLOURS, FAMILIES, first_colour
 from gvla2_plugins.skill import lexicon
@@ -51,7 +52,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
             return replace(thing, text=" ".join(tokens), owner=whole)
         return whole if whole.noun or not thing.noun else thing
     colour, rest = _colour([t for t in tokens if t != "'s"])  # "the lamp's button" is the lamp button
-    nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i)]
+    nouns = [(i, noun) for i, pair in enumerate(pairwise(("", *rest))) if (noun := noun_after(*pair))]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
     after = rest[specific[-1][0] + 1 :] if specific else []
@@ -65,11 +66,9 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, None, pronoun, kinds)
 
 
-def _is_noun(tokens: Sequence[str], i: int) -> bool:
-    """Whether the word is used as a noun here; "can" is one only after an article."""
-    before = "".join(tokens[max(i - 1, 0) : i])
-    modal = tokens[i] == "can" and before not in lexicon.DETERMINERS
-    return bool(noun_class(tokens[i])) and not modal
+def noun_after(before: str, word: str) -> str:
+    """The class of a word that is a noun here, or ""; "can" is one only after an article."""
+    return noun_class(word) if word != "can" or before in lexicon.DETERMINERS else ""
 
 
 def is_content(token: str) -> bool:

@@ -15,7 +15,7 @@ from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button
-from gvla2_plugins.skill.intents import Intent
+from gvla2_plugins.skill.intents import Intent, names
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
 
@@ -85,17 +85,22 @@ def _read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
         intent, theme = aimed, _theme(aimed, scene, out)
     if isinstance(theme, Abstention):
         return _unread(theme, intent.theme, scene)
+    ruled_out = ", ".join(f"'{text}'" for text, _ in intent.denials)
+    notes = (*theme.notes, *([f"The plan avoids what is ruled out: {ruled_out}."] if ruled_out else []))
     call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
     skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
     if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
-        return SentenceReading((call,), theme.notes)
+        return SentenceReading((call,), notes)
     if intent.goal.pronoun and intent.goal.landmark:
         return Abstention("no_goal", f"What '{intent.goal.text}' stands for is not told.")
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
-        return _unread(goal, intent.goal, scene)
+        own = theme if intent.goal.text == "itself" else ground(intent.goal, scene, exclude=out)
+        if goal.kind != "nothing_matches" or isinstance(own, Abstention):
+            return _unread(goal, intent.goal, scene)
+        goal = own  # nothing else is called so; the core declines it
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
-    return SentenceReading((call,), (*theme.notes, *goal.notes))
+    return SentenceReading((call,), (*notes, *goal.notes))
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
@@ -116,12 +121,16 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
 
 def _aimed(intent: Intent) -> Intent | None:
     """A taking of what is said to be on something, read as putting it there; None for any other."""
-    if intent.skill != "pick" or intent.theme is None or intent.theme.landmark is None:
+    if intent.theme is None or intent.theme.landmark is None:
         return None
     relation, goal = intent.theme.landmark
-    if relation not in ("on", "in", "to") or not (goal.noun or goal.colour or goal.unknown):
-        return None  # "on its left side"
     theme = replace(intent.theme, landmark=None)
+    if relation == "from" and intent.skill in ("place", "push") and intent.amount is not None:
+        return replace(intent, theme=theme, goal=goal, relation="beside")  # "10 cm away from the cup"
+    if intent.skill != "pick" or relation not in ("on", "in", "to"):
+        return None
+    if not (goal.noun or goal.colour or goal.unknown):
+        return None  # "on its left side"
     return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
 
 
@@ -138,10 +147,10 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     out: set[str] = set()
     for text, denied in intent.denials:
         words, phrase = text.split(), denied.theme or denied.goal
-        named = phrase if phrase is not None and not phrase.pronoun and not phrase.everywhere else None
-        found = ground_all(named, scene) if named is not None else ()
+        found = ground_all(phrase, scene) if names(phrase) else ()
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words) and intent.skill != "press"
-        if mishap and any(w.startswith(lexicon.TOUCHES) for w in words) and named is not None and named.noun:
+        touch = any(w.startswith(lexicon.TOUCHES) for w in words)
+        if mishap and touch and phrase is not None and phrase.noun:
             out |= {o.id for o in found}  # "don't touch the red one"
         if mishap or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
@@ -153,11 +162,7 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
 
 def _apart(text: str, denied: Intent, intent: Intent) -> bool:
     """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
+    if lexicon.LETTING & {*text.split()} or (denied.theme is not None and denied.theme.unknown):
+        return False
     asked = MOVING if intent.skill in MOVING else (intent.skill,)
-    unknown = denied.theme is not None and denied.theme.unknown
-    return (
-        denied.skill in STANDARD
-        and denied.skill not in asked
-        and not unknown
-        and not lexicon.LETTING & {*text.split()}
-    )
+    return denied.skill in STANDARD and denied.skill not in asked

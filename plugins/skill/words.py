@@ -8,11 +8,15 @@ from math import prod
 
 from gvla2_plugins.skill import lexicon
 
-_TOKEN = re.compile(r"\d+(?:\.\d+)?|'s\b|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
+_TOKEN = re.compile(r"(?:\d*\.)?\d+|'s\b|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
 _LENGTH = re.compile(
-    rf"(?:\b(?:by|for) )?(?:(?P<digits>\d+(?:\.\d+)?) |\b(?P<words>(?:(?:{'|'.join(lexicon.NUMBERS)}) )+))"
+    rf"(?:\b(?:by|for) )?(?P<sign>\b(?:minus|negative) )?"
+    rf"(?:(?P<digits>(?:\d*\.)?\d+) |\b(?P<words>(?:(?:{'|'.join(lexicon.NUMBERS)}) )+))"
     rf"(?P<unit>{'|'.join(lexicon.UNITS)})s?\b"
 )
+_SINGULAR = {word: noun for noun, listed in lexicon.NOUNS.items() for word in listed}
+_PLURAL = {w + ("es" if w.endswith(("s", "x", "sh", "ch")) else "s"): noun for w, noun in _SINGULAR.items()}
+_NOUN_CLASSES = _PLURAL | _SINGULAR
 
 
 def tokenise(sentence: str) -> list[str]:
@@ -21,6 +25,7 @@ def tokenise(sentence: str) -> list[str]:
     text = re.sub(r"\bcan't\b|\bcannot\b", "can not", text)
     text = re.sub(r"n't\b", " not", text)
     text = re.sub(r"(?<!\blet)(?<!\bit)'s\b", " 's", text)
+    text = re.sub(r"(?<!\w)[-−–—]\s?(?=\.?\d)", " minus ", text)
     text = re.sub(r"\s-+\s|[–—]", " , ", text)  # a dash between words is a stop, a hyphen in one a space
     return _TOKEN.findall(text.replace("-", " "))
 
@@ -48,25 +53,17 @@ def verbs_of(token: str) -> frozenset[str]:
     return _verb_forms().get(token, frozenset())
 
 
-@cache
-def _noun_classes() -> dict[str, str]:
-    words = [(word, noun) for noun, listed in lexicon.NOUNS.items() for word in listed]
-    plurals = [(w + ("es" if w.endswith(("s", "x", "sh", "ch")) else "s"), noun) for w, noun in words]
-    return dict([*plurals, *words])
-
-
 def noun_class(token: str) -> str:
     """The noun class of a word, singular or plural, or ""."""
-    return _noun_classes().get(token, "")
+    return _NOUN_CLASSES.get(token, "")
 
 
 def take_length(tokens: list[str]) -> tuple[list[str], float | None]:
-    """The tokens without the first length in them ("by 15 cm", "half a metre"), and it in metres, or None."""
+    """The tokens without the first length in them ("by 15 cm", "minus half a metre"), and it in metres, or None."""
     said = _LENGTH.search(text := " ".join(tokens))
     if said is None or (said["words"] and said["unit"] in ("m", "in")):
         return tokens, None
     counted = [lexicon.NUMBERS[word] for word in (said["words"] or "").split()]
-    value = float(
-        said["digits"] or (prod(counted) if min(counted) < 1 else sum(counted))
-    )  # half a, twenty five
+    worded = prod(counted) if min(counted, default=1) < 1 else sum(counted)  # half a, twenty five
+    value = float(said["digits"] or worded) * (-1.0 if said["sign"] else 1.0)
     return (text[: said.start()] + text[said.end() :]).split(), value * lexicon.UNITS[said["unit"]]

@@ -8,10 +8,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.component import check_ranges
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
     from gvla2.planning.contracts import Planner
+
+RANGES = {
+    "voxel": (0.001, 0.2, "m"),
+    "obstacles": (0.001, 1_000_000, ""),
+    "margin": (0.001, 1, "m"),
+    "avoidance": (0.001, 1_000_000, ""),
+    "tries": (1, 1000, ""),
+}
 
 
 @dataclass(kw_only=True)
@@ -27,6 +36,9 @@ class VoxPoserConfig(ComponentConfig):
     margin: float = 0.04
     avoidance: float = 20.0
     tries: int = 3
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "planner", RANGES)
 
 
 def _build(config: VoxPoserConfig, language: LanguageModel) -> Planner:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.pixels import object_at
@@ -79,9 +78,6 @@ class VoxPoserPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner` by value maps."""
 
     def __init__(self, config: VoxPoserConfig, language: LanguageModel) -> None:
-        numbers = (config.tries, config.obstacles, config.margin, config.avoidance)
-        if not all(0.0 < n < 1e6 for n in numbers):
-            raise ConfigurationError(f"tries, obstacles, margin, avoidance are {numbers}: not all positive.")
         self.config, self._language = config, language
         self._prompt = files(__package__).joinpath("prompt.md").read_text("utf-8")
 

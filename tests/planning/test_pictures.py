@@ -45,4 +45,4 @@ def test_a_grid_draws_on_the_copy_alone(view):
 @pytest.mark.parametrize("longest", [0, 63, 5000, -1])
 def test_sizes_that_no_model_can_use_are_refused(longest):
     with pytest.raises(ConfigurationError, match="longest is"):
-        PictureOptions(longest=longest).check()
+        PictureOptions(longest=longest)

@@ -51,7 +51,7 @@ def test_models_count_to_what_they_were_taught():
     assert read_points("[(250, 500)]", scale=1000) == ((0.25, 0.5),)
     for scale in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ConfigurationError, match="scale is"):
-            PictureOptions(scale=scale).check()
+            PictureOptions(scale=scale)
 
 
 @pytest.mark.parametrize(

@@ -325,3 +325,39 @@ def test_turning_the_scene_about_the_base_turns_the_plan(arm, yaw, skill):
 def test_no_sentence_raises(arm, text):
     made = PLANNER.plan(request(arm, text))
     assert made.abstention is None or made.abstention.kind
+
+
+@pytest.mark.parametrize("said", ["-5 cm", "by - 5cm", "by −5 cm", ", minus five cm", "negative .05 m"])
+def test_a_lift_by_a_negative_length_is_declined(arm, said):
+    made = plan(arm, f"lift the red cube {said}")
+    assert (refusal(made), made.trajectory) == ("other", None)
+    assert "must be positive; -0.05 m was asked for" in made.abstention.message
+
+
+@pytest.mark.parametrize("said", ["1/2 cm", "5 - 10 cm", "5 to 10 cm", "1,5 cm"])
+def test_a_length_of_two_numbers_is_declined(arm, said):
+    made = plan(arm, f"lift the red cube {said}")
+    assert refusal(made)
+    assert "is not read with certainty" in made.abstention.message
+
+
+def test_what_is_ruled_out_is_named_in_the_notes(arm):
+    made = plan(arm, "lift the red cube and never touch the blue cube")
+    assert made.trajectory is not None
+    assert made.notes[0] == "The plan avoids what is ruled out: 'touch the blue cube'."
+
+
+@pytest.mark.parametrize("wish", ["put the red cube on the red cube", "push the red cube to itself"])
+def test_a_thing_is_not_its_own_goal(arm, wish):
+    made = plan(arm, wish)
+    assert refusal(made) == "other"
+    assert (
+        "The red cube cannot be its own goal: nothing goes on, in or beside itself" in made.abstention.message
+    )
+
+
+@pytest.mark.parametrize("where", ["to the right of", "away from"])
+def test_a_distance_from_another_thing_is_declined_and_wordings_are_told(arm, where):
+    made = plan(arm, f"put the red cube 10 cm {where} the blue cube")
+    assert refusal(made) == "other"
+    assert "not supported; 0.1 m from the blue cube was asked for" in made.abstention.message

@@ -336,6 +336,7 @@ def test_words():
     assert noun_class("boxes") == "block"
     assert take_length(["up", "twenty", "five", "cm"]) == (["up"], pytest.approx(0.25))
     assert take_length(["push", "by", "15", "cm", "now"]) == (["push", "now"], pytest.approx(0.15))
+    assert take_length(tokenise("up by .5 m")) == (["up"], pytest.approx(0.5))
     assert take_length(["half", "a", "metre", "up"]) == (["up"], pytest.approx(0.5))
     assert take_length(["put", "a", "in", "b"]) == (["put", "a", "in", "b"], None)
 
