@@ -15,12 +15,7 @@ if TYPE_CHECKING:
     from gvla2.planning.contracts import Planner
 
 FORMS = ("relative", "bare")
-RANGES = {
-    "points": (0, 100_000, ""),
-    "samples": (1, 1000, ""),
-    "programs": (0, 1000, ""),
-    "max_tokens": (1, 1_000_000, ""),
-}
+RANGES = {**OPTION_RANGES, "points": (0, 100_000, "")}
 
 
 @dataclass(kw_only=True)
@@ -48,7 +43,7 @@ class Agent3dConfig(ComponentConfig):
     def __post_init__(self) -> None:
         if self.waypoints not in FORMS:
             raise ConfigurationError(f"waypoints is '{self.waypoints}'; it is one of {', '.join(FORMS)}.")
-        check_ranges(self, "planner", {**OPTION_RANGES, **RANGES})
+        check_ranges(self, "planner", RANGES)
 
 
 def _build(config: Agent3dConfig, language: LanguageModel) -> Planner:

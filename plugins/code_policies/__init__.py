@@ -13,13 +13,6 @@ if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
     from gvla2.planning.contracts import Planner
 
-RANGES = {
-    "samples": (1, 1000, ""),
-    "agreement": (0, 1, ""),
-    "programs": (0, 1000, ""),
-    "max_tokens": (1, 1_000_000, ""),
-}
-
 
 @dataclass(kw_only=True)
 class CodePoliciesConfig(ComponentConfig):
@@ -49,7 +42,7 @@ class CodePoliciesConfig(ComponentConfig):
     explore_seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, "planner", {**OPTION_RANGES, **RANGES})
+        check_ranges(self, "planner", OPTION_RANGES)
 
 
 def _build(config: CodePoliciesConfig, language: LanguageModel) -> Planner:

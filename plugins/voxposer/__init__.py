@@ -9,18 +9,14 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
+from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
     from gvla2.planning.contracts import Planner
 
-RANGES = {
-    "voxel": (0.001, 0.2, "m"),
-    "obstacles": (0.001, 1_000_000, ""),
-    "margin": (0.001, 1, "m"),
-    "avoidance": (0.001, 1_000_000, ""),
-    "tries": (1, 1000, ""),
-}
+COST = (0.001, 1_000_000, "")
+RANGES = {"voxel": (0.001, 0.2, "m"), "margin": (0.001, 1, "m"), "obstacles": COST, "avoidance": COST}
 
 
 @dataclass(kw_only=True)
@@ -38,7 +34,7 @@ class VoxPoserConfig(ComponentConfig):
     tries: int = 3
 
     def __post_init__(self) -> None:
-        check_ranges(self, "planner", RANGES)
+        check_ranges(self, "planner", {**OPTION_RANGES, **RANGES})
 
 
 def _build(config: VoxPoserConfig, language: LanguageModel) -> Planner:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.programs.array_expressions import Interpreter, Value
 from gvla2.skills.asked_paths import check_lengths
@@ -125,15 +125,10 @@ def _to(points: FloatArray, place: FloatArray) -> FloatArray:
     return np.asarray(-1e3 * np.linalg.norm(points - place, axis=-1))
 
 
-def _distance(points: FloatArray, thing: SceneObject) -> FloatArray:
-    local = np.abs(transform_points(invert_rigid(thing.world_from_object), points)) - 0.5 * thing.extents
-    return np.asarray(1e3 * np.linalg.norm(np.maximum(local, 0.0), axis=-1))
-
-
 _PLACES: Mapping[str, Callable[..., Value]] = {
     "at": lambda p, o: _to(p, o.centre),
     "above": lambda p, o, up=0.1: _to(p, np.array([*o.centre[:2], o.top + up])),
     "beside": lambda p, o, dx, dy, dz=0.0: _to(p, o.centre + np.array([dx, dy, dz])),
-    "near": lambda p, o, reach=0.1: np.clip(1.0 - _distance(p, o) / max(1e3 * reach, 1.0), 0.0, 1.0),
-    "distance": _distance,
+    "near": lambda p, o, reach=0.1: np.clip(1.0 - o.distances(p) / max(reach, 1e-3), 0.0, 1.0),
+    "distance": lambda p, o: 1e3 * o.distances(p),
 }
