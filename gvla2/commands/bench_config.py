@@ -152,7 +152,7 @@ class BenchConfig:
     exploration: float = 0.25
     replan: int = 0
     max_parts: int = 6
-    agreement: bool | None = None
+    agreement: bool | None = False
     planner_timeout: float = 0.0
     scale: float = 1.0
     videos: int = 1

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -188,7 +189,7 @@ def flags_last(argv: Sequence[str]) -> list[str]:
     if "--" in argv:
         return list(argv)
     overrides, flags = list[str](), list[str]()
-    words = iter(zip(argv, [*argv[1:], ""], strict=True))
+    words = iter(pairwise([*argv, ""]))
     for word, following in words:
         if not word.startswith("-"):
             overrides.append(word)

@@ -35,9 +35,10 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 """Colour words and their sRGB values in [0, 1]; the corners and edges of the colour cube."""
 
 SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
-SYNONYMS |= {"reddish": "red", "bluish": "blue", "purplish": "purple", "whitish": "white", "pinkish": "pink"}
-SYNONYMS |= {f"{word}ish": word for word in (*COLOURS, "brown")}
-"""Synonyms of the colour words, and what is nearly of a colour."""
+"""Synonyms of the colour words."""
+NEARLY = SYNONYMS | {f"{word}ish": word for word in (*COLOURS, "brown")}
+NEARLY |= {"reddish": "red", "bluish": "blue", "purplish": "purple", "whitish": "white", "pinkish": "pink"}
+"""What is nearly of a colour as well: in a wish it tells things apart all the same."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),
@@ -151,7 +152,7 @@ def meant_by(word: str, present: Iterable[str]) -> str:
 
 def first_colour(words: Sequence[str]) -> tuple[int, int, str] | None:
     """The span of the first colour that people name, two words before one, and its word in :data:`FAMILIES`."""
-    plain = [w if w in FAMILIES else SYNONYMS.get(w, w) for w in words]
+    plain = [w if w in FAMILIES else NEARLY.get(w, w) for w in words]
     spans = ((i, i + width) for width in (2, 1) for i in range(len(plain) - width + 1))
     return next(((i, j, said) for i, j in spans if (said := " ".join(plain[i:j])) in FAMILIES), None)
 

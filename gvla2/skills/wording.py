@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from gvla2.planning.colours import FAMILIES, SYNONYMS, first_colour, meant_by
+from gvla2.planning.colours import FAMILIES, NEARLY, first_colour, meant_by
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mentions import DETERMINERS, PLACES
 from gvla2.skills.parts import root_of
@@ -119,7 +119,7 @@ def may_name(wish: str, scene: Scene) -> bool:
     words = set(re.findall(r"[a-z]+", wish.casefold()))
     known = {word for o in scene.objects for word in (*o.label.casefold().split(), *LOOKS.get(_kind(o), ()))}
     singular = {word.removesuffix("s") for word in words} | {word.removesuffix("es") for word in words}
-    return bool((words | singular) & known or words & (_ANYTHING | set(FAMILIES) | set(SYNONYMS)))
+    return bool((words | singular) & known or words & (_ANYTHING | set(FAMILIES) | set(NEARLY)))
 
 
 def _noun_phrase(words: Sequence[str], i: int) -> int | None:

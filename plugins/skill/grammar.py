@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from gvla2.planning.colours import FAMILIES, SYNONYMS
+from gvla2.planning.colours import FAMILIES, NEARLY
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import clauses, noun_use, phrase_at, wishes
 from gvla2_plugins.skill.intents import Intent, combine, settle
@@ -42,7 +42,7 @@ class _Chunk:
 
 def heard(sentence: str, labels: Sequence[str] = ()) -> list[str]:
     """The words of a sentence's wishes, plainly put. ``labels`` are those of the scene."""
-    text = " ".join(w if w in FAMILIES else SYNONYMS.get(w, w) for w in tokenise(sentence))
+    text = " ".join(w if w in FAMILIES else NEARLY.get(w, w) for w in tokenise(sentence))
     for wording, plainer in lexicon.PLAINER:
         text = re.sub(wording, plainer, text)
     return wishes(text.split(), frozenset(word for label in labels for word in tokenise(label)))
