@@ -192,6 +192,10 @@ def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: 
         ("gvla2 plugins task ", ["lamp_on"], ["planner"]),
         ("gvla2 doctor ", ["--json"], []),
         ("gvla2 nonsense x", [], ["run"]),
+        ("gvla2 memory ", ["list", "as-of", "--help"], ["bank="]),
+        ("gvla2 memory ex", ["export"], ["list"]),
+        ("gvla2 memory list ba", ["bank="], ["list"]),
+        ("gvla2 memory search cup bank=x embedder=", ["embedder=static"], []),
     ],
 )
 def test_completion(

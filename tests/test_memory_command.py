@@ -23,8 +23,6 @@ from gvla2.commands.memory_line import VERBS, UsageError, parser_of, understood
 from gvla2.commands.memory_looking import events_listing
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.record.files import plain
-from gvla2.record.text import one_line, printable
 
 DEFAULTS = {"retriever": "hybrid", "embedder": "static", "verifier": "exit_status"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
@@ -368,33 +366,6 @@ def test_words_flags_and_overrides_are_told_apart():
     assert asked.json
     with pytest.raises(UsageError):
         understood(["search", "  "])
-
-
-def test_plain_data_and_printable_text():
-    assert plain({"a": float("nan"), "b": b"\x01", "c": ("x", {1})}) == {
-        "a": None,
-        "b": "01",
-        "c": ["x", [1]],
-    }
-    assert printable("a\x1b[0m\u202eb\nc") == "a [0m b\nc"
-    assert one_line("a\n\n b" * 100, 10) == "a ba ba b…"
-
-
-@pytest.mark.parametrize(
-    ("line", "expected", "unexpected"),
-    [
-        ("gvla2 memory ", ["list", "as-of", "--help"], ["bank="]),
-        ("gvla2 memory ex", ["export"], ["list"]),
-        ("gvla2 memory list ba", ["bank="], ["list"]),
-        ("gvla2 memory search cup bank=x embedder=", ["embedder=static"], []),
-    ],
-)
-def test_completion(line: str, expected: list[str], unexpected: list[str], monkeypatch, capsys):
-    monkeypatch.setenv("COMP_LINE", line)
-    assert cli.main(["--shell-completion", "query=bash"]) == 0
-    offered = capsys.readouterr().out.split()
-    assert set(expected) <= set(offered)
-    assert not set(unexpected) & set(offered)
 
 
 def test_a_look_composes_its_configuration_once(

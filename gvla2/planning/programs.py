@@ -29,7 +29,8 @@ FURTHER = ("third", "fourth", "fifth", "sixth")
 LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
 _NAME = re.compile(r"\{(\w{1,20})\}")
-_SHARE = re.compile(r"(-?\d{1,4}(?:\.\d{1,4})?)([hwc])")
+_SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
+_CARRIED = re.compile(r"(-?\d{1,4})c")
 _LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
 """A line of a program of calls; a remembered one is untrusted."""
 _NOBODY: Mapping[str, Collection[str]] = {}
@@ -179,11 +180,11 @@ def told(
         ):
             return None
         thing = scene[bound[role.group(1)]]
-        if str(step[-2]).endswith("c"):
+        if (above := _CARRIED.fullmatch(str(step[-2]))) is not None:
             if take is None or len(found) <= take:
                 return None
-            carried = scene[bound[str(program.steps[take][0]).strip("{}")]]
-            step = (*step[:-2], round(float(step[-2][:-1]) + _below(found[take], carried)), step[-1])
+            carried = scene[bound[program.steps[take][0][1:-1]]]
+            step = (*step[:-2], round(float(above.group(1)) + _below(found[take], carried)), step[-1])
         found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
                            else _absolute(part, thing) for part in step))  # fmt: skip
     return tuple(found)
@@ -210,12 +211,13 @@ def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
             return _SHARE.fullmatch(part) is not None
         return isinstance(part, int | float) and not isinstance(part, bool) and abs(part) <= FARTHEST
 
-    first, second, *lengths = step
-    opening = lengths[-1]
+    first, second, along, up, opening = step
     return (
         is_role(first)
         and (is_role(second) or is_length(second))
-        and all(map(is_length, lengths))
+        and is_length(along)
+        and (is_length(up) or isinstance(up, str) and _CARRIED.fullmatch(up) is not None)
+        and is_length(opening)
         and not isinstance(opening, str)
         and 0.0 <= opening <= 1.0
     )

@@ -33,6 +33,7 @@ def test_json_takes_what_numpy_gives(tmp_path: Path) -> None:
         "pair": Pair(float("-inf"), np.zeros(2)),
         "enum": Colour.RED,
         "path": Path("x"),
+        "bytes": b"\x01",
     }
     read = json.loads(write_json(tmp_path / "a.json", value).read_text(encoding="utf-8"))
     assert read == {
@@ -44,6 +45,7 @@ def test_json_takes_what_numpy_gives(tmp_path: Path) -> None:
         "pair": {"a": None, "b": [0.0, 0.0]},
         "enum": "red",
         "path": "x",
+        "bytes": "01",
     }
 
 
