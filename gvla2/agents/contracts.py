@@ -63,7 +63,7 @@ class AgentRun:
 
     ``messages`` are the conversation, role and content, as plain JSON; ``steps`` the commands that it ran;
     ``exit_status`` as reported by the agent ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock. ``usage``
-    counts ``calls``, ``prompt_tokens`` and ``completion_tokens``.
+    counts ``calls``, ``prompt_tokens`` and ``completion_tokens``, those of cached answers too.
     """
 
     messages: tuple[Mapping[str, Any], ...]

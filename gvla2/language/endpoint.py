@@ -212,6 +212,8 @@ class Endpoint:
 
     def _key_of(self, request: Request) -> str:
         body = request.body(self._options, frozenset(), grammars=False)
+        if body.get("temperature") == 0:  # the likeliest words, whatever the seed
+            body.pop("seed", None)
         about = {"server": self._server.identity, "model": self.model(), "extra": self._options.extra}
         return digest({**about, **body, "grammar": [request.grammar, self._server.grammars]})
 

@@ -22,7 +22,8 @@ class Request:
 
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
     constrains the answer; where the server supports grammars, a grammar takes precedence over a schema. The same
-    ``seed`` gives the same answer where the server supports it; different seeds are different questions to the cache.
+    ``seed`` gives the same answer where the server supports it; different seeds are different questions to the cache,
+    unless the temperature is 0.
     ``temperature`` and ``max_tokens`` None take the endpoint's; where those are null, neither is sent.
     """
 

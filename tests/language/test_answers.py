@@ -60,7 +60,7 @@ def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, An
         ask(Endpoint(options(model, tmp_path)))
         assert not ask(Endpoint(options(model, tmp_path, **change))).cached
         for request in (
-            Request(ASK, seed=1),
+            Request(ASK, seed=1, temperature=0.1),
             Request(ASK, logprobs=True),
             Request(ASK, schema={"type": "object"}),
             Request(ASK, schema={"type": "array"}),
@@ -69,6 +69,15 @@ def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, An
         ):
             (answer,) = Endpoint(options(model, tmp_path)).complete_all([request], purpose="plan")
             assert not answer.cached
+
+
+@pytest.mark.parametrize(("temperature", "cached"), [(0.0, True), (0.7, False)])
+def test_a_seed_matters_only_where_answers_are_drawn(tmp_path: Path, temperature: float, cached: bool):
+    with LocalModel(counting()) as model:
+        for seed in (0, 1):
+            request = Request(ASK, seed=seed, temperature=temperature)
+            (answer,) = Endpoint(options(model, tmp_path)).complete_all([request], purpose="plan")
+        assert answer.cached is cached
 
 
 @pytest.mark.parametrize(

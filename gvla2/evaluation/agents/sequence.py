@@ -154,7 +154,7 @@ def _cell(
     if made is None:
         empty: dict[str, float | None] = dict.fromkeys(MEASURES)
         return Cell(sequence.keys[place], factors, empty, {"status": status})
-    agent = _tokens(spent.get("agent", {}))
+    agent = _tokens(made.run.usage)  # a cached answer counts too: what is compared is the agents' work
     extra = sum(_tokens(tally) for purpose, tally in spent.items() if purpose != "agent")
     measures: dict[str, float | None] = {
         "solved": 100.0 * made.solved,
