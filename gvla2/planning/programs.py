@@ -216,7 +216,7 @@ def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
         is_role(first)
         and (is_role(second) or is_length(second))
         and is_length(along)
-        and (is_length(up) or isinstance(up, str) and _CARRIED.fullmatch(up) is not None)
+        and (is_length(up) or (isinstance(up, str) and _CARRIED.fullmatch(up) is not None))
         and is_length(opening)
         and not isinstance(opening, str)
         and 0.0 <= opening <= 1.0
