@@ -4,7 +4,7 @@
 
 Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
 than one plan runs from observe to verify part by part; an attempt that is seen to have failed may be repeated as a
-whole. A simulator's referee judges last, after everything was learnt, so that no stage can see true state.
+whole. A simulator's success check comes last, after everything was learnt, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -159,7 +159,10 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
             record = record if broken else came_to_nothing(record)
             break
         record = _to_the_end(record, again, request.max_parts, listener)
-    closing: _Stages = (("learn", lambda r: _learn(r, parts)), ("judge", lambda r: _judge(r, parts)))
+    closing: _Stages = (
+        ("learn", lambda r: _learn(r, parts)),
+        ("success_check", lambda r: _check_success(r, parts)),
+    )
     return _go_through(counted(closing), record, listener)
 
 
@@ -215,7 +218,7 @@ def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
     earlier = bool(record.attempts or record.parts)
     if stage == "learn":
         return record.verdict is not None or earlier
-    return stage == "judge" and (record.observation is not None or earlier)
+    return stage == "success_check" and (record.observation is not None or earlier)
 
 
 def _run_stage(
@@ -385,11 +388,11 @@ def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     return replace(record, learned=learned, notes=record.notes + notes)
 
 
-def _judge(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    judgement = parts.robot.judge()
-    record = replace(record, judgement=judgement)
-    if judgement is not None and not judgement.eased and record.failure is None:
-        # The verifier saw nothing wrong, the referee did: say so rather than leave an unexplained failure.
-        message = f"The referee found the goal not reached ({record.goal or 'see the task'})."
-        return replace(record, failure=Failure("judge", "goal_not_reached", message))
+def _check_success(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    success_check = parts.robot.success_check()
+    record = replace(record, success_check=success_check)
+    if success_check is not None and not success_check.relaxed and record.failure is None:
+        # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.
+        message = f"The success check found the goal not reached ({record.goal or 'see the task'})."
+        return replace(record, failure=Failure("success_check", "goal_not_reached", message))
     return record

@@ -130,7 +130,7 @@ def test_options_that_are_heeded_or_of_the_user_pass():
 
 
 def planned(arm: str, layout: int) -> Planned:
-    return Planned(BenchConfig(), "lamp_on", BenchArm(arm, arm), layout, {"eased": f"{arm}{layout}"}, {})
+    return Planned(BenchConfig(), "lamp_on", BenchArm(arm, arm), layout, {"relaxed": f"{arm}{layout}"}, {})
 
 
 def test_pairs_that_differ_are_filmed_before_failures():

@@ -47,7 +47,7 @@ def config_of(registry, folder: Path, *overrides: str):
         return OmegaConf.to_object(compose("bench", overrides=[*given, *overrides]))
 
 
-def rows_of(folder: Path, profile: str = "eased") -> list[dict]:
+def rows_of(folder: Path, profile: str = "relaxed") -> list[dict]:
     rows = json.loads((folder / "result.json").read_text())["rows"]
     return [row for row in rows if row["profile"] == profile]
 
@@ -72,7 +72,7 @@ def units(monkeypatch):
             EpisodeRecord("e", "do it", unit.task, unit.layout, {}),
             timings={"plan": 4.0 if asks else 0.1},
             language={"plan": {"calls": 2, "prompt_tokens": 300, "completion_tokens": 12}} if asks else {},
-            judgement=SuccessCheck(won, strict=False),
+            success_check=SuccessCheck(won, strict=False),
             failure=None if won else Failure("execute", "slipped", "It slipped."),
         )
         learnt = [experience(unit.task, name, unit.layout)] if unit.arm.name == "exploration" else []

@@ -78,7 +78,7 @@ def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
         "scale=1.2", "depth_noise.kind=gaussian", "depth_noise.sigma_m=0.2",
     )  # fmt: skip
     run_bench(config, registry, tmp_path / "out")
-    (row,) = [row for row in rows_of(tmp_path / "out") if row["profile"] == "eased"]
+    (row,) = [row for row in rows_of(tmp_path / "out") if row["profile"] == "relaxed"]
     assert not row["success"], "20 cm of noise hide a lamp"
     assert row["film_agrees"]
     assert (Path(row["film"]) / "index.html").is_file()
@@ -174,14 +174,14 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
         registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=2", "workers=1", "videos=0"
     )
     run_bench(config, registry, tmp_path / "first")
-    rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "eased"]
+    rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [None, True]
     assert rows[0]["status"] == "not measured: timeout"
     page = (tmp_path / "first" / "index.html").read_text()
     assert "1/1" in page, "what was not measured counts for nobody"
     assert "not measured" in page
     run_bench(config, registry, tmp_path / "second")
-    rows = [row for row in rows_of(tmp_path / "second") if row["profile"] == "eased"]
+    rows = [row for row in rows_of(tmp_path / "second") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [True, True]
     assert len(asked) == 3, "only the late one is measured again"
 

@@ -19,7 +19,8 @@ from gvla2.planning.effects import Effect
 from gvla2.robot.task import Body, Joint
 
 ORDER = (
-    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn", "judge",
+    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn",
+    "success_check",
 )  # fmt: skip
 
 
@@ -68,12 +69,14 @@ def test_an_episode_goes_through_every_stage_and_learns(parts_of):
     record = run_episode(parts, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
     assert record.failure is None, record.failure
-    assert record.judgement is not None
-    assert record.judgement.eased
+    assert record.success_check is not None
+    assert record.success_check.relaxed
     assert record.verdict.outcome == "verified_success"
     assert record.learned.added
     assert listener.frames > 5
-    assert listener.records["learn"].judgement is None, "the referee must speak after everything is learnt"
+    assert listener.records["learn"].success_check is None, (
+        "success must be checked after everything is learnt"
+    )
     # What was learnt is recalled next time, and shapes the plan's parameters as typed effects.
     again = run_episode(parts, EpisodeRequest(seed=3))
     assert {item.id for item in again.recalled.items} & set(record.learned.added)
@@ -130,7 +133,7 @@ def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     renamed = run_episode(blind, EpisodeRequest(seed=3))
     assert plain.plan.trajectory is not None, plain.failure
     assert renamed.plan.trajectory.to_json() == plain.plan.trajectory.to_json()
-    assert renamed.judgement == plain.judgement
+    assert renamed.success_check == plain.success_check
     np.testing.assert_array_equal(renamed.report.joint_path, plain.report.joint_path)
 
 
@@ -142,8 +145,8 @@ def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
     assert record.failure is not None
     assert record.failure.stage == "plan"
     assert record.report is None
-    assert record.judgement is not None
-    assert not record.judgement.eased
+    assert record.success_check is not None
+    assert not record.success_check.relaxed
     assert record.learned is None or not record.learned.added
 
 
@@ -166,7 +169,7 @@ def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
     robot = Wrapped(parts.robot, observe=lambda: broken_views(parts.robot.observe(), change))
     record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1))
     assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
-    assert record.judgement is not None
+    assert record.success_check is not None
 
 
 @pytest.mark.parametrize("answer", [None, "go left", Plan(trajectory=None)], ids=["None", "text", "nothing"])
@@ -269,7 +272,7 @@ def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_pat
     path.write_bytes(b"this is no database" * 100)
     parts = parts_of(f"memory.url=sqlite:///{path}")
     record = run_episode(parts, EpisodeRequest(seed=1))
-    assert record.judgement.eased
+    assert record.success_check.relaxed
     assert record.recalled.degraded
     assert record.learned.degraded
     assert len(record.notes) == 2
@@ -308,7 +311,7 @@ def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, ver
     assert record.verdict.outcome == "unavailable"
     assert told in record.verdict.reasons[0]
     assert record.failure is None
-    assert record.judgement.eased
+    assert record.success_check.relaxed
     assert not record.learned.added, "what nobody judged is no knowledge"
 
 
@@ -321,7 +324,7 @@ def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, told)
     parts = parts_of()
     broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
     record = run_episode(broken, EpisodeRequest(seed=1))
-    assert record.judgement.eased
+    assert record.success_check.relaxed
     for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learnt: "), strict=True):
         assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {told}")
 
@@ -331,4 +334,4 @@ def test_the_same_seed_twice_is_the_same_episode(parts_of):
     first, second = (run_episode(parts, EpisodeRequest(seed=5)) for _ in range(2))
     assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
     np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)
-    assert first.judgement == second.judgement
+    assert first.success_check == second.success_check

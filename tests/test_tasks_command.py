@@ -17,7 +17,7 @@ def test_the_page_shows_a_task_from_every_camera(tmp_path: Path, capsys: pytest.
     pictures = re.findall(r'alt="(\w+), (start|end)" src="data:image/png;base64,', html)
     cameras = {"front", "left_shoulder", "right_shoulder", "wrist"}
     assert set(pictures) == {(c, when) for c in cameras for when in ("start", "end")}
-    assert "eased reached" in html
+    assert "relaxed reached" in html
     assert "http" not in html  # nothing is loaded from elsewhere
 
 

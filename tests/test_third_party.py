@@ -129,7 +129,7 @@ def test_its_task_is_on_the_page_of_tasks(python, tmp_path: Path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page.html").read_text()
     assert "ball_in_bowl" in page
-    assert "eased reached, strict reached" in page
+    assert "relaxed reached, strict reached" in page
 
 
 def test_its_task_runs(python, tmp_path: Path):

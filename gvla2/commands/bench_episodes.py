@@ -129,9 +129,9 @@ def cells_of(
     """The episode's cells, one for each profile; ``explored`` is what others can learn from it."""
     from gvla2.evaluation.results import Cell
 
-    judged = record.judgement
-    eased, strict = bool(judged and judged.eased), bool(judged and judged.strict)
-    why = failure_class(record) or ("" if eased else "unnoticed")
+    judged = record.success_check
+    relaxed, strict = bool(judged and judged.relaxed), bool(judged and judged.strict)
+    why = failure_class(record) or ("" if relaxed else "unnoticed")
     message = record.failure.message if record.failure else ""
     measured = why not in NOT_MEASURED
     status = "ok" if measured else f"not measured: {why}"
@@ -140,7 +140,7 @@ def cells_of(
         notes["experience"] = [one.to_json() for one in explored]
     cells = []
     for profile, key in unit.keys.items():
-        done = strict if profile == "strict" else eased
+        done = strict if profile == "strict" else relaxed
         told = (
             {"failure": "", "message": ""} if done else {"failure": why or "not_strictly", "message": message}
         )

@@ -131,7 +131,7 @@ def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str
 def _film(rows: BenchRows, design: PlannerDesign, school: School) -> None:
     """Run the episodes worth it once more with the camera on, with the same result; their cells name the films."""
     for one in worth_filming(design.plan, rows.known, design.config.videos):
-        cell = rows.known[one.keys["eased"]]
+        cell = rows.known[one.keys["relaxed"]]
         if Path(str(cell.notes.get("film", "")) or "/nowhere").is_dir():
             continue
         place = rows.bench.folder / "failures" / design.place / f"{one.task}-{one.arm.name}"
@@ -148,7 +148,7 @@ def worth_filming(plan: Sequence[Planned], cells: Mapping[str, Cell], videos: in
     Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
     """
     at = {(one.task, one.arm.name, one.layout): one for one in plan}
-    ended = {id(one): cells[one.keys["eased"]].measures["success"] for one in plan}
+    ended = {id(one): cells[one.keys["relaxed"]].measures["success"] for one in plan}
     chosen: list[Planned] = []
     taken: Counter[tuple[str, str]] = Counter()
 

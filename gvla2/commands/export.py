@@ -22,7 +22,7 @@ Usage: gvla2 export lerobot RUN... to=FOLDER [only=success|all]
 
 Writes the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
 the film, the instruction. A RUN is the folder of a run, of a sweep, or any folder above them. only=success, the
-default, takes the episodes that the referee, or without one the verifier, calls a success.
+default, takes the episodes that the success check, or without one the verifier, calls a success.
 Needs gvla2[export], at the time of the run too: without it a run keeps no film.
 """
 FORMATS = ("lerobot",)

@@ -182,7 +182,7 @@ def run_episodes(
                 and not planner_crashed(record)
             ):
                 raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
-    return sum(bool(r.judgement and r.judgement.eased) for r in records) / len(records)
+    return sum(bool(r.success_check and r.success_check.relaxed) for r in records) / len(records)
 
 
 def _say_unremembered(records: Sequence[EpisodeRecord], progress: Progress) -> None:

@@ -103,8 +103,8 @@ def write_job(
     """Write what the sweep's table needs from this job, which may have ended in an error."""
     from gvla2.record.files import write_json
 
-    carried_out = [record for record in records if record.judgement is not None or record.failure is None]
-    judged = [record.judgement for record in records if record.judgement is not None]
+    carried_out = [record for record in records if record.success_check is not None or record.failure is None]
+    judged = [record.success_check for record in records if record.success_check is not None]
     tallies = [tally for record in records for tally in record.language.values()]
     tokens = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
     overrides = (word.lstrip("+~").partition("=") for word in HydraConfig.get().overrides.task)
@@ -116,7 +116,7 @@ def write_job(
         "digest": digest,
         "results": config.results.url,
         "episodes": len(carried_out) if error else len(records),
-        "succeeded": sum(each.eased for each in judged),
+        "succeeded": sum(each.relaxed for each in judged),
         "succeeded_strict": sum(each.strict for each in judged),
         "seconds": round(sum(record.seconds for record in records), 3),
         "tokens": tokens,

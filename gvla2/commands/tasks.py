@@ -86,10 +86,10 @@ def _photograph(
         return shown
     reports = demonstration.demonstrate(robot, instance)
     after = robot.observe().views
-    judged = robot.judge()
-    done, strict = (False, False) if judged is None else (judged.eased, judged.strict)
+    judged = robot.success_check()
+    done, strict = (False, False) if judged is None else (judged.relaxed, judged.strict)
     stopped = reports[-1].abort if reports else None
-    ending = f"Demonstrated: eased {_word(done)}, strict {_word(strict)}."
+    ending = f"Demonstrated: relaxed {_word(done)}, strict {_word(strict)}."
     if stopped is not None:
         ending += f" It stopped at '{stopped.stage}': {stopped.message}"
     return replace(shown, after=tuple(after), ending=ending, done=done)

@@ -62,8 +62,11 @@ def measures_of(record: EpisodeRecord) -> dict[str, float]:
     """The numbers of an episode: outcome, seconds of each stage, tokens. Unjudged outcomes are left out."""
     found = {f"seconds/{stage}": seconds for stage, seconds in record.timings.items()}
     found["seconds"] = record.seconds
-    if record.judgement is not None:
-        found |= {"success": float(record.judgement.eased), "success_strict": float(record.judgement.strict)}
+    if record.success_check is not None:
+        found |= {
+            "success": float(record.success_check.relaxed),
+            "success_strict": float(record.success_check.strict),
+        }
     if record.verdict is not None:
         found["verified"] = float(record.verdict.outcome == "verified_success")
     tallies = record.language.values()

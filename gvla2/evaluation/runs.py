@@ -15,7 +15,7 @@ REPEATED = "seed"
 """Jobs that differ only in this are one row."""
 
 EXPLANATION = (
-    "Success in per cent of the episodes by the simulator's referee, with its 95 % Wilson interval; an unjudged "
+    "Success in per cent of the episodes by the simulator's success check, with its 95 % Wilson interval; an unjudged "
     "episode counts as a failure, also one whose planner crashed; one that could not be carried out is not counted. "
     "Where memory was unavailable, episodes ran without it. Seconds and tokens are "
     "medians over jobs, a job's episodes taken together."

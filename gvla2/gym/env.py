@@ -49,7 +49,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
     :mod:`gvla2.gym.observing`.
 
-    The reward is 1 when the referee finds the goal of ``profile`` reached, which ends the episode, and 0 otherwise.
+    The reward is 1 when the goal of ``profile`` is reached, which ends the episode, and 0 otherwise.
     ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by
     profile, ``is_success`` and ``waypoint``. :meth:`reset` with ``seed=N`` lays out what ``gvla2 run seed=N`` does, and
     takes the option ``instruction``, a sentence of your own.
@@ -66,7 +66,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         cameras: Sequence[str] | None = None,
         task_options: Mapping[str, Any] | None = None,
         robot_options: Mapping[str, Any] | None = None,
-        profile: Profile = "eased",
+        profile: Profile = "relaxed",
         control: Control = "waypoint",
         obs_mode: ObservationMode = "rgbd",
         speed: float = 0.2,
@@ -103,7 +103,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         if needs := registry.get("robot", robot).needs:
             raise ConfigurationError(
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
-                f"cameras of its own and a referee."
+                f"cameras of its own and a success check."
             )
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
@@ -174,17 +174,17 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         return self._last, dict(self._shown)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Carry out an action, let the referee look, and observe.
+        """Carry out an action, check its success, and observe.
 
         A simulation that blows up truncates the episode: the last sane observation comes back, and ``info["error"]``
         says what happened.
         """
         stepper = self._running()
-        success: dict[str, bool] = {"eased": False, "strict": False}
+        success: dict[str, bool] = {"relaxed": False, "strict": False}
         lost = ""
         try:
-            judgement = stepper.step(action)
-            success = {"eased": judgement.eased, "strict": judgement.strict}
+            success_check = stepper.step(action)
+            success = {"relaxed": success_check.relaxed, "strict": success_check.strict}
             self._look(stepper)
         except SimulationError as error:
             lost = str(error)

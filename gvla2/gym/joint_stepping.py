@@ -49,7 +49,7 @@ class JointStepper:
     def step(self, action: ArrayLike) -> SuccessCheck:
         """Drive on, and look whether the goal is reached.
 
-        Passing through a goal does not count: where it looks reached, the arm holds still until the referee has judged.
+        Passing through a goal does not count: where it looks reached, the arm holds still until that is checked.
         Raises :class:`gvla2.errors.RobotError` when the simulation has blown up.
         """
         joints, opening = self._actions.target(action, self._target, self.state.joints)
@@ -58,7 +58,7 @@ class JointStepper:
         truth = self._truth()
         if not any(reached(truth) for reached in self._instance.succeeded.values()):
             return SuccessCheck(False, False)
-        judgement = self._robot.judge()
+        success_check = self._robot.success_check()
         self.state = self._servo.servo(self.state.joints, opening, 0.0)
         self._target = self.state.joints
-        return judgement or SuccessCheck(False, False)
+        return success_check or SuccessCheck(False, False)

@@ -63,10 +63,10 @@ class WaypointStepper:
         return {"waypoint": {} if report is None else {name: getattr(report, name) for name in _TOLD}}
 
     def step(self, action: ArrayLike) -> SuccessCheck:
-        """Bring the tool to a pose, then the fingers to an opening; returns the referee's verdict.
+        """Bring the tool to a pose, then the fingers to an opening; returns its success.
 
         Raises :class:`gvla2.errors.RobotError` when the simulation has blown up, and :class:`ConfigurationError` when
-        the robot has no referee.
+        the robot has no success check.
         """
         world_from_tcp, gripper = self._actions.pose(action)
         same = abs(gripper - self._told) <= SAME_GRIP
@@ -78,11 +78,11 @@ class WaypointStepper:
         self.report = report
         if not same and not report.abort:
             self._told = gripper
-        judgement = self._robot.judge()
-        if judgement is None:
-            raise ConfigurationError("The robot has no referee: an environment takes a simulated one.")
+        success_check = self._robot.success_check()
+        if success_check is None:
+            raise ConfigurationError("The robot has no success check: an environment takes a simulated one.")
         self.seen = self._robot.observe()
-        return judgement
+        return success_check
 
     def _execute(self, pose: FloatArray, opening: float, *, straight: bool) -> WaypointReport:
         x, y, z = (float(v) for v in pose[:3, 3])

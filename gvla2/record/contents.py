@@ -26,7 +26,7 @@ Stage = Literal[
     "execute",
     "verify",
     "learn",
-    "judge",
+    "success_check",
 ]
 
 
@@ -43,13 +43,13 @@ class Failure:
 class EpisodeRecord:
     """Everything about one episode; None for stages that it did not reach.
 
-    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the referee's criterion,
-    in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by purpose.
-    ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``judgement`` is the simulator's
-    referee's; it is filled last, so nothing can learn from it. ``attempts`` are the records of the attempts before this
-    one, first to last, each with its own timings and no attempts; an episode that never replanned has none. A program
-    that takes several plans is carried out part by part: ``parts`` are the records of the earlier parts of the same
-    attempt, again without parts of their own.
+    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the success check's
+    criterion, in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by
+    purpose. ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``success_check`` is the
+    simulator's, from true state; it is filled last, so nothing can learn from it. ``attempts`` are the records of the
+    attempts before this one, first to last, each with its own timings and no attempts; an episode that never replanned
+    has none. A program that takes several plans is carried out part by part: ``parts`` are the records of the earlier
+    parts of the same attempt, again without parts of their own.
     """
 
     episode_id: str
@@ -69,7 +69,7 @@ class EpisodeRecord:
     after_scene: Scene | None = None
     verdict: Verdict | None = None
     learned: Learned | None = None
-    judgement: SuccessCheck | None = None
+    success_check: SuccessCheck | None = None
     failure: Failure | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
     language: Mapping[str, Tally] = field(default_factory=dict)
@@ -102,7 +102,7 @@ class EpisodeRecord:
 
         ``kept`` are its attempts and parts so far.
         """
-        stays = ("goal", "recalled", "learned", "judgement", "language", "notes", "attempts", "parts")
+        stays = ("goal", "recalled", "learned", "success_check", "language", "notes", "attempts", "parts")
         same = {name: getattr(self, name) for name in stays} | kept
         return EpisodeRecord(self.episode_id, self.instruction, self.task, self.seed, self.choices, **same)
 
@@ -112,13 +112,13 @@ class EpisodeRecord:
         return bool(self.parts) or (self.plan is not None and bool(self.plan.remaining))
 
     def result(self, command: str) -> dict[str, Any]:
-        """``result.json``: the outcome and its components. ``success`` is the eased profile, None if unknown."""
+        """``result.json``: the outcome and its components. ``success`` is the relaxed profile, None if unknown."""
         told = self.attempted()
         return {
             "command": command,
             "episode": self.episode_id,
-            "success": self.judgement.eased if self.judgement else None,
-            "success_strict": self.judgement.strict if self.judgement else None,
+            "success": self.success_check.relaxed if self.success_check else None,
+            "success_strict": self.success_check.strict if self.success_check else None,
             "verdict": told["verdict"],
             "quality": self.verdict.quality if self.verdict else None,
             "task": self.task,

@@ -46,14 +46,14 @@ def write_summary(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
         same = ("task", "seed", "instruction", "success", "success_strict", "verdict", "failure")
         own = {"seconds": round(record.seconds, 3), "folder": episode_folder(folder, index).name}
         rows.append({**{key: told[key] for key in same}, **own})
-    eased, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
+    relaxed, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
     summary = {
         "command": "run",
         "task": rows[0]["task"] if rows else None,
         "episodes": len(rows),
-        "succeeded": eased,
+        "succeeded": relaxed,
         "succeeded_strict": strict,
-        "success_share": eased / len(rows) if rows else None,
+        "success_share": relaxed / len(rows) if rows else None,
         "success_share_strict": strict / len(rows) if rows else None,
         "rows": rows,
     }

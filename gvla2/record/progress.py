@@ -73,7 +73,7 @@ class Progress:
         mark = mark if self._console.encoding.lower().startswith("utf") else plain
         took = (f"{elapsed:6.1f} s  ", "dim")
         self._print(
-            Text.assemble((f"{mark:<2}", style), (f"{name:<12}", "bold"), took, self._printable(found))
+            Text.assemble((f"{mark:<2}", style), (f"{name:<14}", "bold"), took, self._printable(found))
         )
 
     def finish(self, record: EpisodeRecord, folder: Path) -> None:

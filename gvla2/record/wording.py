@@ -73,16 +73,16 @@ def told(record: EpisodeRecord, stage: Stage) -> str:
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Tone]:
-    """The episode in two or three words, and their tone. A referee's verdict takes precedence over a verifier's."""
-    stopped = record.failure is not None and record.failure.stage not in ("verify", "judge")
+    """The episode in two or three words, and their tone. The success check takes precedence over a verifier's."""
+    stopped = record.failure is not None and record.failure.stage not in ("verify", "success_check")
     if stopped and record.parts and record.report is None:
         return f"Stopped before part {len(record.whole)}", "bad"
     if record.plan is not None and record.plan.abstention is not None:
         return "Declined, nothing moved", "unsure"
-    if record.judgement is not None and record.report is not None:
-        if not record.judgement.eased:
+    if record.success_check is not None and record.report is not None:
+        if not record.success_check.relaxed:
             return "Not achieved", "bad"
-        return "Succeeded" if record.judgement.strict else "Succeeded (eased)", "good"
+        return "Succeeded" if record.success_check.strict else "Succeeded (relaxed)", "good"
     if record.checks is not None and not record.checks.passed and record.report is None:
         return "Rejected before motion", "bad"
     if stopped and record.failure is not None:
@@ -95,15 +95,15 @@ def headline(record: EpisodeRecord) -> tuple[str, Tone]:
 
 
 def summary_line(record: EpisodeRecord) -> str:
-    """The episode on one line: outcome, referee, verifier, waypoints, what went wrong, and wall time."""
+    """The episode on one line: outcome, success check, verifier, waypoints, what went wrong, and wall time."""
     return " | ".join([headline(record)[0], *details(record)])
 
 
 def details(record: EpisodeRecord) -> list[str]:
     """Details behind the headline, in short pieces."""
     parts: list[str] = [count(len(record.whole), "part")] if record.parts else []
-    if record.judgement is not None:
-        parts.append(f"referee: {finding(record, 'judge')}")
+    if record.success_check is not None:
+        parts.append(f"success check: {finding(record, 'success_check')}")
     if record.verdict is not None:
         parts.append(f"verifier: {told(record, 'verify')}")
     if record.report is not None:
@@ -156,6 +156,6 @@ _TELLINGS: Mapping[Stage, _Telling] = {
     "execute": _Telling("report", lambda made: made.completed, "failed"),
     "verify": _Telling("verdict", lambda made: made.outcome == "verified_success"),
     "learn": _Telling("learned", lambda made: not made.degraded),
-    "judge": _Telling("judgement", lambda made: made.eased),
+    "success_check": _Telling("success_check", lambda made: made.relaxed),
 }
 STAGES = tuple(_TELLINGS)

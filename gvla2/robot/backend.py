@@ -19,9 +19,9 @@ from gvla2.robot.task import Task, TaskInstance
 
 @dataclass(frozen=True)
 class SuccessCheck:
-    """A referee's verdict on an episode, from true state: only in simulation."""
+    """Whether an episode succeeded, from true state: only in simulation."""
 
-    eased: bool
+    relaxed: bool
     strict: bool
 
 
@@ -89,7 +89,7 @@ class RobotBackend(Protocol):
         """
         ...
 
-    def judge(self) -> SuccessCheck | None:
+    def success_check(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached now, by true state; None when the robot cannot know."""
         ...
 

@@ -23,7 +23,7 @@ class Truthful(Protocol):
     """A simulated robot that exposes the true state of its world, for demonstrations and the ``oracle`` perceiver."""
 
     def true_state(self) -> WorldState:
-        """The state that a referee may read, live."""
+        """The state that a success check may read, live."""
         ...
 
     def true_scene(self) -> Scene:

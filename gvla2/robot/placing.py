@@ -1,4 +1,4 @@
-"""Placing things: rejection sampling inside a site, and the geometry used by referees."""
+"""Placing things: rejection sampling inside a site, and the geometry of success checks."""
 
 from __future__ import annotations
 

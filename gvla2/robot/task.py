@@ -169,7 +169,7 @@ def _shone(solid: Solid, rgb: tuple[float, float, float] | None) -> Solid:
 
 
 class WorldState(Protocol):
-    """True poses, which only a referee may read. No stage between ``observe`` and ``learn`` ever sees it."""
+    """True poses, which only a success check may read. No stage between ``observe`` and ``learn`` ever sees it."""
 
     def pose(self, body: str) -> FloatArray:
         """world_from_body (4, 4) now."""
@@ -200,7 +200,7 @@ class WorldState(Protocol):
         ...
 
 
-Profile = Literal["eased", "strict"]
+Profile = Literal["relaxed", "strict"]
 
 Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
 """Scripted waypoints, computed from true state: stretch by stretch, the state read again before each."""
@@ -210,10 +210,10 @@ Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
 class TaskInstance:
     """One sampled episode: the layout, the sentence, and a predicate per success profile.
 
-    ``goal`` is the referee's criterion in words, for the run's page. ``image_size`` is the least image side in pixels
-    that shows what matters, 0 for any. ``solution`` shows that the episode is solvable with this arm's physics; see
-    :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x, y,
-    radius) on the table that the task needs free, world metres, besides its bodies' places.
+    ``goal`` is the success check's criterion in words, for the run's page. ``image_size`` is the least image side in
+    pixels that shows what matters, 0 for any. ``solution`` shows that the episode is solvable with this arm's physics;
+    see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x,
+    y, radius) on the table that the task needs free, world metres, besides its bodies' places.
     """
 
     layout: Layout
@@ -259,6 +259,6 @@ class Task(Protocol):
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
-        referee judges the things that it names, if it can tell (a colour on the table).
+        success check looks at the things that it names, if it can tell (a colour on the table).
         """
         ...

@@ -1,4 +1,4 @@
-"""Regions of space for referees: boxes and upright cylinders, as plain geometry."""
+"""Regions of space for success checks: boxes and upright cylinders, as plain geometry."""
 
 from __future__ import annotations
 

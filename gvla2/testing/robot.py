@@ -111,8 +111,8 @@ def _check_instance(instance: object, site: TaskSite) -> None:
         length = float(np.linalg.norm(joint.axis))
         require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
     require(
-        set(instance.succeeded) == {"eased", "strict"},
-        "A task has the success profiles 'eased' and 'strict'.",
+        set(instance.succeeded) == {"relaxed", "strict"},
+        "A task has the success profiles 'relaxed' and 'strict'.",
     )
     for profile, done in instance.succeeded.items():
         with allowed(f"The predicate '{profile}'"):
@@ -153,8 +153,8 @@ def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = T
         _check_observation(robot, seen)
         if move:
             _check_motion(robot, seen)
-        with allowed("judge()"):
-            require_type(robot.judge(), (SuccessCheck, type(None)), "judge()'s answer")
+        with allowed("success_check()"):
+            require_type(robot.success_check(), (SuccessCheck, type(None)), "success_check()'s answer")
     finally:
         robot.close()
     with allowed("close(), called twice,"):

@@ -136,8 +136,8 @@ class Piper:
         driver = PiperDriver(self.session.link, loop, self._guard, film)
         return execute(slow, scene, self.planner, driver, listener, self._options)
 
-    def judge(self) -> SuccessCheck | None:
-        """None: a real robot has no referee."""
+    def success_check(self) -> SuccessCheck | None:
+        """None: a real robot has none."""
         return None
 
     def close(self) -> None:

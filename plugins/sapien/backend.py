@@ -32,7 +32,7 @@ from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.engine import import_sapien
 from gvla2_plugins.sapien.looks import body_surface
 from gvla2_plugins.sapien.masks import cast_masks
-from gvla2_plugins.sapien.referee import TrueState
+from gvla2_plugins.sapien.true_state import TrueState
 from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World
 
@@ -45,7 +45,7 @@ SHOWN_SIZE = 640
 _SILENT = ExecutionListener()
 
 JUDGE_SECONDS = 0.25
-"""The arm holds still this long before the referee looks, so that slipping objects have slipped."""
+"""The arm holds still this long before success is checked, so that slipping objects have slipped."""
 
 
 class SapienArm:
@@ -137,7 +137,7 @@ class SapienArm:
         with Filming(listener) as reel:
             return execute(trajectory, scene, self._planner, driver, listener)
 
-    def judge(self) -> SuccessCheck | None:
+    def success_check(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
         if self._instance is None:
             return None
@@ -146,7 +146,7 @@ class SapienArm:
         driver.hold(JUDGE_SECONDS)
         state = TrueState(self._sane_world("judged"))
         verdicts = self._instance.succeeded
-        return SuccessCheck(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
+        return SuccessCheck(bool(verdicts["relaxed"](state)), bool(verdicts["strict"](state)))
 
     def play(self, joints: FloatArray, widths: FloatArray, dt: float) -> FloatArray:
         """Send the arm through recorded targets over an empty table; see :class:`gvla2.robot.playback.Playback`."""
@@ -188,7 +188,7 @@ class SapienArm:
         return driver.state()
 
     def true_state(self) -> TrueState:
-        """The state for referees; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
+        """The state for success checks; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
         return TrueState(self._sane_world("read"))
 
     def true_scene(self) -> Scene:

@@ -265,7 +265,7 @@ class World:
             one, other = contact.bodies
             yield one.entity.name, other.entity.name, contact
 
-    # The scene's true state: for the cameras' rays and the referee only.
+    # The scene's true state: for the cameras' rays and the success check only.
 
     def body_pose(self, name: str) -> FloatArray:
         """world_from_body (4, 4) of a task's body."""

@@ -18,7 +18,7 @@ EASED, STRICT = 2.4, 2.6
 
 
 class CloseBox:
-    """Close the box. eased: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
+    """Close the box. relaxed: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
 
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("close_box")
@@ -50,7 +50,7 @@ class CloseBox:
         colour, lid_colour = sample_colours(rng, site, 2)
         bodies = box.bodies(TRAVEL, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return world.joint("hinge") > EASED
 
         def strict(world: WorldState) -> bool:
@@ -59,7 +59,7 @@ class CloseBox:
         return TaskInstance(
             Layout(bodies, (box.joint(opens=False),)),
             sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"eased": eased, "strict": strict},
-            f"eased: the lid has come {EASED} rad of its {TRAVEL:.3f}; strict: {STRICT} rad",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the lid has come {EASED} rad of its {TRAVEL:.3f}; strict: {STRICT} rad",
             solution=push_shut(box),
         )

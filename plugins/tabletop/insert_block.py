@@ -29,7 +29,7 @@ IMAGE_SIZE = 512
 
 
 class InsertBlock:
-    """Put the ring over the named pillar. eased: it lies about the pillar's foot. strict: the same, and released."""
+    """Put the ring over the named pillar. relaxed: it lies about the pillar's foot. strict: the same, and released."""
 
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("insert_block")
@@ -68,20 +68,20 @@ class InsertBlock:
         pillar = pillars[target]
         room = k * (HOLE - PILLAR[0]) / 2
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             pose = world.pose("ring")
             off = transform_points(invert_rigid(pillar.world_from_body), pose[:3, 3])
             at_foot = pose[2, 3] < site.table_height + outer[2] / 2 + LOW
             return bool(np.abs(off[:2]).max() < np.sqrt(2) * room and at_foot)
 
         def strict(world: WorldState) -> bool:
-            return eased(world) and world.resting("ring")
+            return relaxed(world) and world.resting("ring")
 
         return TaskInstance(
             Layout((*pillars, ring)),
             sentence_of(rng, self.instructions, instruction, colour=colours[named]),
-            {"eased": eased, "strict": strict},
-            f"eased: the ring lies about the foot of the {colours[target]} pillar; strict: let go of, at rest{aside}",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the ring lies about the foot of the {colours[target]} pillar; strict: let go of, at rest{aside}",
             image_size=IMAGE_SIZE,
             solution=slip_over(pillar.name, z, outer[0], outer[2], [p.name for p in pillars]),
         )

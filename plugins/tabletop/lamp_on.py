@@ -37,7 +37,7 @@ PRELOAD = 0.002
 class LampOn:
     """Press the button of a lamp. Success is the largest travel of the button, since a spring brings it back.
 
-    eased: more than 3 mm. strict: more than 7.5 mm, of 10 mm.
+    relaxed: more than 3 mm. strict: more than 7.5 mm, of 10 mm.
     """
 
     def __init__(self, config: LampOnConfig) -> None:
@@ -97,7 +97,7 @@ class LampOn:
             damping=4.0,
         )
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return world.peak("press") > EASED_TRAVEL
 
         def strict(world: WorldState) -> bool:
@@ -106,8 +106,8 @@ class LampOn:
         return TaskInstance(
             Layout((lamp, button), (slide,), (Glow("lamp", SHADE_SOLID, "press", STRICT_TRAVEL, LIT_RGB),)),
             sentence if instruction is None else instruction,
-            {"eased": eased, "strict": strict},
-            f"eased: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "
             f"strict: by more than {STRICT_TRAVEL * 1000:g} mm",
             solution=press("button", "lamp", height / 2, travel),
         )

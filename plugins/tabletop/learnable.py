@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 class Learnable:
-    """Implements :class:`gvla2.robot.task.Task` over a published one: its layout, sentence and referee, and things
-    of one family in the colour and with the property that the world's seed gave them.
+    """Implements :class:`gvla2.robot.task.Task` over a published one: its layout, sentence and success check, and
+    things of one family in the colour and with the property that the world's seed gave them.
     """
 
     def __init__(self, kind: str, config: ScaledConfig, make: Callable[[ScaledConfig], Task]) -> None:

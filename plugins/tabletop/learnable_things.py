@@ -123,7 +123,7 @@ def _lamp(
     def lit(world: WorldState) -> bool:
         return least < world.peak("press") <= shines.until
 
-    return replace(made, layout=layout, succeeded={"eased": lit, "strict": lit}, goal=goal)
+    return replace(made, layout=layout, succeeded={"relaxed": lit, "strict": lit}, goal=goal)
 
 
 def _up(z: float) -> FloatArray:
@@ -177,7 +177,7 @@ def _lid(
     return replace(
         made,
         layout=layout,
-        succeeded={"eased": stays, "strict": stays},
+        succeeded={"relaxed": stays, "strict": stays},
         goal=f"the lid stays open, as it does from {np.degrees(family.value):.0f} degrees on",
     )
 

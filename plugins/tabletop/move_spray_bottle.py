@@ -27,7 +27,7 @@ HEAD_RGB = (0.95, 0.95, 0.95)
 
 
 class MoveSprayBottle:
-    """Move the bottle to the square. eased: it stands with its middle over the square. strict: within 2 cm of the
+    """Move the bottle to the square. relaxed: it stands with its middle over the square. strict: within 2 cm of the
     square's middle along both sides, let go of.
     """
 
@@ -70,19 +70,19 @@ class MoveSprayBottle:
         area = on(spot @ rigid(translation=(0, 0, -LOW)), (TARGET, TARGET), 2 * LOW)
         middle = on(spot @ rigid(translation=(0, 0, -LOW)), (STRICT_AREA, STRICT_AREA), 2 * LOW)
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             pose = world.pose("bottle")
             return bool(pose[2, 2] > UPRIGHT) and area.holds(pose[:3, 3])
 
         def strict(world: WorldState) -> bool:
-            return eased(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
+            return relaxed(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
 
         size = self._scale * np.array([0.10, HEAD[1], TANK[1] + NECK[1] + HEAD[2]])
         return TaskInstance(
             Layout((bottle, target)),
             sentence_of(rng, self.instructions, instruction, colour=colour, target=target_colour),
-            {"eased": eased, "strict": strict},
-            f"eased: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
             solution=put_on("bottle", "target", size, base=True, depth=0.02),
         )
 

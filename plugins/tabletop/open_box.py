@@ -20,7 +20,7 @@ OPEN = np.pi / 2
 
 
 class OpenBox:
-    """Open the box. eased: the lid was opened by more than a right angle at some time. strict: it still is."""
+    """Open the box. relaxed: the lid was opened by more than a right angle at some time. strict: it still is."""
 
     def __init__(self, config: OpenBoxConfig) -> None:
         if not 0.0 < config.swing <= TRAVEL:
@@ -63,8 +63,8 @@ class OpenBox:
         return TaskInstance(
             Layout(bodies, (box.joint(opens=True),)),
             sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"eased": _was_open, "strict": _is_open},
-            "eased: the lid was opened by more than 90 degrees; strict: it still is",
+            {"relaxed": _was_open, "strict": _is_open},
+            "relaxed: the lid was opened by more than 90 degrees; strict: it still is",
             solution=swing_open(box),
         )
 

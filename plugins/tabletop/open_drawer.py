@@ -33,7 +33,7 @@ and what room it needs over the table, metres.
 
 
 class OpenDrawer:
-    """Open the drawer. eased: it was pulled out by more than 10 cm at some time. strict: it still is."""
+    """Open the drawer. relaxed: it was pulled out by more than 10 cm at some time. strict: it still is."""
 
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("open_drawer")
@@ -57,7 +57,7 @@ class OpenDrawer:
         colour, body_colour = sample_colours(rng, site, 2, beside=(HANDLE_RGB,))
         layout = Layout(*self._furniture(root, colour, body_colour))
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return world.peak("slide") > OPEN
 
         def strict(world: WorldState) -> bool:
@@ -66,8 +66,8 @@ class OpenDrawer:
         return TaskInstance(
             layout,
             sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"eased": eased, "strict": strict},
-            f"eased: the drawer was pulled out by more than {OPEN:g} m; strict: it still is",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the drawer was pulled out by more than {OPEN:g} m; strict: it still is",
             solution=pull_handle("drawer", ("cabinet",), handle_paths(root, self._scale)),
         )  # fmt: skip
 

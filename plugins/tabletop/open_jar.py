@@ -23,7 +23,7 @@ SPAWN, YAW, GAP = (0.333, 0.373), 0.6 * np.pi, 0.10
 LEFT, LEFT_HEIGHT = 0.35, 0.12
 PUT_AT, PUT, PUT_HEIGHT = (0.043, 0.277), 0.05, 0.02
 PATCH = 0.10
-"""Metres, kilograms: diameters and heights; the eased volume is about the lid's starting place."""
+"""Metres, kilograms: diameters and heights; the relaxed volume is about the lid's starting place."""
 
 FINGER_ROOM, OVERHANG = 0.006, 0.006
 """The lid is this much narrower than the hand opens at most, and the jar than the lid; metres."""
@@ -40,7 +40,7 @@ class _Sizes:
 
 
 class OpenJar:
-    """Open the jar of the named colour. eased: its lid has left a volume about its place. strict: the lid lies on
+    """Open the jar of the named colour. relaxed: its lid has left a volume about its place. strict: the lid lies on
     the painted patch beside the jars, let go of.
     """
 
@@ -98,7 +98,7 @@ class OpenJar:
         about = Volume(lid.world_from_body, (LEFT, LEFT, LEFT_HEIGHT))
         put = on(place, (PUT, PUT), PUT_HEIGHT)
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return not about.meets(lid, world.pose(lid.name))
 
         def strict(world: WorldState) -> bool:
@@ -107,8 +107,8 @@ class OpenJar:
         return TaskInstance(
             Layout(tuple(bodies), threads=tuple(threads)),
             sentence_of(rng, self.instructions, instruction, colour=colours[0], target=patch),
-            {"eased": eased, "strict": strict},
-            f"eased: the lid is off the {colours[target]} jar and away; "
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the lid is off the {colours[target]} jar and away; "
             f"strict: it lies on the {patch} square{aside}",
             solution=unscrew(
                 lid.name, bodies[2 * target].name, turns=(np.deg2rad(105.0),), depth=0.3 * sizes.lid[1], lift=0.12,

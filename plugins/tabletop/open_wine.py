@@ -76,7 +76,7 @@ class OpenWine:
         return TaskInstance(
             Layout((bottle, cap), threads=(thread,)),
             sentence_of(rng, self.instructions, instruction),
-            {"eased": done, "strict": done},
+            {"relaxed": done, "strict": done},
             "the cap was turned by 150 degrees and has left the bottle's mouth",
             image_size=IMAGE_SIZE,
             solution=unscrew(

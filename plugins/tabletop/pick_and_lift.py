@@ -17,7 +17,7 @@ from gvla2_plugins.tabletop.demonstrations.placing import hold_up
 from gvla2_plugins.tabletop.painting import sample_colours
 
 START_VOLUME = (0.30, 0.30, 0.03)
-"""The volume of the eased profile, standing on the table about the cube's starting place, metres."""
+"""The volume of the relaxed profile, standing on the table about the cube's starting place, metres."""
 
 SENSOR_HEIGHT, SENSOR_THICKNESS = 0.248, 0.05
 """The sensor of the strict profile, metres above the table. Only its height is published; we assume a slab of 5 cm
@@ -27,7 +27,7 @@ around that height, triggered by any part of the cube, like a proximity sensor."
 class PickAndLift:
     """Lift the cube of the named colour.
 
-    eased: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
+    relaxed: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
     part of it is below the volume's top, or its centre is beyond the volume's sides. strict: both fingers hold the
     cube and some part of it is in the sensor's slab.
     """
@@ -84,7 +84,7 @@ class PickAndLift:
         body, start = f"cube_{target}", poses[target]
         extents = np.full(3, size)
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             offset = transform_points(invert_rigid(start), world.pose(body)[:3, 3])
             low = body_points(bodies[target], world.pose(body))[:, 2].min()
             within = np.abs(offset[:2]) <= 0.5 * np.asarray(START_VOLUME[:2])
@@ -102,8 +102,8 @@ class PickAndLift:
         return TaskInstance(
             Layout(bodies),
             sentence,
-            {"eased": eased, "strict": strict},
-            f"eased: the {colours[target]} cube has left its place on the table; "
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the {colours[target]} cube has left its place on the table; "
             f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table{aside}",
             solution=hold_up(body, extents, SENSOR_HEIGHT - size / 2),
         )

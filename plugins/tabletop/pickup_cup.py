@@ -69,7 +69,7 @@ class PickupCup:
         return TaskInstance(
             Layout(bodies),
             sentence_of(rng, self.instructions, instruction, colour=colours[0]),
-            {"eased": done, "strict": done},
+            {"relaxed": done, "strict": done},
             f"the fingers hold the {colours[target]} cup, out of the place where it stood{aside}",
             solution=by_the_rim(body.name, self._diameter, self._height, WALL),
         )

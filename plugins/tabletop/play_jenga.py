@@ -33,7 +33,7 @@ WOOD = (0.93, 0.91, 0.86)
 
 
 class PlayJenga:
-    """Take the loose brick out of the tower. eased: some part of it is in the goal's cylinder. strict: the same,
+    """Take the loose brick out of the tower. relaxed: some part of it is in the goal's cylinder. strict: the same,
     released, while all others still stand in place.
     """
 
@@ -80,18 +80,18 @@ class PlayJenga:
         height = k * GOAL_HEIGHT
         goal = Volume(at(root, *GOAL, height / 2), (2 * GOAL_RADIUS, 2 * GOAL_RADIUS, height), round=True)
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return goal.meets(layout["loose"], world.pose("loose"))
 
         def strict(world: WorldState) -> bool:
             moved = [np.linalg.norm(world.pose(b.name)[:3, 3] - b.world_from_body[:3, 3]) for b in others]
-            return bool(eased(world) and world.resting("loose") and max(moved) < k * STAYED)
+            return bool(relaxed(world) and world.resting("loose") and max(moved) < k * STAYED)
 
         return TaskInstance(
             layout,
             sentence_of(rng, self.instructions, instruction, colour=colour, target=circle),
-            {"eased": eased, "strict": strict},
-            f"eased: the {colour} brick is over the {circle} circle; strict: let go of, and the others stand",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the {colour} brick is over the {circle} circle; strict: let go of, and the others stand",
             solution=pull_brick(lambda pose: brick_path(root, pose, k)),
         )
 

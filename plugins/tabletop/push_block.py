@@ -26,7 +26,7 @@ ROOM_BEHIND = 0.08
 class PushBlock:
     """Push the block onto the target.
 
-    eased: the block's centre is above the painted square and the block lies on the table. strict: the block
+    relaxed: the block's centre is above the painted square and the block lies on the table. strict: the block
     overlaps a cube of 1 cm that stands at the target's centre.
     """
 
@@ -68,7 +68,7 @@ class PushBlock:
         middle = rigid(target[:3, :3], (target[0, 3], target[1, 3], table + CENTRE_VOLUME / 2))
         volume = Volume(middle, (CENTRE_VOLUME, CENTRE_VOLUME, CENTRE_VOLUME))
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             now = world.pose("block")[:3, 3]
             offset = transform_points(invert_rigid(target), now)
             return bool((np.abs(offset[:2]) <= side / 2).all() and now[2] < table + size)
@@ -79,8 +79,8 @@ class PushBlock:
         return TaskInstance(
             Layout(bodies),
             sentence if instruction is None else instruction,
-            {"eased": eased, "strict": strict},
-            f"eased: the {block_colour} block's centre is on the {target_colour} square; "
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the {block_colour} block's centre is on the {target_colour} square; "
             "strict: the block covers the square's centre",
             solution=push_to("block", "target", size),
         )

@@ -24,7 +24,7 @@ TOUCHING = 0.005
 
 
 class PutBlock:
-    """Put the block on the target. eased: it touches the target area. strict: its centre is within 1 cm²."""
+    """Put the block on the target. relaxed: it touches the target area. strict: its centre is within 1 cm²."""
 
     def __init__(self, config: ScaledConfig) -> None:
         self._size = SIZE * config.factor("put_block")
@@ -61,7 +61,7 @@ class PutBlock:
         area = on(spot, (EASED_AREA, EASED_AREA), TOUCHING)
         centre = Volume(spot @ rigid(translation=(0, 0, size / 2)), (STRICT_AREA, STRICT_AREA, size))
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return area.meets(block, world.pose("block"))
 
         def strict(world: WorldState) -> bool:
@@ -71,8 +71,8 @@ class PutBlock:
         return TaskInstance(
             Layout((block, target)),
             sentence_of(rng, self.instructions, instruction, **words),
-            {"eased": eased, "strict": strict},
-            f"eased: the {block_colour} block touches the {target_colour} square; strict: its centre is within "
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the {block_colour} block touches the {target_colour} square; strict: its centre is within "
             f"{STRICT_AREA / 2 * 1000:g} mm of the square's, along both sides",
             solution=put_on("block", "target", np.full(3, size)),
         )

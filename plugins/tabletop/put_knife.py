@@ -30,7 +30,7 @@ BLOCK_RGB, STEEL, BOARD_RGB = (0.35, 0.20, 0.10), (0.80, 0.82, 0.85), (0.95, 0.9
 
 
 class PutKnife:
-    """Lay the knife on the board. eased: some part of it is within 2 cm over the board's middle, let go of. strict:
+    """Lay the knife on the board. relaxed: some part of it is within 2 cm over the board's middle, let go of. strict:
     and it lies still.
     """
 
@@ -71,18 +71,18 @@ class PutKnife:
         )
         volume = on(at(root, 0.0, 0.0, BOARD[2]), VOLUME[:2], VOLUME[2])
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             met = volume.meets(bodies[2], world.pose("knife"))
             return met and "robot" not in world.touching("knife")
 
         def strict(world: WorldState) -> bool:
-            return eased(world) and world.resting("knife")
+            return relaxed(world) and world.resting("knife")
 
         return TaskInstance(
             Layout(bodies),
             sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"eased": eased, "strict": strict},
-            "eased: the knife is on the middle of the board, let go of; strict: and lies still",
+            {"relaxed": relaxed, "strict": strict},
+            "relaxed: the knife is on the middle of the board, let go of; strict: and lies still",
             solution=draw_knife(root, k, BOARD[2], BLADE[2]),
         )
 

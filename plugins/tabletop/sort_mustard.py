@@ -82,7 +82,7 @@ class SortMustard:
         return TaskInstance(
             Layout((container, bottle, can, carton)),
             sentence_of(rng, self.instructions, instruction),
-            {"eased": done, "strict": done},
+            {"relaxed": done, "strict": done},
             "the mustard bottle rests in the tray, let go of",
             solution=put_on(
                 "bottle", "tray", np.asarray(self._bottle), base=True, rise=TRAY_WALL, lift=0.10,

@@ -33,7 +33,7 @@ TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
 
 
 class SortObject:
-    """Put each thing into the bin of its own colour. eased: all three are in. strict: and let go of, at rest."""
+    """Put each thing into the bin of its own colour. relaxed: all three are in. strict: and let go of, at rest."""
 
     def __init__(self, config: ScaledConfig) -> None:
         k = config.factor("sort_object")
@@ -71,20 +71,20 @@ class SortObject:
         inner = BIN[0] - 2 * WALL
         volumes = [on(poses[i], (inner, inner), OVER) for i in range(2)]
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             return all(
                 volumes[k].holds(world.pose(thing.name)[:3, 3]) and not world.held(thing.name)
                 for thing, k in zip(things, belongs, strict=True)
             )
 
         def strict(world: WorldState) -> bool:
-            return eased(world) and all(world.resting(thing.name) for thing in things)
+            return relaxed(world) and all(world.resting(thing.name) for thing in things)
 
         return TaskInstance(
             Layout((*bins, *things)),
             sentence_of(rng, self.instructions, instruction, one=colours[0], other=colours[1]),
-            {"eased": eased, "strict": strict},
-            "eased: each thing is in the bin of its colour; strict: at rest there, let go of",
+            {"relaxed": relaxed, "strict": strict},
+            "relaxed: each thing is in the bin of its colour; strict: at rest there, let go of",
             solution=self._solution(belongs),
         )
 

@@ -75,7 +75,7 @@ class TakeUmbrella:
         return TaskInstance(
             Layout((stand, umbrella)),
             sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"eased": done, "strict": done},
+            {"relaxed": done, "strict": done},
             f"the {colour} umbrella has left the stand",
             solution=pull_up("umbrella", k * HANDLE_AT + 0.01, z + 0.01, contacts=("stand",)),
         )

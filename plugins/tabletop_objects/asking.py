@@ -13,7 +13,7 @@ from gvla2.robot.task import Body, Profile, WorldState
 from gvla2.robot.volumes import body_points
 
 LIFTED, LIFTED_WELL = 0.03, 0.08
-"""Metres between a lifted thing's lowest point and the table: eased and strict."""
+"""Metres between a lifted thing's lowest point and the table: relaxed and strict."""
 
 BESIDE, IN_LINE = 0.40, 0.15
 """Largest distance, metres, of a thing to the left of another, and largest offset to the front or back."""
@@ -88,7 +88,7 @@ def _place(said: str, label: str) -> int:
     return found.start() if found else -1
 
 
-def referee(
+def success_check(
     asked: Wish, bodies: Sequence[Body], table: float
 ) -> tuple[dict[Profile, Callable[[WorldState], bool]], str]:
     """The predicates of both profiles, and their description; ``table`` is world z, metres."""
@@ -97,18 +97,18 @@ def referee(
     label = asked.word or themes[0].label
     if asked.kind == "lift":
         return _lifting(themes[0], table), (
-            f"eased: no part of the {label} is lower than {LIFTED} m above the table; "
+            f"relaxed: no part of the {label} is lower than {LIFTED} m above the table; "
             f"strict: than {LIFTED_WELL} m, and the fingers hold it"
         )
     goal = by_name[asked.goal]
     if asked.kind == "left_of":
         return _left_of(themes[0], goal), (
-            f"eased: the {label} lies left (+y) of the {goal.label}, apart from it and at most {BESIDE} m away; "
+            f"relaxed: the {label} lies left (+y) of the {goal.label}, apart from it and at most {BESIDE} m away; "
             "strict: at rest there, let go of, and not before or behind it"
         )
     return _inside(themes, goal), (
-        f"eased: over the {goal.label} and lower than its rim and their own height; strict: at rest there, let go of, "
-        f"and the {goal.label} still stands ({label})"
+        f"relaxed: over the {goal.label} and lower than its rim and their own height; strict: at rest there, let go "
+        f"of, and the {goal.label} still stands ({label})"
     )
 
 
@@ -117,13 +117,13 @@ def _lifting(body: Body, table: float) -> dict[Profile, Callable[[WorldState], b
         return _corners(body, world)[:, 2].min() - table  # type: ignore[no-any-return]
 
     return {
-        "eased": lambda world: bool(clearance(world) > LIFTED),
+        "relaxed": lambda world: bool(clearance(world) > LIFTED),
         "strict": lambda world: bool(clearance(world) > LIFTED_WELL and world.held(body.name)),
     }
 
 
 def _left_of(body: Body, goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
-    def eased(world: WorldState) -> bool:
+    def relaxed(world: WorldState) -> bool:
         mine, theirs = _corners(body, world), _corners(goal, world)
         middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0)) - 0.5 * (theirs.min(axis=0) + theirs.max(axis=0))
         apart = mine[:, 1].min() > theirs[:, 1].max() - 0.01
@@ -132,9 +132,9 @@ def _left_of(body: Body, goal: Body) -> dict[Profile, Callable[[WorldState], boo
     def strict(world: WorldState) -> bool:
         mine, theirs = _corners(body, world), _corners(goal, world)
         before = 0.5 * (mine[:, 0].min() + mine[:, 0].max() - theirs[:, 0].min() - theirs[:, 0].max())
-        return eased(world) and abs(before) < IN_LINE and world.resting(body.name)
+        return relaxed(world) and abs(before) < IN_LINE and world.resting(body.name)
 
-    return {"eased": eased, "strict": strict}
+    return {"relaxed": relaxed, "strict": strict}
 
 
 def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
@@ -145,18 +145,18 @@ def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[World
         over = bool(((middle > low) & (middle < high))[:2].all())
         return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
 
-    def eased(world: WorldState) -> bool:
+    def relaxed(world: WorldState) -> bool:
         return all(one(world, body) for body in themes)
 
     def strict(world: WorldState) -> bool:
         upright = goal.fixed or world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2]
         return (
-            eased(world)
+            relaxed(world)
             and bool(upright)
             and all(world.resting(body.name) and "table" not in world.touching(body.name) for body in themes)
         )
 
-    return {"eased": eased, "strict": strict}
+    return {"relaxed": relaxed, "strict": strict}
 
 
 def _corners(body: Body, world: WorldState) -> FloatArray:

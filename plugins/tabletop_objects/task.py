@@ -18,7 +18,7 @@ from gvla2.robot.scan import Scan
 from gvla2.robot.shapes import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, referee, understood, wording
+from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, success_check, understood, wording
 from gvla2_plugins.tabletop_objects.resting import fallen
 from gvla2_plugins.tabletop_objects.vessels import mouth
 
@@ -94,7 +94,7 @@ class TabletopObjects:
         sentence = wording(asked, labels, rng)
         if instruction is not None:
             sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
-        succeeded, goal = referee(asked, bodies, site.table_height)
+        succeeded, goal = success_check(asked, bodies, site.table_height)
         told = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
         return TaskInstance(
             Layout(tuple(bodies)),

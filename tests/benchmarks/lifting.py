@@ -130,7 +130,7 @@ def _tell(rows: list[dict]) -> None:
         ("narrow", narrow),
         ("narrow, a hold fits", [r for r in narrow if r["fit"]]),
     ):
-        for profile in ("eased", "strict"):
+        for profile in ("relaxed", "strict"):
             lifted = sum(r[profile] for r in of)
             print(f"{what} {profile}: {lifted} of {len(of)}, {100 * lifted / max(1, len(of)):.0f} %")
     print("no hold fits:", sum(not r["fit"] for r in rows))
@@ -192,7 +192,7 @@ def _episode(registry: Registry, case: Case, folder: str) -> dict:
 
 def _row(record: EpisodeRecord, case: Case) -> dict:
     """What is told of one episode; several attempts are told by the last."""
-    judged, plan, report = record.judgement, record.plan, record.report
+    judged, plan, report = record.success_check, record.plan, record.report
     tried = () if plan is None else plan.candidates
     fit = [c for c in tried if not c.rejected or c.rejected.startswith("not checked")]
     if report is not None and report.abort is not None:
@@ -207,7 +207,7 @@ def _row(record: EpisodeRecord, case: Case) -> dict:
     said = [n for n in case.names if spoken(n) in record.instruction]
     return {
         "name": max(said, key=len, default=case.names[0]),
-        "eased": bool(judged and judged.eased),
+        "relaxed": bool(judged and judged.relaxed),
         "strict": bool(judged and judged.strict),
         "holds": len(tried),
         "fit": len(fit),

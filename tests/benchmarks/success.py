@@ -1,4 +1,4 @@
-"""Success over seeds, eased and strict, with Wilson intervals, classes of failure and seconds a stage.
+"""Success over seeds, relaxed and strict, with Wilson intervals, classes of failure and seconds a stage.
 
     python tests/benchmarks/success.py [tasks=all] [seeds=600-604] [scale=0.8,1.2] [processes=1] [out=rows.jsonl]
         [key=value ...]
@@ -58,7 +58,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
             try:
                 row = _row(run_episode(parts, request))
             except Gvla2Error as error:
-                row = {"failure": ["setup", "error", str(error)], "eased": False, "strict": False}
+                row = {"failure": ["setup", "error", str(error)], "relaxed": False, "strict": False}
             row |= {"task": task, "seed": seed, "overrides": overrides,
                     "seconds": time.perf_counter() - wall, "cpu": time.process_time() - used}  # fmt: skip
             rows.append(row)
@@ -66,7 +66,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
                 with Path(out).open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
             said = "" if row["strict"] else f" {row.get('instruction')!r}: {row['failure']}"
-            how = "ok" if row["strict"] else "eased" if row["eased"] else "FAILED"
+            how = "ok" if row["strict"] else "relaxed" if row["relaxed"] else "FAILED"
             print(f"  {task} seed {seed}: {how}, {row['cpu']:.1f} s{said[:400]}", file=sys.stderr, flush=True)
     return rows
 
@@ -74,8 +74,8 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
 def _row(record: EpisodeRecord) -> dict:
     failure, plan = record.failure, record.plan
     return {
-        "eased": bool(record.judgement and record.judgement.eased),
-        "strict": bool(record.judgement and record.judgement.strict),
+        "relaxed": bool(record.success_check and record.success_check.relaxed),
+        "strict": bool(record.success_check and record.success_check.strict),
         "verdict": record.verdict.outcome if record.verdict else "none",
         "failure": [failure.stage, failure.kind, failure.message] if failure else None,
         "timings": dict(record.timings),
@@ -106,20 +106,20 @@ def main() -> None:
 def report(jobs: list[tuple[str, list[int], list[str], str]], results: list[list[dict]]) -> Iterator[str]:
     """The table, the means over tasks, motion planning, classes of failure and every failed episode."""
     stages = " ".join(f"{s:>8}" for s in STAGES)
-    yield f"{'task':18} {'eased':>7} {'95 % interval':>14} {'strict':>7} {'agrees':>7} {'s':>6} {'cpu s':>6} {stages}"
+    yield f"{'task':18} {'relaxed':>7} {'95 % interval':>14} {'strict':>7} {'agrees':>7} {'s':>6} {'cpu s':>6} {stages}"
     motion: list[float] = []
     for job, rows in zip(jobs, results, strict=True):
-        n, eased, strict = len(rows), sum(r["eased"] for r in rows), sum(r["strict"] for r in rows)
-        low, high = wilson_interval(eased, n)
-        agree = sum((r.get("verdict") == "verified_success") == r["eased"] for r in rows)
+        n, relaxed, strict = len(rows), sum(r["relaxed"] for r in rows), sum(r["strict"] for r in rows)
+        low, high = wilson_interval(relaxed, n)
+        agree = sum((r.get("verdict") == "verified_success") == r["relaxed"] for r in rows)
         times = " ".join(f"{_median([r.get('timings', {}).get(s, 0.0) for r in rows]):8.2f}" for s in STAGES)
         seconds, cpu = (_median([r[k] for r in rows]) for k in ("seconds", "cpu"))
-        yield (f"{job[0]:18} {eased:3d}/{n:<3d} {low:6.0%} - {high:4.0%} {strict:4d}/{n:<3d} {agree:3d}/{n:<3d} "
+        yield (f"{job[0]:18} {relaxed:3d}/{n:<3d} {low:6.0%} - {high:4.0%} {strict:4d}/{n:<3d} {agree:3d}/{n:<3d} "
                f"{seconds:6.1f} {cpu:6.1f} {times}")  # fmt: skip
         motion += [seconds for r in rows for seconds in r.get("motion", [])]
-    shares = [[sum(r[p] for r in rows) / len(rows) for rows in results] for p in ("eased", "strict")]
-    eased, strict = (sum(s) / len(s) for s in shares)
-    yield f"mean over {len(jobs)}: eased {eased:.1%}, strict {strict:.1%}, least eased {min(shares[0]):.0%}"
+    shares = [[sum(r[p] for r in rows) / len(rows) for rows in results] for p in ("relaxed", "strict")]
+    relaxed, strict = (sum(s) / len(s) for s in shares)
+    yield f"mean over {len(jobs)}: relaxed {relaxed:.1%}, strict {strict:.1%}, least relaxed {min(shares[0]):.0%}"
     if motion:
         motion.sort()
         yield (f"motion plan of one waypoint: median {1e3 * motion[len(motion) // 2]:.0f} ms, "
@@ -130,7 +130,7 @@ def report(jobs: list[tuple[str, list[int], list[str], str]], results: list[list
             classes = Counter("/".join(r["failure"][:2]) if r["failure"] else "strict" for r in missed)
             yield f"{job[0]} {' '.join(job[2])}: {dict(classes)}"
         for r in missed:
-            yield f"  seed {r['seed']}{' (eased)' if r['eased'] else ''}: {r.get('instruction')!r}: {r['failure']}"
+            yield f"  seed {r['seed']}{' (relaxed)' if r['relaxed'] else ''}: {r.get('instruction')!r}: {r['failure']}"
 
 
 def _median(values: list[float]) -> float:

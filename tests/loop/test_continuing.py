@@ -95,7 +95,7 @@ def test_a_program_is_carried_out_part_by_part_and_each_part_is_judged_told_and_
     record = run_episode(replace(parts, memory=memory), request, listener)
     listener.recorder.finish(record)
     assert record.failure is None, record.failure
-    assert listener.stages == ["setup", *PART[:3], "recall", *PART[3:], *PART, "learn", "judge"]
+    assert listener.stages == ["setup", *PART[:3], "recall", *PART[3:], *PART, "learn", "success_check"]
     first, last = record.whole
     assert (first.plan.skill, last.plan.skill) == ("push", "pick")
     assert [p.verdict.outcome for p in record.whole] == ["verified_success"] * 2
@@ -191,7 +191,7 @@ def test_a_program_may_not_take_more_parts_than_allowed(parts_of):
     assert "more than 2 parts" in record.failure.message
     assert "max_parts=" in record.failure.message
     assert len(record.whole) == 2
-    assert record.judgement is not None
+    assert record.success_check is not None
 
 
 def test_a_later_part_that_cannot_be_planned_ends_the_program_in_words(parts_of):

@@ -1,4 +1,4 @@
-"""The simulated Panda's world: reset, cameras, judgement and what goes wrong, with real physics."""
+"""The simulated Panda's world: reset, cameras, success check and what goes wrong, with real physics."""
 
 import sys
 
@@ -37,8 +37,8 @@ def test_bodies_rest_where_they_were_laid_and_nothing_is_done_yet(panda, name):
         before = {b.name: panda._world.body_pose(b.name) for b in instance.layout.bodies}
         for body in instance.layout.bodies:
             np.testing.assert_allclose(before[body.name], body.world_from_body, atol=1e-3)
-        verdict = panda.judge()
-        assert (verdict.eased, verdict.strict) == (False, False)
+        verdict = panda.success_check()
+        assert (verdict.relaxed, verdict.strict) == (False, False)
         for body in instance.layout.bodies:  # and a quarter of a second later still
             np.testing.assert_allclose(panda._world.body_pose(body.name), before[body.name], atol=2e-4)
 
@@ -50,7 +50,7 @@ def test_the_arm_starts_at_home_with_an_open_hand(panda):
     np.testing.assert_allclose(seen.world_from_tcp, panda.arm.forward(panda.arm.home), atol=1e-3)
     assert seen.gripper == pytest.approx(1.0, abs=1e-3)
     assert seen.gripper_width == pytest.approx(0.08, abs=1e-4)
-    assert panda.judge() is None
+    assert panda.success_check() is None
 
 
 def test_the_model_of_the_arm_agrees_with_the_simulated_one(panda):
@@ -131,7 +131,7 @@ def test_a_simulation_that_blows_up_is_noticed_and_the_next_one_is_clean(panda):
             look()
     panda.reset(TASKS["pick_and_lift"], 0)
     np.testing.assert_allclose(panda.observe().joints, panda.arm.home, atol=1e-4)
-    assert not panda.judge().eased
+    assert not panda.success_check().relaxed
 
 
 def test_bad_samples_are_refused(panda):
@@ -149,7 +149,7 @@ def test_nothing_works_before_reset_or_after_close():
             robot.observe()
         with pytest.raises(RobotError, match="reset"):
             robot.execute(Trajectory(()), Scene((), TABLE_HEIGHT, robot.arm.workspace))
-        assert robot.judge() is None
+        assert robot.success_check() is None
         robot.close()
     robot.reset(None, 0)
     assert robot.observe().gripper > 0.9

@@ -29,7 +29,7 @@ class Laid:
         self.layout = Layout(bodies, joints)
 
     def sample(self, rng, site, instruction=None):
-        never = {"eased": lambda world: False, "strict": lambda world: False}
+        never = {"relaxed": lambda world: False, "strict": lambda world: False}
         return TaskInstance(self.layout, "-", never)
 
 

@@ -65,7 +65,7 @@ class Block:
         self.body = Body("block", (solid,), rigid(translation=xyz), mass)
 
     def sample(self, rng, site, instruction=None):
-        never = {"eased": lambda world: False, "strict": lambda world: False}
+        never = {"relaxed": lambda world: False, "strict": lambda world: False}
         return TaskInstance(Layout((self.body,)), "-", never)
 
 
@@ -117,15 +117,15 @@ def test_a_grasped_cube_is_lifted_and_stays(panda, seed, size, mass, off):
     result, error = move(panda, drive, above(place, closing, 0.24), 0.0)
     assert error < 0.005
     assert "panda_hand" not in result.contacts
-    verdict = panda.judge()
-    assert (verdict.eased, verdict.strict) == (True, True)
+    verdict = panda.success_check()
+    assert (verdict.relaxed, verdict.strict) == (True, True)
     lifted = panda._world.body_pose(body.name)
     assert lifted[2, 3] - body.world_from_body[2, 3] == pytest.approx(0.24, abs=0.004)
     drive.grip(1.0)  # let go: it falls, and does not count as held any more
     for _ in range(240):
         panda._world.step()
     assert panda._world.body_pose(body.name)[2, 3] < TABLE_HEIGHT + size
-    assert not panda.judge().strict
+    assert not panda.success_check().strict
 
 
 def test_a_pressed_button_comes_back_and_its_peak_stays(panda):
@@ -146,8 +146,8 @@ def test_a_pressed_button_comes_back_and_its_peak_stays(panda):
     move(panda, drive, above(top, closing, 0.06), 0.0)
     assert world.travel("press") == pytest.approx(0.0, abs=2e-4)
     assert 0.0075 < world.peaks["press"] < 0.0101
-    verdict = panda.judge()
-    assert (verdict.eased, verdict.strict) == (True, True)
+    verdict = panda.success_check()
+    assert (verdict.relaxed, verdict.strict) == (True, True)
 
 
 def test_a_half_pressed_button_is_not_strict(panda):
@@ -158,8 +158,8 @@ def test_a_half_pressed_button_is_not_strict(panda):
     drive.grip(0.0)
     move(panda, drive, above(top, lamp.world_from_body[:3, 1], 0.06), 0.0, straight=False)
     move(panda, drive, above(top, lamp.world_from_body[:3, 1], -0.0055), 0.0, speed=0.05)
-    verdict = panda.judge()
-    assert (verdict.eased, verdict.strict) == (True, False)
+    verdict = panda.success_check()
+    assert (verdict.relaxed, verdict.strict) == (True, False)
 
 
 def test_a_block_is_pushed_and_slides_on_the_table(panda):
@@ -271,7 +271,7 @@ def test_execute_carries_a_cube_around_its_neighbours(panda):
     assert [w.held for w in report.waypoints] == [False, True, True]
     assert report.waypoints[2].gripper_width == pytest.approx(0.05, abs=1e-3)
     assert set(report.waypoints[2].contacts) == {"panda_leftfinger", "panda_rightfinger"}
-    assert panda.judge().strict
+    assert panda.success_check().strict
 
 
 def test_a_listener_that_raises_stops_the_arm(panda):

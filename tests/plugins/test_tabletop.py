@@ -63,7 +63,7 @@ def at_start(instance: TaskInstance) -> State:
 
 
 def verdicts(instance: TaskInstance, state: State) -> tuple[bool, bool]:
-    return instance.succeeded["eased"](state), instance.succeeded["strict"](state)
+    return instance.succeeded["relaxed"](state), instance.succeeded["strict"](state)
 
 
 def footprint(body) -> np.ndarray:
@@ -153,7 +153,7 @@ def test_a_seed_is_an_episode(name):
 def test_an_instruction_keeps_the_layout_and_is_passed_on(name):
     own, given_one = sample(name, 9), sample(name, 9, "do something nice")
     assert given_one.instruction == "do something nice"
-    assert given_one.goal.startswith(own.goal)  # it names no colour: the referee keeps the seed's target
+    assert given_one.goal.startswith(own.goal)  # it names no colour: the check keeps the seed's target
     for a, b in zip(own.layout.bodies, given_one.layout.bodies, strict=True):
         np.testing.assert_array_equal(a.world_from_body, b.world_from_body)
 
@@ -187,20 +187,20 @@ def test_lifting_the_named_cube_counts_and_lifting_another_does_not():
 
 
 @pytest.mark.parametrize(
-    ("height", "eased", "strict"),
+    ("height", "relaxed", "strict"),
     [(0.006, 0, 0), (0.029, 0, 0), (0.031, 1, 0), (0.17, 1, 0), (0.175, 1, 1), (0.27, 1, 1), (0.28, 1, 0)],
 )
-def test_heights_that_count(height, eased, strict):
+def test_heights_that_count(height, relaxed, strict):
     # The cube of 5 cm spans its height to height + 5 cm; the sensor 0.223 to 0.273 m.
     instance = sample("pick_and_lift", 4)
     (named,) = colours_in(instance.instruction)
     state = lifted(instance, named, height)
-    assert verdicts(instance, state) == (bool(eased), bool(strict))
+    assert verdicts(instance, state) == (bool(relaxed), bool(strict))
     state.holding = ""
-    assert verdicts(instance, state) == (bool(eased), False)
+    assert verdicts(instance, state) == (bool(relaxed), False)
 
 
-def test_pushing_the_cube_out_of_its_place_counts_as_eased():
+def test_pushing_the_cube_out_of_its_place_counts_as_relaxed():
     instance = sample("pick_and_lift", 4)
     state = lifted(instance, colours_in(instance.instruction)[0], 0.0)
     moved = state.poses[state.holding]
@@ -227,7 +227,7 @@ def test_the_given_sentence_chooses_the_cube_it_names():
 
 
 @pytest.mark.parametrize(
-    ("along", "across", "up", "eased", "strict"),
+    ("along", "across", "up", "relaxed", "strict"),
     [
         (0.0, 0.0, 0.0, True, True),
         (0.049, 0.049, 0.0, True, False),
@@ -237,7 +237,7 @@ def test_the_given_sentence_chooses_the_cube_it_names():
         (0.0, 0.0, 0.10, False, False),
     ],
 )
-def test_where_the_block_counts_as_on_the_target(along, across, up, eased, strict):
+def test_where_the_block_counts_as_on_the_target(along, across, up, relaxed, strict):
     instance = sample("push_block", 2)
     block, target = instance.layout.bodies
     state = at_start(instance)
@@ -245,20 +245,21 @@ def test_where_the_block_counts_as_on_the_target(along, across, up, eased, stric
     pose[:3, 3] += pose[:3, 0] * along + pose[:3, 1] * across
     pose[2, 3] = block.world_from_body[2, 3] + up
     state.poses["block"] = pose
-    assert verdicts(instance, state) == (eased, strict)
+    assert verdicts(instance, state) == (relaxed, strict)
 
 
 # lamp_on
 
 
 @pytest.mark.parametrize(
-    ("travel", "eased", "strict"), [(0.0, 0, 0), (0.003, 0, 0), (0.0031, 1, 0), (0.0075, 1, 0), (0.008, 1, 1)]
+    ("travel", "relaxed", "strict"),
+    [(0.0, 0, 0), (0.003, 0, 0), (0.0031, 1, 0), (0.0075, 1, 0), (0.008, 1, 1)],
 )
-def test_travel_that_switches_the_lamp_on(travel, eased, strict):
+def test_travel_that_switches_the_lamp_on(travel, relaxed, strict):
     instance = sample("lamp_on", 1)
     state = at_start(instance)
     state.peaks["press"] = travel
-    assert verdicts(instance, state) == (bool(eased), bool(strict))
+    assert verdicts(instance, state) == (bool(relaxed), bool(strict))
 
 
 @settings(max_examples=30, deadline=None)

@@ -32,12 +32,12 @@ def laid(panda, name: str, seed: int, **options) -> TaskInstance:
 )  # fmt: skip
 def test_it_can_be_done(panda, name, seed, scale):
     instance = laid(panda, name, seed, scale=scale)
-    before = panda.judge()
-    assert (before.eased, before.strict) == (False, False)
+    before = panda.success_check()
+    assert (before.relaxed, before.strict) == (False, False)
     reports = demonstrate(panda, instance)
     assert all(report.completed for report in reports), reports[-1].abort
-    after = panda.judge()
-    assert (after.eased, after.strict) == (True, True)
+    after = panda.success_check()
+    assert (after.relaxed, after.strict) == (True, True)
 
 
 def test_every_task_has_a_demonstration(panda):

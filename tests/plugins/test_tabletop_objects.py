@@ -98,14 +98,14 @@ def shifted(body, by):
 def test_lifting_is_judged_by_the_lowest_point(folder):
     instance = sample(task(folder, names=["sugar_box"]), 0)
     body = instance.layout["sugar_box"]
-    for height, held, eased, strict in (
+    for height, held, relaxed, strict in (
         (0.02, True, 0, 0),
         (0.05, True, 1, 0),
         (0.1, True, 1, 1),
         (0.1, False, 1, 0),
     ):
         state = Moved(instance.layout, {body.name: shifted(body, (0, 0, height))}, body.name if held else "")
-        assert instance.succeeded["eased"](state) == eased
+        assert instance.succeeded["relaxed"](state) == relaxed
         assert instance.succeeded["strict"](state) == strict
 
 
@@ -128,8 +128,8 @@ def test_beside_and_inside_are_judged_where_things_lie(folder):
     can[:3, 3] = instance.layout["bowl"].world_from_body[:3, 3] + (0, 0, 0.03)
     inside = Moved(instance.layout, {"soup_can": can})
     assert instance.succeeded["strict"](inside)
-    assert not instance.succeeded["eased"](Moved(instance.layout, {"soup_can": can}, held="soup_can"))
-    assert not instance.succeeded["eased"](Moved(instance.layout, {}))
+    assert not instance.succeeded["relaxed"](Moved(instance.layout, {"soup_can": can}, held="soup_can"))
+    assert not instance.succeeded["relaxed"](Moved(instance.layout, {}))
 
 
 @pytest.mark.parametrize(

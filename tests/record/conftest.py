@@ -237,7 +237,7 @@ def full_record(scene: Scene, before: Observation, after: Observation) -> Episod
         seed=3,
         choices={"robot": "sapien_panda", "task": "put_block", "perceiver": "classical", "memory": "governed",
                  "planner": "skill", "verifier": "geometric"},
-        goal="eased: the block touches the target; strict: its centre is within 10 mm.",
+        goal="relaxed: the block touches the target; strict: its centre is within 10 mm.",
         observation=before,
         scene=scene,
         refinement="Three boxes were fitted to the fused points; the largest change was 1.2 mm.",
@@ -253,9 +253,9 @@ def full_record(scene: Scene, before: Observation, after: Observation) -> Episod
             "geometric",
         ),
         learned=Learned(("rec-9",), ("rec-3",), (), 1, ("rec-9: transit at 0.22 m worked (added).",)),
-        judgement=SuccessCheck(eased=True, strict=False),
+        success_check=SuccessCheck(relaxed=True, strict=False),
         timings={"setup": 0.9, "observe": 0.04, "perceive": 0.31, "reconstruct": 0.12, "recall": 0.02, "plan": 0.2,
-                 "check": 0.4, "execute": 4.1, "verify": 0.1, "learn": 0.03, "judge": 0.001},
+                 "check": 0.4, "execute": 4.1, "verify": 0.1, "learn": 0.03, "success_check": 0.001},
     )  # fmt: skip
 
 
@@ -309,6 +309,6 @@ def abstained(episode: Callable[..., EpisodeRecord]) -> EpisodeRecord:
     refusal = Abstention("ambiguous", "Two red cubes fit “the red cube”; say which one.")
     return episode(
         plan=Plan(None, abstention=refusal, notes=("Both lie within reach.",)),
-        checks=None, report=None, after=None, after_scene=None, verdict=None, learned=None, judgement=None,
+        checks=None, report=None, after=None, after_scene=None, verdict=None, learned=None, success_check=None,
         failure=Failure("plan", refusal.kind, refusal.message),
     )  # fmt: skip

@@ -17,7 +17,11 @@ def twice(episode):
     """An episode whose first attempt failed."""
     failure = Failure("verify", "not_achieved", "The cube is <b>elsewhere</b>.")
     first = episode(
-        verdict=FAILED, failure=failure, judgement=None, learned=None, timings={"plan": 2.0, "execute": 3.0}
+        verdict=FAILED,
+        failure=failure,
+        success_check=None,
+        learned=None,
+        timings={"plan": 2.0, "execute": 3.0},
     )
     return episode(attempts=(first,), timings={"plan": 1.0, "execute": 2.5})
 

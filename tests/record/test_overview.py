@@ -29,7 +29,7 @@ class Links(HTMLParser):
 def test_the_overview_links_every_episode(
     tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
 ) -> None:
-    records = [episode(instruction="<script>alert(1)</script>"), abstained, episode(judgement=None)]
+    records = [episode(instruction="<script>alert(1)</script>"), abstained, episode(success_check=None)]
     for k, record in enumerate(records[:2]):
         RunRecorder(episode_folder(tmp_path, k), "").finish(record)
     html = write_index(tmp_path, records).read_text(encoding="utf-8")
@@ -44,10 +44,10 @@ def test_the_overview_links_every_episode(
 def test_the_summary_counts_and_has_a_row_for_every_episode(
     tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
 ) -> None:
-    records = [episode(), abstained, episode(judgement=None)]
+    records = [episode(), abstained, episode(success_check=None)]
     told = json.loads(write_summary(tmp_path, records).read_text(encoding="utf-8"))
     assert (told["command"], told["episodes"], len(told["rows"])) == ("run", 3, 3)
-    assert told["succeeded"] == sum(bool(r.judgement and r.judgement.eased) for r in records) == 1
+    assert told["succeeded"] == sum(bool(r.success_check and r.success_check.relaxed) for r in records) == 1
     assert told["success_share"] == pytest.approx(1 / 3)
     for row, record, folder in zip(told["rows"], records, ("000", "001", "002"), strict=True):
         assert (row["seed"], row["instruction"]) == (record.seed, record.instruction)

@@ -88,8 +88,8 @@ def test_a_full_run_tells_everything(episode: Callable[..., EpisodeRecord]) -> N
     assert_self_contained(page)
     for words in (
         record.instruction,
-        "Eased only",
-        "eased ✓",
+        "Relaxed only",
+        "relaxed ✓",
         "strict ✗",
         "Success 0.84",
         "6 of 6 waypoints",
@@ -117,8 +117,8 @@ def test_a_full_run_tells_everything(episode: Callable[..., EpisodeRecord]) -> N
         assert words in page.text, words
 
 
-def test_referee_and_verifier_are_told_apart(episode: Callable[..., EpisodeRecord]) -> None:
-    wrong = episode(judgement=SuccessCheck(eased=False, strict=False))
+def test_success_check_and_verifier_are_told_apart(episode: Callable[..., EpisodeRecord]) -> None:
+    wrong = episode(success_check=SuccessCheck(relaxed=False, strict=False))
     text = read(wrong).text
     assert "Not achieved" in text
     assert "Success 0.84" in text

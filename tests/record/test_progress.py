@@ -32,7 +32,7 @@ def test_plain_lines_without_a_terminal(episode: Callable[..., EpisodeRecord]) -
     assert "3 objects: red cube, olive cube, white plate" in lines[0]
     assert "6 waypoints, skill pick_place" in lines[1]
     assert "verified_success 0.84" in lines[3]
-    assert lines[4].startswith("Succeeded (eased) | referee: eased yes, strict no")
+    assert lines[4].startswith("Succeeded (relaxed) | success check: relaxed yes, strict no")
     assert lines[5].endswith("index.html")
     assert "\x1b" not in "".join(lines)
 
@@ -90,7 +90,7 @@ def test_the_summary_is_one_line(
     episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord, failed_at: Callable[[str], EpisodeRecord]
 ) -> None:
     assert "6 of 6 waypoints" in summary_line(episode())
-    assert summary_line(episode(judgement=SuccessCheck(False, False))).startswith("Not achieved")
+    assert summary_line(episode(success_check=SuccessCheck(False, False))).startswith("Not achieved")
     assert summary_line(abstained).startswith("Declined, nothing moved | ambiguous")
     assert summary_line(failed_at("perceive")).startswith(
         "Stopped at perceive | error: The stage perceive broke."

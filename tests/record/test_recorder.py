@@ -22,7 +22,7 @@ RESULT_KEYS = {
 FILLED = {
     "observe": ("observation",), "perceive": ("scene",), "reconstruct": ("refinement",), "recall": ("recalled",),
     "plan": ("plan",), "check": ("checks",), "execute": ("report", "after", "after_scene"), "verify": ("verdict",),
-    "learn": ("learned",), "judge": ("judgement",),
+    "learn": ("learned",), "success_check": ("success_check",),
 }  # fmt: skip
 
 
@@ -31,7 +31,7 @@ def load(path: Path) -> dict[str, object]:
     return loaded
 
 
-def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "judge") -> EpisodeRecord:
+def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "success_check") -> EpisodeRecord:
     """Play the stages of a finished record one by one."""
     empty = {name: "" if name == "refinement" else None for names in FILLED.values() for name in names}
     record = replace(full, **empty)

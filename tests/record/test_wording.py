@@ -31,7 +31,9 @@ def test_what_was_not_reached_is_skipped(failed_at: Callable[[str], EpisodeRecor
     states = {stage: state(record, stage) for stage in STAGES}
     assert states["reconstruct"] == "done"
     assert states["recall"] == "failed"
-    assert {states[s] for s in ("plan", "check", "execute", "verify", "learn", "judge")} == {"skipped"}
+    assert {states[s] for s in ("plan", "check", "execute", "verify", "learn", "success_check")} == {
+        "skipped"
+    }
 
 
 def test_a_motion_that_stopped_is_named(episode: Callable[..., EpisodeRecord]) -> None:
@@ -45,7 +47,7 @@ def test_a_motion_that_stopped_is_named(episode: Callable[..., EpisodeRecord]) -
 
 def test_a_verifier_that_says_no_is_not_a_broken_run(episode: Callable[..., EpisodeRecord]) -> None:
     record = episode(
-        judgement=None,
+        success_check=None,
         verdict=Verdict.from_criteria({"moved": 0.0}, ("It did not move.",)),
         failure=Failure("verify", "not_achieved", "It did not move."),
     )

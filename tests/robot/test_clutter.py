@@ -38,7 +38,7 @@ class Push:
         drawer = _box("drawer", (0.08, 0.08, 0.02), "blue", (0.45, -0.3, TABLE + 0.11))
         slide = Joint("slide", "prismatic", "chest", "drawer", np.array([0, 1.0, 0]), np.zeros(3), (0.0, 0.3))
         said = self.instructions[int(rng.integers(4))] if instruction is None else instruction
-        never = {"eased": lambda world: False, "strict": lambda world: False}
+        never = {"relaxed": lambda world: False, "strict": lambda world: False}
         return TaskInstance(
             Layout((block, chest, drawer), (slide,)), said, never, keep_clear=((0.3, 0.35, 0.08),)
         )

@@ -25,7 +25,7 @@ def a_task(
 
     def sample(rng: np.random.Generator, site: Any, instruction: str | None = None) -> TaskInstance:
         layout = Layout((a_body(rng if repeatable else noise, site.table_height),))
-        done = {p: lambda state: state.held("cube") for p in ("eased", "strict")}
+        done = {p: lambda state: state.held("cube") for p in ("relaxed", "strict")}
         made = TaskInstance(layout, "lift the cube", done)
         return replace(change(made), **({"instruction": instruction} if instruction else {}))
 
@@ -45,9 +45,12 @@ def with_body(**changes: Any) -> Callable[[TaskInstance], TaskInstance]:
         (a_task(with_body(mass=0.0)), "mass must be positive"),
         (a_task(with_body(solids=())), "has no solids"),
         (a_task(lambda i: replace(i, instruction="lift the {colour} cube")), "finished sentence"),
-        (a_task(lambda i: replace(i, succeeded={"eased": lambda s: False})), "profiles 'eased' and 'strict'"),
         (
-            a_task(lambda i: replace(i, succeeded=dict.fromkeys(("eased", "strict"), lambda s: True))),
+            a_task(lambda i: replace(i, succeeded={"relaxed": lambda s: False})),
+            "profiles 'relaxed' and 'strict'",
+        ),
+        (
+            a_task(lambda i: replace(i, succeeded=dict.fromkeys(("relaxed", "strict"), lambda s: True))),
             "already done",
         ),
         (a_task(lambda i: replace(i, layout=Layout(i.layout.bodies * 2))), "unique names"),

@@ -20,7 +20,7 @@ TRIES = 2000
 class BallInBowl:
     """Two balls and a bowl; the ball of the named colour goes into it.
 
-    eased: the ball is within the bowl's walls, no higher than its rim, and not held. strict: and it lies still.
+    relaxed: the ball is within the bowl's walls, no higher than its rim, and not held. strict: and it lies still.
     """
 
     def __init__(self, config):
@@ -70,20 +70,20 @@ class BallInBowl:
         place = rigid(translation=(*spots[2], table))
         bowl = Body("bowl", walls, place, BOWL_MASS, label=f"{colours[2]} bowl", shape="cylinder")
 
-        def eased(world: WorldState) -> bool:
+        def relaxed(world: WorldState) -> bool:
             middle = world.pose("bowl") @ rigid(translation=(0, 0, HEIGHT / 2))
             inner = self.bowl - 2 * WALL
             within = Volume(middle, (inner, inner, HEIGHT), round=True)
             return within.holds(world.pose(name)[:3, 3]) and not world.held(name)
 
         def strict(world: WorldState) -> bool:
-            return eased(world) and world.resting(name)
+            return relaxed(world) and world.resting(name)
 
         return TaskInstance(
             Layout((*balls, bowl)),
             drawn if instruction is None else instruction,
-            {"eased": eased, "strict": strict},
-            f"eased: the {colours[target]} ball is in the bowl, let go of; strict: it lies still there{aside}",
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the {colours[target]} ball is in the bowl, let go of; strict: it lies still there{aside}",
             solution=put_in(name, "bowl", HEIGHT),
         )
 

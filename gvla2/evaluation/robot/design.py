@@ -14,7 +14,7 @@ EXPLORATION = "robot_exploration"
 VERSION = 2
 """The protocol's version: rows of another version are measured again."""
 
-PROFILES = ("eased", "strict")
+PROFILES = ("relaxed", "strict")
 CONTROLS = ("off", "shuffled", "best_theta")
 """Arms without a memory of their own: none, another task's, and a search for theta without a bank."""
 MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
@@ -115,4 +115,4 @@ def failure_class(record: EpisodeRecord) -> str:
         return "plan_rejected"
     if failure.stage == "execute":
         return "grasp" if failure.kind in GRASP else "execution"
-    return "unnoticed" if failure.stage == "judge" else "not_achieved"
+    return "unnoticed" if failure.stage == "success_check" else "not_achieved"

@@ -15,7 +15,7 @@ from gvla2.skills.table import STANDARD
 
 @dataclass(frozen=True)
 class Experience:
-    """A story of an explored episode: the report to memory, and the robot's own verdict, never the referee's."""
+    """A story of an explored episode: the report to memory, and the robot's own verdict, never the success check's."""
 
     task: str
     seed: int

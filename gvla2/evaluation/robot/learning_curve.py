@@ -19,7 +19,7 @@ Point = tuple[int, int, int]
 
 
 def learning_curve(cells: Iterable[Cell]) -> str:
-    """An SVG of success in per cent (eased) over arms with different amounts of exploration; "" with under three.
+    """An SVG of success in per cent (relaxed) over arms with different amounts of exploration; "" with under three.
 
     ``off`` counts as zero. Bars are 95 % Wilson intervals over episodes.
     """
@@ -52,7 +52,7 @@ def _lines(cells: Iterable[Cell]) -> Mapping[str, list[Point]]:
     without: dict[str, list[bool]] = {}
     for cell in cells:
         f, won = cell.factors, cell.measures.get("success")
-        if f.get("profile") != "eased" or won is None:
+        if f.get("profile") != "relaxed" or won is None:
             continue
         variant = str(f.get("variant", ""))
         explored = re.search(r"\bexplored=(\d+)", variant)

@@ -45,9 +45,9 @@ EFFECT = (
     "lost; exact McNemar p over all pairs; tasks that differ after Holm."
 )
 FAILURES = (
-    "Episodes that missed the eased goal, by cause; agreement of the robot's own verifier with the "
-    "referee where it said success or failure; median seconds of an episode. Not measured: the planner timed out or "
-    "its language model was unavailable; such episodes are not counted and are measured again next time."
+    "Episodes that missed the relaxed goal, by cause; agreement of the robot's own verifier with the success "
+    "check where it said success or failure; median seconds of an episode. Not measured: the planner timed out or its "
+    "language model was unavailable; such episodes are not counted and are measured again next time."
 )
 
 
@@ -74,7 +74,7 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
         title = f"Robot ({_said(cells[0], HOUSE)})"
         columns = columns_of(cells)
         sheets += [
-            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", profile == "eased")
+            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", profile == "relaxed")
             for profile in PROFILES
         ]
         sheets.append(_failures(columns, tasks, f"{title}: failures"))
@@ -212,7 +212,7 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
 
 
 def _failures(columns: Columns, tasks: Sequence[str], title: str) -> Sheet:
-    found, sound = of_profile(columns, "eased")
+    found, sound = of_profile(columns, "relaxed")
     kinds = sorted({_failure(cell) for some in sound.values() for cell in some} - {""})
     rows = [_line(kind.replace("_", " "), partial(_failed, kind), sound) for kind in kinds]
     rows.append(_line("episodes", lambda some: str(len(some)), sound))

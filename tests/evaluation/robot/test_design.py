@@ -61,7 +61,7 @@ def test_nobody_stands_in_for_itself(tasks):
         ("execute", "slipped", "grasp"),
         ("execute", "no_path", "execution"),
         ("verify", "not_achieved", "not_achieved"),
-        ("judge", "goal_not_reached", "unnoticed"),
+        ("success_check", "goal_not_reached", "unnoticed"),
     ],
 )
 def test_every_failure_has_a_class(stage, kind, expected):

@@ -8,7 +8,7 @@ def cells(explored: int | None, won: int, of: int) -> list[Cell]:
     told = {"arm": "off"} if explored is None else {
         "arm": f"after_{explored}", "variant": f"governed, explored={explored}",
     }  # fmt: skip
-    factors = {"planner": "skill", "profile": "eased", **told}
+    factors = {"planner": "skill", "profile": "relaxed", **told}
     return [Cell(f"{explored}-{i}", factors, {"success": i < won}, {}) for i in range(of)]
 
 

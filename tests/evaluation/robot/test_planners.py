@@ -9,7 +9,7 @@ from gvla2.evaluation.table_formats import to_latex, to_markdown
 def cell(planner: str, task: str, episode: int, done: bool | None, arm: str = "off", **more) -> Cell:
     asks = planner != "skill"
     factors = {
-        "task": task, "arm": arm, "seed": "layouts", "episode": episode, "planner": planner, "profile": "eased",
+        "task": task, "arm": arm, "seed": "layouts", "episode": episode, "planner": planner, "profile": "relaxed",
         "model": more.pop("model", "small" if asks else ""), "teacher": more.pop("teacher", ""),
         "robot": "sapien_panda", "perceiver": "classical", "verifier": "geometric", "depth_noise": "none",
         "scale": "1.0",
@@ -40,20 +40,20 @@ BOTH = [
 
 
 def test_tasks_stand_below_one_another_and_planners_side_by_side_with_what_they_cost():
-    eased, strict, failures = sheets(*BOTH)
-    assert eased.headings == ("skill", "agent3d"), "in the order of the bench"
-    assert text(eased, "put_block", "agent3d") == (
+    relaxed, strict, failures = sheets(*BOTH)
+    assert relaxed.headings == ("skill", "agent3d"), "in the order of the bench"
+    assert text(relaxed, "put_block", "agent3d") == (
         "33.3",
         "[6, 79] 1/3",
         "5.0 s",
         "2.0 calls",
         "300 + 12 tokens",
     )
-    assert text(eased, "put_block", "skill") == ("100.0", "[44, 100] 3/3", "0.1 s")
-    assert text(eased, "mean over tasks", "agent3d") == ("16.7", "1 of 2 tasks above 0")
-    assert text(eased, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
-    assert text(eased, "planning seconds, median", "agent3d") == ("5.0",)
-    assert "language model small" in eased.footnote
+    assert text(relaxed, "put_block", "skill") == ("100.0", "[44, 100] 3/3", "0.1 s")
+    assert text(relaxed, "mean over tasks", "agent3d") == ("16.7", "1 of 2 tasks above 0")
+    assert text(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
+    assert text(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
+    assert "language model small" in relaxed.footnote
     assert "tokens" not in "".join(row.label for row in strict.rows), "costs are told once"
     assert text(failures, "abstained", "agent3d") == ("5",)
     assert "300 + 12 tokens" in to_markdown(sheets(*BOTH))
@@ -65,9 +65,9 @@ def test_what_was_not_measured_counts_nowhere_and_is_told():
         *BOTH,
         cell("agent3d", "put_block", 3, None, status="not measured: timeout", planning_seconds=900.0),
     ]
-    eased, *_, failures = sheets(*cells)
-    assert text(eased, "put_block", "agent3d")[1:3] == ("[6, 79] 1/3", "5.0 s")
-    assert text(eased, "put_block", "agent3d")[-1] == "1 not measured"
+    relaxed, *_, failures = sheets(*cells)
+    assert text(relaxed, "put_block", "agent3d")[1:3] == ("[6, 79] 1/3", "5.0 s")
+    assert text(relaxed, "put_block", "agent3d")[-1] == "1 not measured"
     assert text(failures, "not measured", "agent3d") == ("1",)
     alone = [cell("skill", "lamp_on", 0, True), cell("agent3d", "lamp_on", 0, None)]
     assert text(sheets(*alone)[0], "lamp_on", "agent3d") == ("1 not measured",)
@@ -90,12 +90,12 @@ def test_cached_answers_fallbacks_and_uncounted_tokens_are_no_savings():
         cell("agent3d", "open_jar", 0, True, prompt_tokens=None, completion_tokens=None),
         cell("agent3d, then skill", "open_jar", 0, True, fallback="skill"),
     ]
-    eased = sheets(*cells)[0]
-    assert text(eased, "insert_block", "agent3d")[-1] == "2 from the cache"
-    assert text(eased, "open_jar", "agent3d")[-1] == "not counted"
-    assert text(eased, "open_jar", "agent3d, then skill")[-1] == "fallback in 1"
-    assert text(eased, "episodes with the fallback", "agent3d, then skill") == ("1 of 1",)
-    assert text(eased, "insert_block", "skill") == ("not measured",)
+    relaxed = sheets(*cells)[0]
+    assert text(relaxed, "insert_block", "agent3d")[-1] == "2 from the cache"
+    assert text(relaxed, "open_jar", "agent3d")[-1] == "not counted"
+    assert text(relaxed, "open_jar", "agent3d, then skill")[-1] == "fallback in 1"
+    assert text(relaxed, "episodes with the fallback", "agent3d, then skill") == ("1 of 1",)
+    assert text(relaxed, "insert_block", "skill") == ("not measured",)
 
 
 def test_models_arms_and_teachers_are_columns_of_their_own():
@@ -104,14 +104,14 @@ def test_models_arms_and_teachers_are_columns_of_their_own():
     taught = [cell("agent3d", "lamp_on", place, True, "on", teacher="skill") for place in range(3)]
     own = [cell("agent3d", "lamp_on", place, False, "on") for place in range(3)]
     other = cell("agent3d", "lamp_on", 0, False, "shuffled", teacher="skill")
-    eased, _, failures, success, _, effects = sheets(*BOTH, *taught, *own, other)
-    assert eased.headings == (
+    relaxed, _, failures, success, _, effects = sheets(*BOTH, *taught, *own, other)
+    assert relaxed.headings == (
         "skill, memory off", "agent3d, memory off", "agent3d, memory on", "agent3d, memory on (taught by skill)",
         "agent3d, memory shuffled (taught by skill)",
     )  # fmt: skip
-    assert text(eased, "lamp_on", "agent3d, memory on (taught by skill)")[0] == "100.0"
-    assert text(eased, "lamp_on", "agent3d, memory on")[0] == "0.0"
-    assert failures.headings == eased.headings
+    assert text(relaxed, "lamp_on", "agent3d, memory on (taught by skill)")[0] == "100.0"
+    assert text(relaxed, "lamp_on", "agent3d, memory on")[0] == "0.0"
+    assert failures.headings == relaxed.headings
     assert "planner agent3d, model small" in success.title
     named = [row.label for row in effects.rows]
     assert "on (taught by skill) against off" in named
@@ -124,7 +124,7 @@ def test_models_arms_and_teachers_are_columns_of_their_own():
 def test_one_planner_that_asks_nobody_has_the_tables_of_before():
     titles = [sheet.title for sheet in sheets(*BOTH[:6])]
     assert [title.rpartition(": ")[2] for title in titles] == [
-        "success, eased",
+        "success, relaxed",
         "success, strict",
         "failures",
     ]

@@ -10,7 +10,7 @@ from gvla2.evaluation.table_formats import to_latex, to_markdown
 
 
 def cell(
-    task: str, arm: str, episode: int, done: bool, profile: str = "eased", seed: int = 0, **notes
+    task: str, arm: str, episode: int, done: bool, profile: str = "relaxed", seed: int = 0, **notes
 ) -> Cell:
     factors = {
         "task": task, "arm": arm, "profile": profile, "seed": seed, "episode": episode, "robot": "sapien_panda",
@@ -28,7 +28,7 @@ def cell(
 
 def cells() -> list[Cell]:
     made = []
-    for profile in ("eased", "strict"):
+    for profile in ("relaxed", "strict"):
         for episode in range(20):
             made += [
                 cell("lamp_on", "off", episode, episode < 4, profile),
@@ -45,17 +45,17 @@ def text_of(sheet, row: str, column: str) -> tuple[str, ...]:
 
 
 def test_success_is_shown_with_its_interval_beside_the_papers_row():
-    eased, strict, effects, failures = robot_sheets(cells())
-    assert "eased" in eased.title
+    relaxed, strict, effects, failures = robot_sheets(cells())
+    assert "relaxed" in relaxed.title
     assert "strict" in strict.title
-    assert text_of(eased, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
-    assert text_of(eased, "lamp_on", "memory on")[0] == "80.0"
-    assert text_of(eased, "mean over tasks", "memory on") == ("90.0", "1 seed")
-    assert text_of(eased, "lamp_on", "paper, with memory") == ("78.7",)
-    assert "another simulator" in eased.explanation
-    assert text_of(effects, "on against off", "eased")[0] == "+30.0 points"
-    assert "12 : 0 of 40" in text_of(effects, "on against off", "eased")[2]
-    assert text_of(effects, "on against off", "eased")[3] == "lamp_on +"
+    assert text_of(relaxed, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
+    assert text_of(relaxed, "lamp_on", "memory on")[0] == "80.0"
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "1 seed")
+    assert text_of(relaxed, "lamp_on", "paper, with memory") == ("78.7",)
+    assert "another simulator" in relaxed.explanation
+    assert text_of(effects, "on against off", "relaxed")[0] == "+30.0 points"
+    assert "12 : 0 of 40" in text_of(effects, "on against off", "relaxed")[2]
+    assert text_of(effects, "on against off", "relaxed")[3] == "lamp_on +"
     assert text_of(failures, "grasp", "memory off") == ("16",)
     assert text_of(failures, "verifier agrees", "memory on") == ("40 of 40",)
 
@@ -65,14 +65,14 @@ def test_columns_of_the_paper_are_there_only_for_its_tasks():
         replace(cell, factors={**cell.factors, "task": f"{cell.factors['task']}, family 0"})
         for cell in cells()
     ]
-    eased = robot_sheets(renamed)[0]
-    assert eased.headings == ("memory off", "memory on")
-    assert "simulator" not in eased.explanation
+    relaxed = robot_sheets(renamed)[0]
+    assert relaxed.headings == ("memory off", "memory on")
+    assert "simulator" not in relaxed.explanation
 
 
 def test_only_a_sure_difference_is_coloured():
-    (eased, *_) = robot_sheets(cells())
-    tones = {row.label: row.cells[eased.headings.index("memory on")].tone for row in eased.rows}
+    (relaxed, *_) = robot_sheets(cells())
+    tones = {row.label: row.cells[relaxed.headings.index("memory on")].tone for row in relaxed.rows}
     assert tones["lamp_on"] == "better"
     assert tones["put_block"] == ""
 

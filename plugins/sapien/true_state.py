@@ -1,4 +1,4 @@
-"""The true state of the simulated world, for a task's referee."""
+"""The true state of the simulated world, for a task's success check."""
 
 from __future__ import annotations
 
