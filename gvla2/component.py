@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import MISSING, dataclass, fields
 from typing import Any, ClassVar, Generic, TypeVar
 
 from gvla2.errors import ConfigurationError
@@ -27,6 +27,21 @@ class ComponentConfig:
     required: ClassVar[tuple[str, ...]] = ()
 
     name: str = ""
+
+
+def described(options: ComponentConfig, name: str = "", only: Collection[str] = ()) -> str:
+    """A component in a table: its name, or the given one, and the options that differ from their defaults.
+
+    ``only`` these options are looked at, by default all.
+    """
+    changed = []
+    for field in fields(options):
+        usual = field.default if field.default_factory is MISSING else field.default_factory()
+        value = getattr(options, field.name)
+        if field.name != "name" and value != usual and (not only or field.name in only):
+            changed.append(f"{field.name}={value}")
+    name = name or options.name
+    return f"{name} ({', '.join(changed)})" if changed else name
 
 
 def check_ranges(options: object, kind: str, ranges: Mapping[str, Range]) -> None:

@@ -145,3 +145,38 @@ def test_pairs_that_differ_are_filmed_before_failures():
     two = [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 2)]
     assert two == [("on", 2), ("off", 2), ("off", 0), ("on", 0)]
     assert worth_filming(plan, cells, 0) == []
+
+
+@pytest.mark.parametrize(
+    ("override", "factor", "told"),
+    [
+        ("robot.finger_friction=0.01", "robot", "sapien_panda (finger_friction=0.01)"),
+        ("verifier.margin=0.02", "verifier", "geometric (margin=0.02)"),
+        (
+            "reconstructor=hull",
+            "parts",
+            "reconstructor hull, prior depth, axis contours, fusion residual, renderer numba",
+        ),
+        ("max_parts=2", "max_parts", "2"),
+        ("exploration_seeds=[5,6,7,9]", "learning", "seeds 5-7, 9"),
+        ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
+    ],
+)
+def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str, factor: str, told: str):
+    def told_of(*given: str) -> tuple[str, str]:
+        (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
+        return str(design.plan[0].factors.get(factor, "")), design.plan[0].keys["strict"]
+
+    usual, changed = told_of(), told_of(override)
+    assert changed[0] == told != usual[0]
+    assert changed[1] != usual[1]
+
+
+def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
+    def places(*given: str) -> dict[str, tuple[object, object]]:
+        (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[off]", *given), registry)
+        return {one.keys["strict"]: (one.factors["seed"], one.factors["episode"]) for one in design.plan}
+
+    named = places("layouts=[20001,203]")
+    assert list(named.values()) == [(1, 1), ("layouts", 203)]
+    assert len(named.keys() & places("seeds=[1]", "episodes=2").keys()) == 1

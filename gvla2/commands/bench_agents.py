@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.commands.bench_arms import arm_named, chosen_memory, configured, has_bank
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun
+from gvla2.commands.bench_frame import BenchRun, model_label
+from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, cell_key
 
@@ -95,11 +96,12 @@ def _sequence(bench: BenchRun, tasks: Sequence[AgentTask], arm: str, seed: int) 
     # Earlier tasks affect later ones through memory, so each key holds the whole order.
     keys = [cell_key(SUITE, *around, limits, files[: i + 1]) for i in range(len(ordered))]
     factors: dict[str, str | int] = {
-        "agent": str(getattr(config.agent, "name", "")),
-        "model": _model_of(config),
-        "verifier": str(getattr(config.verifier, "name", "")),
-        "options": arm_named(bench.config, arm).variant if arm in config.own_arms else "",
+        "agent": described(config.agent),
+        "model": model_label(config.language),
+        "verifier": described(config.verifier),
+        "sandbox": config.agents.sandbox,
         "tasks": Path(config.agents.tasks).name,
+        "memory": f"{arm} ({variant})" if (variant := arm_named(config, arm).variant) else arm,
     }
     state = Path(config.agents.state or bench.folder / "agents") / keys[-1][:16]
     return TaskSequence(arm, seed, ordered, keys, factors, state)
@@ -152,11 +154,6 @@ def _digest_of(task: AgentTask) -> str:
     return digest.hexdigest()
 
 
-def _model_of(config: BenchConfig) -> str:
-    model = str(getattr(config.language, "model", "") or "")
-    return Path(model).name or str(getattr(config.language, "base_url", "") or "")
-
-
 def _missing(planned: Sequence[TaskSequence], key: str) -> Cell:
     """A row that could not be measured because the sequence ended before it."""
     from gvla2.evaluation.agents.sequence import MEASURES
@@ -165,7 +162,6 @@ def _missing(planned: Sequence[TaskSequence], key: str) -> Cell:
     place = sequence.keys.index(key)
     factors = {
         **sequence.factors,
-        "memory": sequence.memory,
         "seed": sequence.seed,
         "task": sequence.tasks[place].name,
     }

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 from gvla2.catalog import Registry, nothing_in
 from gvla2.commands.bench_arms import (
     MEMORY,
+    WITHOUT_BANK,
     BenchArm,
     arms_of,
     check_arms,
@@ -19,20 +19,23 @@ from gvla2.commands.bench_arms import (
 )
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import EXPLORED, Planned, chosen_parts
-from gvla2.commands.bench_frame import code_of, given_options, options_of, require_among
+from gvla2.commands.bench_frame import code_of, given_options, model_label, options_of, require_among
 from gvla2.commands.bench_subjects import LEARNABLE, subjects
 from gvla2.commands.run import GEOMETRY, LOOP
-from gvla2.component import ComponentConfig
+from gvla2.component import ComponentConfig, described
 from gvla2.evaluation.results import cell_key
 from gvla2.evaluation.robot.design import (
     EXPLORATION,
+    NAMED,
     PROFILES,
+    STRIDE,
     SUITE,
     VERSION,
     check_seeds,
     layout_seed,
     stand_in,
 )
+from gvla2.kinds import KINDS, NONE
 
 MEASURING_CODE = (
     "gvla2.episode",
@@ -49,8 +52,6 @@ MEASURING_CODE = (
 """Code whose change outdates stored rows, besides the chosen plugins."""
 ASKING_CODE = ("gvla2.language",)
 """The same, for rows that used a language model."""
-NAMED = "layouts"
-"""The ``seed`` of episodes whose layouts were named; ``episode`` is the layout then."""
 
 
 @dataclass(frozen=True)
@@ -102,23 +103,58 @@ def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchCon
     own = config.planner if config.planner.name == name else None
     base = {"name": name} if own is None else asdict(own)
     planner = own if own and not given else registry.configure({"planner": {**base, **given}}, "planner")[0]
-    fallback = ComponentConfig(name="none") if config.fallback.name == name else config.fallback
+    fallback = ComponentConfig(name=NONE) if config.fallback.name == name else config.fallback
     return replace(config, planner=planner, fallback=fallback)
 
 
 def planner_label(config: BenchConfig) -> str:
     """The planner in a table: its name, changed options, and fallback."""
-    planner = config.planner
-    changed = []
-    for field in fields(planner):
-        usual = field.default if field.default_factory is MISSING else field.default_factory()
-        value = getattr(planner, field.name)
-        if field.name != "name" and value != usual:
-            changed.append(f"{field.name}={value}")
-    label = f"{planner.name} ({', '.join(changed)})" if changed else planner.name
-    helped = config.fallback.name not in ("", "none")
+    label = described(config.planner)
+    helped = config.fallback.name not in ("", NONE)
     joint = {True: "agreeing with", False: "then", None: "with"}[config.agreement]
-    return f"{label}, {joint} {config.fallback.name}" if helped else label
+    return f"{label}, {joint} {described(config.fallback)}" if helped else label
+
+
+def _parts_label(config: BenchConfig) -> str:
+    """What else is at work in a table: the camera, and where objects are refined what does that; "" for nothing."""
+    refined = config.reconstructor.name not in ("", NONE)
+    kinds = ("camera", *(GEOMETRY if refined else ()))
+    chosen = {kind: getattr(config, kind) for kind in kinds}
+    return ", ".join(f"{kind} {described(one)}" for kind, one in chosen.items() if one.name not in ("", NONE))
+
+
+def _learning_label(config: BenchConfig, arm: BenchArm) -> str:
+    """What arms learn from and with in a table: the exploration, and what memory's helpers have changed."""
+    usual = BenchConfig()
+    told = (
+        []
+        if config.exploration_seeds == usual.exploration_seeds
+        else [f"seeds {_ranged(config.exploration_seeds)}"]
+    )
+    told += [
+        f"{name}={getattr(config, name)}"
+        for name in ("exploration", "exploration_replan")
+        if getattr(config, name) != getattr(usual, name)
+    ]
+    if arm.source not in WITHOUT_BANK:
+        helpers = {kind: getattr(config, kind) for kind in MEMORY[1:]}
+        told += [
+            f"{kind} {described(one)}"
+            for kind, one in helpers.items()
+            if one.name and described(one) != KINDS[kind].default
+        ]
+    return ", ".join(told)
+
+
+def _ranged(numbers: Sequence[int]) -> str:
+    """Numbers in few words: "0-3, 7"."""
+    parts: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if parts and parts[-1][-1] == number - 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(f"{one[0]}-{one[-1]}" if len(one) > 1 else str(one[0]) for one in parts)
 
 
 def _explored_tasks(config: BenchConfig, tasks: Sequence[str]) -> list[str]:
@@ -148,20 +184,23 @@ def _design(
         exploring.append(Planned(teaching, task, explorer, seed, {"both": key}, factors))
     learnt = (list(explored), config.exploration_seeds, *how, [taught[task] for task in explored])
     common: dict[str, str | int] = {
-        **{kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")},
+        **{kind: described(getattr(config, kind)) for kind in ("robot", "perceiver", "verifier")},
         "planner": planner_label(config),
         "model": _model(config, registry),
         "depth_noise": _noise_label(config),
         "scale": str(config.scale),
         **({"world": config.world} if config.world == LEARNABLE else {}),
+        **({"parts": parts} if (parts := _parts_label(config)) else {}),
         **({"replan": config.replan} if config.replan else {}),
+        **({"max_parts": config.max_parts} if config.max_parts != BenchConfig().max_parts else {}),
     }
     teacher = planner_label(teaching) if planner_label(teaching) != planner_label(config) else ""
     arms = [(arm, _memory_key(config, registry, arm)) for arm in arms_of(config)]
     plan = []
     for task, (arm, memory) in product(tasks, arms):
         past: Any = () if arm.source in ("off", "none") else (learnt, memory)
-        told = {"teacher": teacher if past else "", **({"variant": arm.variant} if arm.variant else {})}
+        told = {"teacher": teacher, "learning": _learning_label(config, arm)} if past else {"teacher": ""}
+        told |= {"variant": arm.variant} if arm.variant else {}
         if arm.replan is not None or arm.explored is not None:
             past = (past, arm.replan, arm.explored)
         for place, layout in _places(config):
@@ -188,7 +227,7 @@ def _model(config: BenchConfig, registry: Registry) -> str:
     kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" and not nothing_in(config, kind)]
     if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
         return ""
-    return Path(str(getattr(config.language, "model", ""))).name.removesuffix(".gguf") or config.language.name
+    return model_label(config.language)
 
 
 def _noise_label(config: BenchConfig) -> str:
@@ -199,14 +238,25 @@ def _noise_label(config: BenchConfig) -> str:
 
 
 def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
-    """The test's layouts, each with the seed and episode number it counts as."""
+    """The test's layouts, each with the seed and episode number it counts as.
+
+    One that is named is the same episode as by its seed, where it has one.
+    """
     if config.layouts:
-        return [({"seed": NAMED, "episode": layout}, layout) for layout in dict.fromkeys(config.layouts)]
+        return [(_place_of(layout, config), layout) for layout in dict.fromkeys(config.layouts)]
     return [
         ({"seed": seed, "episode": episode}, layout_seed(seed, episode))
         for seed in dict.fromkeys(config.seeds)
         for episode in range(config.episodes)
     ]
+
+
+def _place_of(layout: int, config: BenchConfig) -> dict[str, str | int]:
+    if config.world == LEARNABLE:  # whose seed is the world's
+        return {"seed": config.seeds[0], "episode": f"{NAMED} {layout}"}
+    if layout < STRIDE:
+        return {"seed": NAMED, "episode": layout}
+    return {"seed": layout // STRIDE - 1, "episode": layout % STRIDE}
 
 
 def _memory_key(config: BenchConfig, registry: Registry, arm: BenchArm) -> Any:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -15,6 +16,7 @@ from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
+from gvla2.component import ComponentConfig, described
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.record.files import write_bytes
@@ -61,8 +63,12 @@ class BenchRun:
         return found
 
     def store(self, cells: Sequence[Cell], suite: str = "") -> dict[str, Cell]:
-        """Store rows immediately, so that an interrupted bench resumes where it was; returns them by key."""
-        self.results.add(self.run_id, suite or self.config.suite, cells)
+        """Store rows immediately, so that an interrupted bench resumes where it was; returns them by key.
+
+        Rows measured by an earlier run stay that run's.
+        """
+        for run, some in groupby(cells, key=lambda cell: cell.run or self.run_id):
+            self.results.add(run, suite or self.config.suite, some)
         return {cell.key: cell for cell in cells}
 
     def progress(self, total: int) -> BenchProgress:
@@ -161,6 +167,13 @@ def code_of(typed: Iterable[object], *modules: str) -> str:
     from gvla2.evaluation.provenance import code_digest
 
     return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
+
+
+def model_label(language: ComponentConfig) -> str:
+    """A language model in a table: its name, or else its address, and how it is asked where that is unusual."""
+    model = str(getattr(language, "model", "") or "")
+    name = Path(model).name.removesuffix(".gguf") or str(getattr(language, "base_url", "") or language.name)
+    return described(language, name, only=("temperature", "max_tokens", "extra"))
 
 
 def options_of(registry: Registry, kind: str, name: str) -> list[str]:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, code_of, pictured
-from gvla2.commands.bench_subjects import task_options
+from gvla2.commands.bench_subjects import task_label, task_options
+from gvla2.component import described
 
 if TYPE_CHECKING:
     from gvla2.evaluation.perception.suite import WantedLayout
@@ -106,11 +107,11 @@ def _design(bench: BenchRun) -> Iterator[LayoutUnit]:
         protocol = (VERSION, code, versions(), asdict(config.depth_noise), [asdict(one) for one in typed])
         for seed, episode in product(dict.fromkeys(config.seeds), range(config.episodes)):
             factors: dict[str, str | int] = {
-                "task": task,
-                "perceiver": perceiver,
+                "task": task_label(config, task),
+                "perceiver": described(config.perceiver) if config.perceiver.name == perceiver else perceiver,
                 "depth_noise": config.depth_noise.kind,
                 "scale": f"{config.scale:g}",
-                "robot": config.robot.name,
+                "robot": described(config.robot),
                 "seed": seed,
                 "episode": episode,
             }

@@ -16,6 +16,7 @@ from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, code_of, in_a_worker, pictured
 from gvla2.commands.run import GEOMETRY
+from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -130,7 +131,8 @@ def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
         chosen[baseline, seed, noise] = options, code_of(typed, *MEASURING_CODE)
     weights = (lpips, config.lpips_weights, config.surface_samples)
     protocol = (VERSION, dataset.size, dataset.samples, *weights)
-    parts = {kind: getattr(config, kind).name for kind in ("axis", "fusion", "renderer")}
+    parts = {kind: described(getattr(config, kind)) for kind in ("axis", "fusion", "renderer")}
+    parts |= {"protocol": told} if (told := _protocol_label(config)) else {}
     for item in dataset.items:
         print_of_files = item.fingerprint()
         for baseline in baselines:
@@ -139,11 +141,11 @@ def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
                 factors: dict[str, str | int] = {
                     "data": dataset.kind,
                     "object": item.name,
-                    "baseline": baseline,
+                    "baseline": _baseline_label(config, baseline),
                     "drift": drift,
                     "variant": variant,
                     "seed": seed,
-                    "prior": config.prior.name,
+                    "prior": _prior_label(config),
                     # A caption's words for a prior's noise: its name if it was drawn.
                     "noise": {"depth": noise, "none": "none"}.get(config.prior.name, "its own"),
                     **parts,
@@ -153,6 +155,30 @@ def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
                 key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
                 wanted.append(Wanted(key, factors))
             yield ObjectUnit(dataset, item, baseline, tuple(wanted), config, bench.folder)
+
+
+def _baseline_label(config: BenchConfig, baseline: str) -> str:
+    given = config.baseline_options.get(baseline) or {}
+    told = ", ".join(f"{name}={value}" for name, value in sorted(given.items()))
+    return f"{baseline} ({told})" if told else baseline
+
+
+def _prior_label(config: BenchConfig) -> str:
+    """The prior but for its noise and seed, which are factors of their own."""
+    own = {field.name for field in fields(config.prior)} - {"noise", "seed"}
+    return described(config.prior, only=own)
+
+
+def _protocol_label(config: BenchConfig) -> str:
+    """How the measuring differs from the protocol; "" where it does not."""
+    usual = BenchConfig()
+    changed = {
+        "surface_samples": (config.surface_samples, usual.surface_samples),
+        "lpips_weights": (config.lpips_weights, usual.lpips_weights),
+        "size": (config.data.size, usual.data.size),
+        "samples": (config.data.samples, usual.data.samples),
+    }
+    return ", ".join(f"{name}={value}" for name, (value, default) in changed.items() if value != default)
 
 
 def chosen_parts(

@@ -27,9 +27,7 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
     world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
         options = task_options(config, registry, name)
-        given = config.task_options.get(name) or {}
-        told = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
-        label = f"{name} ({told})" if told else name
+        label = task_label(config, name)
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
@@ -38,6 +36,13 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
     return found
+
+
+def task_label(config: BenchConfig, name: str) -> str:
+    """A task in a table: its name and given options."""
+    given = config.task_options.get(name) or {}
+    told = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
+    return f"{name} ({told})" if told else name
 
 
 def task_options(config: BenchConfig, registry: Registry, name: str) -> dict[str, Any]:

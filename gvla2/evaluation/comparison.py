@@ -100,7 +100,9 @@ class Table:
     @property
     def title(self) -> str:
         """The suite's title and what the cells have in common."""
-        return f"{self.layout.title}: " + ", ".join(f"{name} {value}" for name, value in self.group.items())
+        return f"{self.layout.title}: " + ", ".join(
+            f"{name} {value}" for name, value in self.group.items() if value
+        )
 
 
 NOTABLE = 2.0

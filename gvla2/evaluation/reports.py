@@ -51,7 +51,19 @@ RECONSTRUCTION = TableLayout(
         Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
-    groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
+    groups=(
+        "data",
+        "baseline",
+        "drift",
+        "prior",
+        "noise",
+        "axis",
+        "fusion",
+        "renderer",
+        "mode",
+        "compat",
+        "protocol",
+    ),
     explanation=(
         "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the true "
         "mesh itself, the best that a prior can be. Seeds draw the drift, the prior's noise and the "
@@ -84,7 +96,7 @@ AGENTS = TableLayout(
         Measure("overhead", "memory s", "lower", 2, compared=False),
         Measure("storage_kb", "storage kB", "lower", 0, compared=False),
     ),
-    groups=("agent", "model", "verifier", "tasks", "options"),
+    groups=("agent", "model", "verifier", "sandbox", "tasks"),
     pair="task",
 )
 MEMORY = (

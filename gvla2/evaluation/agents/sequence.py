@@ -145,7 +145,6 @@ def _cell(
     task, kept = sequence.tasks[place], _after(sequence.folder, place + 1)
     factors = {
         **sequence.factors,
-        "memory": sequence.memory,
         "seed": sequence.seed,
         "task": task.name,
         "family": task.family,

@@ -41,6 +41,8 @@ PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
 """Success in per cent, with and without memory, as the paper reports it: from another simulator, so not a baseline."""
 
 STRIDE = 10_000
+NAMED = "layouts"
+"""The ``seed`` of episodes whose layouts were named and have no seed; ``episode`` is the layout then."""
 
 
 def layout_seed(seed: int, episode: int) -> int:

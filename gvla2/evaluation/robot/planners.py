@@ -7,6 +7,7 @@ from dataclasses import replace
 from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell, grouped, measured
+from gvla2.evaluation.robot.design import NAMED
 from gvla2.evaluation.sheets import NONE, Sheet, SheetCell, SheetRow
 from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
 
@@ -30,11 +31,25 @@ def unmeasured(cell: Cell) -> bool:
     return cell.measures.get("success") is None
 
 
-def with_arm(cell: Cell) -> Cell:
-    """The cell with its arm's name in tables: with a variant's options, and the exploring planner if another."""
-    arm, variant, teacher = cell.told("arm", "variant", "teacher")
-    name = f"{arm} ({variant})" if variant else arm
-    return replace(cell, factors={**cell.factors, "arm": f"{name}{TAUGHT}{teacher})" if teacher else name})
+def learnings(cells: Sequence[Cell]) -> set[str]:
+    """How memory learns in these cells, "" for as usual; arms without lessons are left out."""
+    return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
+
+
+def with_arms(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with their arms' names in tables: with a variant's options, how it learns where cells differ in that,
+    and the exploring planner if another.
+    """
+    several = len(learnings(cells)) > 1
+    named = []
+    for cell in cells:
+        arm, variant, learning, teacher = cell.told("arm", "variant", "learning", "teacher")
+        told = ", ".join(one for one in (variant, learning if several else "") if one)
+        name = f"{arm} ({told})" if told else arm
+        named.append(
+            replace(cell, factors={**cell.factors, "arm": f"{name}{TAUGHT}{teacher})" if teacher else name})
+        )
+    return named
 
 
 def arms_of(cells: Sequence[Cell]) -> list[str]:
@@ -126,10 +141,13 @@ def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
 
 
 def seed_rates(cells: Sequence[Cell]) -> list[float]:
-    """The success rate of each seed in per cent, a mean over tasks."""
+    """The success rate of each seed in per cent, a mean over tasks; one rate where layouts without a seed are among
+    the cells.
+    """
+    by_seed = grouped(cells, "seed")
     return [
         100 * fmean(fmean(measured(of_task, "success")) for of_task in grouped(some, "task").values())
-        for some in grouped(cells, "seed").values()
+        for some in ([cells] if (NAMED,) in by_seed else by_seed.values())
     ]
 
 

@@ -10,23 +10,24 @@ from textwrap import shorten
 
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
 from gvla2.evaluation.results import Cell, grouped, latest
-from gvla2.evaluation.robot.design import PAPER, PROFILES, ordered
+from gvla2.evaluation.robot.design import NAMED, PAPER, PROFILES, ordered
 from gvla2.evaluation.robot.planners import (
     TAUGHT,
     Columns,
     arms_of,
     columns_of,
+    learnings,
     of_profile,
     planner_sheet,
     seed_rates,
     success_lines,
     unmeasured,
-    with_arm,
+    with_arms,
 )
 from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, film, runs_of
 from gvla2.evaluation.statistics import mean_and_deviation
 
-HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
+HOUSE = ("robot", "perceiver", "parts", "verifier", "depth_noise", "scale", "world", "replan", "max_parts")
 """Factors that planners must share to be compared."""
 PLANNER = ("planner", "model")
 """Further factors that the arms of a table share."""
@@ -59,10 +60,10 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """For each group its planners side by side, its success by profile, the differences between arms, the failures."""
     given = list(cells)
     order = list(grouped(given, *PLANNER))
-    which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
+    which = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
     once = latest(given, lambda cell: cell.told(*HOUSE, *which))
     kept = sorted(once, key=lambda cell: (cell.told(*HOUSE), order.index(cell.told(*PLANNER))))
-    return [sheet for found in grouped(map(with_arm, kept), *HOUSE).values() for sheet in _of_house(found)]
+    return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(with_arms(found))]
 
 
 def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
@@ -71,7 +72,7 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
     sheets: list[Sheet] = []
     asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in cells)
     if len(by_planner) > 1 or asked:
-        title = f"Robot ({_said(cells[0], HOUSE)})"
+        title = _title(cells, HOUSE)
         columns = columns_of(cells)
         sheets += [
             planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", profile == "relaxed")
@@ -86,8 +87,12 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
     return [replace(sheet, runs=runs) for sheet in (*sheets[:-1], last)]
 
 
-def _said(cell: Cell, names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in zip(names, cell.told(*names), strict=True) if value)
+def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
+    """What all these cells share; how memory learns is among it unless the arms' names say so."""
+    told = [f"{name} {value}" for name, value in zip(names, cells[0].told(*names), strict=True) if value]
+    learning = learnings(cells)
+    told += [f"memory with {learning.pop()}"] if len(learning) == 1 and learning != {""} else []
+    return f"Robot ({', '.join(told)})"
 
 
 def _of_planner(cells: Sequence[Cell], compared: bool) -> list[Sheet]:
@@ -95,7 +100,7 @@ def _of_planner(cells: Sequence[Cell], compared: bool) -> list[Sheet]:
     arms, tasks = arms_of(cells), ordered([task for (task,) in grouped(cells, "task")])
     if compared and len(arms) == 1:
         return []
-    title = f"Robot ({_said(cells[0], (*HOUSE, *PLANNER))})"
+    title = _title(cells, (*HOUSE, *PLANNER))
     columns = {f"memory {arm}": grouped(cells, "arm")[arm,] for arm in arms}
     sound = grouped([cell for cell in cells if not unmeasured(cell)], "profile")
     by_profile = {profile: grouped(sound.get((profile,), []), "task", "arm") for profile in PROFILES}
@@ -134,12 +139,14 @@ def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
 
 
 def _mean(found: _Episodes, arm: str) -> SheetCell:
-    rates = seed_rates([cell for (_, of), some in found.items() if of == arm for cell in some])
-    if not rates:
+    cells = [cell for (_, of), some in found.items() if of == arm for cell in some]
+    rates = seed_rates(cells)
+    if not cells:
         return NONE
     mean, deviation = mean_and_deviation(rates)
     if len(rates) == 1:
-        return SheetCell((f"{mean:.1f}", "1 seed"))
+        named = any(cell.factors["seed"] == NAMED for cell in cells)
+        return SheetCell((f"{mean:.1f}", "named layouts" if named else "1 seed"))
     return SheetCell((f"{mean:.1f} ± {deviation:.1f}", f"{len(rates)} seeds"))
 
 

@@ -102,3 +102,24 @@ def test_films_of_failures_are_linked_and_every_format_can_be_made(tmp_path: Pat
     assert "press &lt;it&gt;" in page
     assert "| lamp_on |" in to_markdown(tables)
     assert r"lamp\_on" in to_latex(tables)
+
+
+def test_arms_that_learnt_otherwise_have_columns_of_their_own_and_what_all_share_is_in_the_title():
+    def learnt(how: str) -> list[Cell]:
+        on = [c for c in cells() if c.factors["arm"] == "on"]
+        return [replace(c, key=c.key + how, factors={**c.factors, "learning": how}) for c in on]
+
+    off = [c for c in cells() if c.factors["arm"] == "off"]
+    (relaxed, *_) = robot_sheets([*off, *learnt("seeds 5"), *learnt("")])
+    assert relaxed.headings[:3] == ("memory off", "memory on", "memory on (seeds 5)")
+    (relaxed, *_) = robot_sheets([*off, *learnt("seeds 5")])
+    assert relaxed.headings[:2] == ("memory off", "memory on")
+    assert "memory with seeds 5" in relaxed.title
+
+
+def test_layouts_without_a_seed_have_no_deviation_over_seeds():
+    named = [replace(c, factors={**c.factors, "seed": "layouts"}, key=c.key + "n") for c in cells()]
+    (relaxed, *_) = robot_sheets(named)
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts")
+    (relaxed, *_) = robot_sheets([*named, *cells()])
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts")
