@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from gvla2 import cli
 from gvla2.commands import run, sweeps
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.runs import run_sheets
+from gvla2.evaluation.statistics import wilson_interval
 
 
 def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: str) -> Cell:
@@ -42,6 +44,22 @@ def test_jobs_that_differ_in_their_seed_alone_are_one_row():
     assert [lines[0] for lines in rows["memory=governed"][2:]] == ["4", "3.0", "25", "2"]
     assert table.gallery.exhibits[0].caption == "memory=none, seed=0: 0 of 2"
     assert "4 jobs; runs 1" in table.footnote
+
+
+def test_a_layout_that_two_jobs_ran_counts_once_in_the_interval():
+    def with_layouts(job: int, first: int) -> Cell:
+        made, told = cell(job, 1, seed=str(first)), [[first, True, False], [first + 1, False, False]]
+        setting = {"task": "lamp_on", "planner": "skill", "verifier": f"v{job}"}
+        return replace(made, notes={**made.notes, "layouts": told, "setting": setting})
+
+    (table,) = run_sheets([with_layouts(0, 0), with_layouts(1, 1)])
+    (row,) = table.rows
+    low, high = wilson_interval(1.5, 3)  # layout 1 failed once and succeeded once
+    assert row.cells[0].lines == ("50", f"[{100 * low:.0f}, {100 * high:.0f}]")
+    assert row.cells[2].lines == ("4 of 3 layouts",)
+    assert table.title == "Runs (task lamp_on, planner skill): seed varied", (
+        "and what was not the same is left out"
+    )
 
 
 def test_a_failed_job_is_counted_and_measured_nowhere():
@@ -159,9 +177,10 @@ def test_no_sweep_of_a_wrong_configuration_is_resumed(
     here: Path, capsys: pytest.CaptureFixture[str], option: str, told: str
 ):
     assert cli.main([*SWEEP, option]) == 1
-    errors = capsys.readouterr().err
-    assert told in errors
-    assert "To resume" not in errors
+    shown = capsys.readouterr()
+    assert told in shown.err
+    assert "To resume" not in shown.err
+    assert "2 jobs, 2 of them failed" in " ".join(shown.out.split()), "the table tells of them"
 
 
 def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Path):

@@ -40,6 +40,8 @@ class ReportConfig:
         unknown = [name for name in self.formats if name not in FORMATS]
         if unknown or not self.formats:
             raise ConfigurationError(f"formats is {self.formats}; choose among {', '.join(FORMATS)}.")
+        if self.results.fresh:
+            raise ConfigurationError("results.fresh does nothing in a report, which measures nothing.")
 
 
 def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
@@ -86,9 +88,12 @@ def _nothing(config: ReportConfig, stored: Mapping[str, Sequence[Cell]]) -> str:
         )
     runs = ", ".join(map(str, sorted({cell.run for cell in cells})))
     parts = [f"Nothing in {config.results.url} fits the selection. Runs: {runs}."]
+    factors = dict.fromkeys(name for cell in cells for name in cell.factors)
     for name in config.where:
-        values = sorted({str(cell.factors.get(name)) for cell in cells})
-        parts.append(f"{name}: {', '.join(values)}.")
+        values = sorted({str(cell.factors[name]) for cell in cells if name in cell.factors})
+        parts.append(
+            f"{name}: {', '.join(values)}." if values else f"No factor '{name}': {', '.join(factors)}."
+        )
     return " ".join(parts)
 
 
@@ -164,5 +169,12 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    # A factor is new to the configuration, for which Hydra needs a "+".
-    return launch("report", job, [f"++{one}" if one.startswith("where.") else one for one in argv])
+    return launch("report", job, list(map(_plain, argv)))
+
+
+def _plain(override: str) -> str:
+    """A selection in Hydra's terms: a factor is new to the configuration, and one value is a list too."""
+    name, equals, value = override.partition("=")
+    if not name.startswith("where."):
+        return override
+    return f"++{name}={value if value.startswith('[') or not equals else f'[{value}]'}"

@@ -13,16 +13,21 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.kinds import NONE
 
 if TYPE_CHECKING:
     from gvla2.commands.run_config import RunConfig
@@ -31,6 +36,8 @@ if TYPE_CHECKING:
 JOB = "job.json"
 _BANK = "memory.db"
 _MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens", "memory_unavailable")
+_NOTES = ("setting", "layouts")
+_TOLD = ("task", "robot", "camera", "perceiver", "reconstructor", "planner", "fallback", "verifier", "memory")
 _STOPPED = (130, 143)
 """Exit statuses of a sweep that was stopped, and would have gone on."""
 _NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
@@ -44,6 +51,13 @@ class SweepFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra before it launches a sweep."""
         type(self).latest = Path(str(config.hydra.sweep.dir)).absolute()
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **_: Any) -> None:
+        """Called by Hydra, where the job ran, after each: one whose configuration was refused never began."""
+        folder = Path(HydraConfig.get().runtime.output_dir)
+        if in_sweep() and job_return.status == JobStatus.FAILED and not (folder / JOB).exists():
+            error = ConfigurationError(str(job_return._return_value))
+            _write(folder, str(config.results.url), "", [], error, {})
 
 
 def in_sweep() -> bool:
@@ -101,28 +115,61 @@ def write_job(
     error: Exception | None = None,
 ) -> None:
     """Write what the sweep's table needs from this job, which may have ended in an error."""
+    _write(folder, config.results.url, digest, records, error, _setting(config))
+
+
+def _write(
+    folder: Path,
+    results: str,
+    digest: str,
+    records: Sequence[EpisodeRecord],
+    error: Exception | None,
+    setting: Mapping[str, str],
+) -> None:
     from gvla2.record.files import write_json
 
     carried_out = [record for record in records if record.success_check is not None or record.failure is None]
     judged = [record.success_check for record in records if record.success_check is not None]
     tallies = [tally for record in records for tally in record.language.values()]
     tokens = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
-    overrides = (word.lstrip("+~").partition("=") for word in HydraConfig.get().overrides.task)
+    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
     row = {
         "job": HydraConfig.get().job.num,
-        "overrides": {name: value for name, _, value in overrides},
+        "overrides": {one.key_or_group: _as_text(one) for one in given},
+        "setting": dict(setting),
         "status": f"failed: {error}" if error else "ok",
         "refused": isinstance(error, ConfigurationError),
         "digest": digest,
-        "results": config.results.url,
+        "results": results,
         "episodes": len(carried_out) if error else len(records),
         "succeeded": sum(each.relaxed for each in judged),
         "succeeded_strict": sum(each.strict for each in judged),
         "seconds": round(sum(record.seconds for record in records), 3),
         "tokens": tokens,
         "memory_unavailable": sum(bool(record.memory_unavailable) for record in records),
+        "layouts": [
+            [record.seed, bool(done and done.relaxed), bool(done and done.strict)]
+            for record in (carried_out if error else records)
+            for done in [record.success_check]
+        ],
     }
     write_json(folder / JOB, row)
+
+
+def _setting(config: RunConfig) -> dict[str, str]:
+    """What a job ran with, for the table's title; a bank's address is the job's own."""
+    chosen = {kind: getattr(config, kind) for kind in _TOLD}
+    told = {
+        kind: described(one, only={field.name for field in fields(one)} - {"url"})
+        for kind, one in chosen.items()
+    }
+    told["depth_noise"] = config.depth_noise.kind
+    return {kind: what for kind, what in told.items() if what not in ("", NONE) or kind == "memory"}
+
+
+def _as_text(override: Override) -> str:
+    value = override.value()
+    return value if isinstance(value, str) else override.get_value_element_as_str()
 
 
 def conclude(status: int, argv: Sequence[str]) -> int:
@@ -141,7 +188,8 @@ def conclude(status: int, argv: Sequence[str]) -> int:
     except Gvla2Error as error:
         print(f"gvla2: the table of the sweep could not be made: {error}", file=sys.stderr)
         status = status or 1
-    if status in _STOPPED or (status and any(not row.get("refused") for _, row in rows)):
+    broken = any(row.get("status") != "ok" and not row.get("refused") for _, row in rows)
+    if status in _STOPPED or (status and broken):
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
         command = shlex.join(["gvla2", "run", *words, f"hydra.sweep.dir={folder}"])
         print(f"gvla2: finished jobs are kept. To resume: {command}", file=sys.stderr)
@@ -159,7 +207,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
             cell_key(SUITE, str(place)),
             {"job": row["job"], **row["overrides"]},
             {name: float(row.get(name, 0)) for name in _MEASURES},
-            {"status": row["status"], "folder": str(place)},
+            {"status": row["status"], "folder": str(place), **{name: row.get(name) for name in _NOTES}},
         )
         for place, row in rows
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from statistics import median
+from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.sheets import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of
@@ -17,8 +17,8 @@ REPEATED = "seed"
 EXPLANATION = (
     "Success in per cent of the episodes by the simulator's success check, with its 95 % Wilson interval; an unjudged "
     "episode counts as a failure, also one whose planner crashed; one that could not be carried out is not counted. "
-    "Where memory was unavailable, episodes ran without it. Seconds and tokens are "
-    "medians over jobs, a job's episodes taken together."
+    "Where memory was unavailable, episodes ran without it. A layout that several jobs of a row ran counts once in the "
+    "interval. Seconds and tokens are medians over jobs, a job's episodes taken together."
 )
 
 
@@ -50,7 +50,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
     ]
     failed = sum(cell.notes.get("status") != "ok" for cell in cells)
     return Sheet(
-        f"Runs: {', '.join(names) or 'nothing'} varied",
+        f"Runs{_shared(cells)}: {', '.join(names) or 'nothing'} varied",
         ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
         tuple(SheetRow(label + _marked(members), _cells(members)) for label, members in rows.items()),
         f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else ""),
@@ -58,6 +58,16 @@ def _sheet(cells: list[Cell]) -> Sheet:
         EXPLANATION,
         gallery=Exhibits("Jobs", "films", tuple(jobs)),
     )
+
+
+def _shared(cells: Sequence[Cell]) -> str:
+    """What all jobs ran with."""
+    settings = [setting for cell in cells if (setting := cell.notes.get("setting"))]
+    shared = set.intersection(*(set(setting.items()) for setting in settings)) if settings else set()
+    told = [
+        f"{kind} {what}" for kind, what in (settings[0].items() if settings else ()) if (kind, what) in shared
+    ]
+    return f" ({', '.join(told)})" if told else ""
 
 
 def _caption(cell: Cell, names: Sequence[str]) -> str:
@@ -82,19 +92,31 @@ def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
     if not well:
         return NONE, NONE, SheetCell(("0",)), NONE, NONE, SheetCell((count,))
     episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
+    layouts = _by_layout(well)
+    distinct = len(layouts) or episodes
     return (
-        _success(well, "succeeded", episodes),
-        _success(well, "succeeded_strict", episodes),
-        SheetCell((str(episodes),)),
+        _success(well, "succeeded", episodes, [relaxed for relaxed, _ in layouts.values()]),
+        _success(well, "succeeded_strict", episodes, [strict for _, strict in layouts.values()]),
+        SheetCell((str(episodes) if distinct == episodes else f"{episodes} of {distinct} layouts",)),
         SheetCell((f"{median(cell.measures['seconds'] or 0 for cell in well):.1f}",)),
         SheetCell((f"{median(cell.measures['tokens'] or 0 for cell in well):,.0f}",)),
         SheetCell((count,)),
     )
 
 
-def _success(cells: Sequence[Cell], measure: str, episodes: int) -> SheetCell:
-    reached = int(sum(cell.measures[measure] or 0 for cell in cells))
+def _by_layout(cells: Sequence[Cell]) -> dict[int, tuple[float, float]]:
+    """The success rates of each layout, by both rules; empty for jobs that do not tell them."""
+    found: dict[int, list[tuple[float, float]]] = {}
+    for cell in cells:
+        for seed, relaxed, strict in cell.notes.get("layouts") or ():
+            found.setdefault(seed, []).append((float(relaxed), float(strict)))
+    return {seed: (fmean(r for r, _ in some), fmean(s for _, s in some)) for seed, some in found.items()}
+
+
+def _success(cells: Sequence[Cell], measure: str, episodes: int, rates: Sequence[float]) -> SheetCell:
+    """The share of the episodes; its interval over layouts, each with its rate, where these are known."""
+    reached = sum(cell.measures[measure] or 0 for cell in cells)
     if not episodes:
         return NONE
-    low, high = wilson_interval(reached, episodes)
+    low, high = wilson_interval(sum(rates), len(rates)) if rates else wilson_interval(reached, episodes)
     return SheetCell((f"{100 * reached / episodes:.0f}", f"[{100 * low:.0f}, {100 * high:.0f}]"))

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+NORMAL_95 = 1.959963984540054
+"""Two-sided 95 % quantile of the standard normal distribution."""
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+
+def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     """95 % Wilson score interval of a proportion, as shares in [0, 1].
 
-    Raises ValueError unless 0 <= successes <= trials and trials > 0.
+    ``successes`` may be fractional: the mean of a trial that was repeated counts once. Raises ValueError unless
+    0 <= successes <= trials and trials > 0.
     """
     if trials <= 0 or not 0 <= successes <= trials:
         raise ValueError(f"{successes} successes of {trials} trials is not a proportion.")
-    from scipy.stats import binomtest
-
-    interval = binomtest(successes, trials).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
+    share, spread = successes / trials, NORMAL_95**2 / trials
+    half = NORMAL_95 * math.sqrt(share * (1 - share) / trials + spread / (4 * trials))
+    low, high = ((share + spread / 2 + sign * half) / (1 + spread) for sign in (-1, 1))
+    return max(0.0, low), min(1.0, high)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binomtest
 
 from gvla2.evaluation.statistics import mean_and_deviation, paired_change, wilson_interval
 
@@ -15,6 +16,8 @@ def test_known_value():
 def test_contains_the_share_and_stays_in_bounds(case):
     successes, trials = case
     low, high = wilson_interval(successes, trials)
+    same = binomtest(successes, trials).proportion_ci(method="wilson")
+    assert (low, high) == pytest.approx((same.low, same.high), abs=1e-12)
     assert 0 <= low <= successes / trials + 1e-12
     assert successes / trials - 1e-12 <= high <= 1
 

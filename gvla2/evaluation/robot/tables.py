@@ -38,7 +38,8 @@ LONGEST_REASON = 200
 
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
-    "seeds. Coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, p < .05). "
+    "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
+    "p < .05). "
 )
 OF_PAPER = "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 EFFECT = (
@@ -134,8 +135,10 @@ def _success(found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title:
 def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
     if not cells:
         return NONE
-    tone: Tone = "" if not gain else "better" if gain > 0 else "worse"
-    return SheetCell(success_lines(cells), tone=tone)
+    rate, interval = success_lines(cells)
+    if not gain:
+        return SheetCell((rate, interval))
+    return SheetCell((f"{rate} *", interval), tone="better" if gain > 0 else "worse")
 
 
 def _mean(found: _Episodes, arm: str) -> SheetCell:

@@ -49,7 +49,7 @@ def test_success_is_shown_with_its_interval_beside_the_papers_row():
     assert "relaxed" in relaxed.title
     assert "strict" in strict.title
     assert text_of(relaxed, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
-    assert text_of(relaxed, "lamp_on", "memory on")[0] == "80.0"
+    assert text_of(relaxed, "lamp_on", "memory on")[0] == "80.0 *"
     assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "1 seed")
     assert text_of(relaxed, "lamp_on", "paper, with memory") == ("78.7",)
     assert "another simulator" in relaxed.explanation
