@@ -69,6 +69,8 @@ def parse(sentence: str, labels: Sequence[str] = ()) -> Intent:
 def _clause(tokens: list[str]) -> Intent | None:
     """The intent of one clause, None when there is nothing in it."""
     tokens, amount = take_length(tokens)
+    if bare := next((t for t in tokens if t[-1].isdigit()), ""):
+        return Intent("pick", trouble=f"what '{bare}' counts is not said, or it is a length too many")
     if (match := _verb(tokens)) is None:
         return _verbless(tokens, amount)
     skill, words, at = match
@@ -81,6 +83,8 @@ def _clause(tokens: list[str]) -> Intent | None:
     odd = {c.relation for c in chunks[1:] if c.phrase.unknown and not (c.phrase.noun or c.phrase.colour)}
     if skill in (*lexicon.WORKED, "press") and odd & ({"with", "in"} if skill == "press" else {"with"}):
         return Intent(skill, trouble="what it is to be done with, or where, is not understood")
+    if skill == "push" and any(c.relation == "with" and c.phrase.noun for c in chunks[1:]):
+        return Intent(skill, trouble="what it is to be done with is not in the hand")
     theme, goal, relation = _roles(skill, chunks)
     nothing = theme is None or theme.everywhere
     if nothing and skill in ("unsupported", *lexicon.WORKED) and lexicon.HAND & set(tokens):
@@ -209,7 +213,7 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
         ):
             theme = replace(theme, owner=phrase)
         else:
-            theme = replace(theme, landmark=(chunk.relation, phrase))
+            theme = replace(theme, landmark=(chunk.relation, phrase), stands=chunk.dynamic is None)
     return (None if theme.empty and not theme.landmark and not theme.everywhere else theme), goal, relation
 
 

@@ -237,6 +237,7 @@ PLAINER = (
     (r"\b(?:over|across) to (?=(?:the|that|this)\b)", "to "),
     (r"\b(?:mind|careful|take care)(?: \w+){0,3}? (?:does|do) not\b", "do not"),
     (r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside|behind|beside|next|near|by)\b)", "the thing "),
+    (r"\b(?:that|which) (?:is|are|'s|s) (?=(?:on|in|inside|behind|beside|next to|near)\b)", "standing "),
     (r"\b(?:(?:that|which|who) (?:is |'s |are )?(?:stand|stick|sitt?|l[iy]|rest|pok|jutt?|locat|plac)(?:s|es|ing|e|ed)?"
      r"|(?:stick|pok|jutt|hang)ing out)\b(?! out of| of| from| out from)(?: out| up| there| right)*\b", "standing"),
 )  # fmt: skip
@@ -246,6 +247,8 @@ THEN = re.compile(r"[,;.]?\s+(?:and\s+)?(?:then|after that|afterwards)\b,?\s*", 
 UNREAD = re.compile(
     rf"\d (?:(?:to|minus|,) )?[\d.]+ (?:{'|'.join(UNITS)})s?\b|"
     r"^(?:once|when|whenever|after(?! that| this)|as soon as|tomorrow|tonight|later|next (?:\w+)|at \w+ o'clock)\b"
+    r"|\d [cm]?m s\b|\bper\b|\b(?:say|after the|higher than|as high as(?! possible| you))\b|\band a (?:half|quarter)\b|\b(?:after|before) \w+ing\b|\bfrom being\b|(?<!not )\b(?:forget|stop|hesitate|fail|neglect)\b"
+    r"|\b(?:refrain|abstain|abort|cancel|call off|skip|pretend|prevent|prohibit|forbid|beware|ceas|quit|resist|declin|refus|postpon|delay|omit|imagin)(?:e|s|es|ing|ting|ping)?\b"
     r"|\btomorrow\b|(?<!little )\bwhen (?:i|we|he|she|they|my) (?!was|were)|\bthe robot (?:can|has|is|will|may|need|does)\b"
     r"|\b(yourself|if|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|said|says|shut up(?! the| that)|on and off|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"

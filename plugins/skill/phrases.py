@@ -17,7 +17,7 @@ class Phrase:
     its words that are in no list; ``colour`` a colour word of perception or ""; ``selectors`` single one out
     ("left", "big"); ``landmark`` places it at another thing; ``owner`` is what it is a part of; ``pronoun``: it
     stands for what was named before; ``kinds`` are nouns before the noun that say which kind of it is meant
-    ("knife" of a knife block).
+    ("knife" of a knife block); ``stands``: it is already where the landmark says.
     """
 
     text: str
@@ -29,6 +29,7 @@ class Phrase:
     owner: Phrase | None = None
     pronoun: bool = False
     kinds: tuple[str, ...] = ()
+    stands: bool = False
 
     @property
     def empty(self) -> bool:
@@ -50,6 +51,8 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
             return replace(whole, text=" ".join(tokens), colour=thing.colour or whole.colour)
         if thing.noun and whole.noun:
             return replace(thing, text=" ".join(tokens), owner=whole)
+        if whole.noun and {*thing.unknown} - {"hold"} and tokens[0] != "the":  # "a photo of the cube"
+            return replace(thing, text=" ".join(tokens))
         return whole if whole.noun or not thing.noun else thing
     colour, rest = _colour([t for t in tokens if t != "'s"])  # "the lamp's button" is the lamp button
     nouns = [(i, noun) for i, pair in enumerate(pairwise(("", *rest))) if (noun := noun_after(*pair))]

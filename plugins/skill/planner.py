@@ -85,8 +85,8 @@ def _read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
         intent, theme = aimed, _theme(aimed, scene, out)
     if isinstance(theme, Abstention):
         return _unread(theme, intent.theme, scene)
-    ruled_out = ", ".join(f"'{text}'" for text, _ in intent.denials)
-    notes = (*theme.notes, *([f"The plan avoids what is ruled out: {ruled_out}."] if ruled_out else []))
+    ruled_out = ", ".join(o.label for o in scene.objects if o.id in out)
+    notes = (*theme.notes, *([f"The sentence rules out {ruled_out}."] if ruled_out else []))
     call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
     skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
     if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
@@ -127,7 +127,7 @@ def _aimed(intent: Intent) -> Intent | None:
     theme = replace(intent.theme, landmark=None)
     if relation == "from" and intent.skill in ("place", "push") and intent.amount is not None:
         return replace(intent, theme=theme, goal=goal, relation="beside")  # "10 cm away from the cup"
-    if intent.skill != "pick" or relation not in ("on", "in", "to"):
+    if intent.skill != "pick" or (intent.theme.stands and intent.verb != "want") or relation not in ("on", "in", "to"):
         return None
     if not (goal.noun or goal.colour or goal.unknown):
         return None  # "on its left side"
@@ -152,17 +152,22 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
         touch = any(w.startswith(lexicon.TOUCHES) for w in words)
         if mishap and touch and phrase is not None and phrase.noun:
             out |= {o.id for o in found}  # "don't touch the red one"
+        aimed = phrase is None and intent.skill == "push" and intent.goal is not None
+        if touch and "touch" in text and intent.skill != "press" and (aimed or (phrase is not None and phrase.pronoun)):
+            return Abstention("other", f"What '{text}' rules out is what is asked for.")
         if mishap or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
         if not found and not _apart(text, denied, intent):
-            return Abstention("other", f"What is not to be done or not meant, '{text}', is not told.")
+            said = f", '{text}'," if text else ""
+            return Abstention("other", f"What is not to be done or not meant{said} is not told.")
         out |= {o.id for o in found}
     return frozenset(out)
 
 
 def _apart(text: str, denied: Intent, intent: Intent) -> bool:
     """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
-    if lexicon.LETTING & {*text.split()} or (denied.theme is not None and denied.theme.unknown):
+    if denied.verb == "move" or lexicon.LETTING & {*text.split()} or (denied.theme is not None and denied.theme.unknown):
         return False
-    asked = MOVING if intent.skill in MOVING else (intent.skill,)
+    worked = (*lexicon.WORKED, "push")  # "open the drawer without pulling"
+    asked = MOVING if intent.skill in MOVING else worked if intent.skill in lexicon.WORKED else (intent.skill,)
     return denied.skill in STANDARD and denied.skill not in asked
