@@ -137,8 +137,6 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
-        if goal.landmark is not None:
-            return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
     anywhere = [c for c in chunks[1:] if c.phrase.everywhere]  # "off the table", "into the air"
     aloft = any(c.relation == "from" or {"air", "sky"} & set(c.phrase.text.split()) for c in anywhere)

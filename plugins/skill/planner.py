@@ -127,7 +127,11 @@ def _aimed(intent: Intent) -> Intent | None:
     theme = replace(intent.theme, landmark=None)
     if relation == "from" and intent.skill in ("place", "push") and intent.amount is not None:
         return replace(intent, theme=theme, goal=goal, relation="beside")  # "10 cm away from the cup"
-    if intent.skill != "pick" or (intent.theme.stands and intent.verb != "want") or relation not in ("on", "in", "to"):
+    if (
+        intent.skill != "pick"
+        or (intent.theme.stands and intent.verb != "want")
+        or relation not in ("on", "in", "to")
+    ):
         return None
     if not (goal.noun or goal.colour or goal.unknown):
         return None  # "on its left side"
@@ -153,7 +157,12 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
         if mishap and touch and phrase is not None and phrase.noun:
             out |= {o.id for o in found}  # "don't touch the red one"
         aimed = phrase is None and intent.skill == "push" and intent.goal is not None
-        if touch and "touch" in text and intent.skill != "press" and (aimed or (phrase is not None and phrase.pronoun)):
+        if (
+            touch
+            and "touch" in text
+            and intent.skill != "press"
+            and (aimed or (phrase is not None and phrase.pronoun))
+        ):
             return Abstention("other", f"What '{text}' rules out is what is asked for.")
         if mishap or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
@@ -166,8 +175,14 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
 
 def _apart(text: str, denied: Intent, intent: Intent) -> bool:
     """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
-    if denied.verb == "move" or lexicon.LETTING & {*text.split()} or (denied.theme is not None and denied.theme.unknown):
+    if (
+        denied.verb == "move"
+        or lexicon.LETTING & {*text.split()}
+        or (denied.theme is not None and denied.theme.unknown)
+    ):
         return False
     worked = (*lexicon.WORKED, "push")  # "open the drawer without pulling"
-    asked = MOVING if intent.skill in MOVING else worked if intent.skill in lexicon.WORKED else (intent.skill,)
+    asked = (
+        MOVING if intent.skill in MOVING else worked if intent.skill in lexicon.WORKED else (intent.skill,)
+    )
     return denied.skill in STANDARD and denied.skill not in asked

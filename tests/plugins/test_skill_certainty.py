@@ -39,6 +39,10 @@ LAMP = scene(
     thing("l", "black lamp base", "plate", (0.3, 0.1)),
     thing("b", "rose button", "disc", (0.3, 0.2), parent="l"),
 )
+DRAWER = scene(
+    thing("c", "gray cabinet", "box", (0.4, 0.0), 0.3),
+    thing("d", "lime drawer", "box", (0.3, 0.0), 0.1, parent="c"),
+)
 
 
 @pytest.mark.parametrize(
@@ -204,3 +208,47 @@ def test_things_by_what_they_look_like_and_one_wish_after_another(sentence, call
 def test_what_is_not_understood_is_told_from_what_is_not_there(sentence, unread):
     found = read(sentence, TRAY)
     assert (found.kind, found.unread) == ("nothing_matches", unread)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        *(f"{verb} lifting the blue cube" for verb in ("refrain from", "abort", "skip", "forget about", "resist", "prohibit")),
+        *(f"{verb} to lift the blue cube" for verb in ("refuse", "decline", "pretend", "neglect")),
+        "cancel: lift the blue cube",
+        "prevent the blue cube from being lifted",
+        "push the blue cube 10 cm to the left and 5 cm forward",
+        "lift the blue cube 10 cm and move it 20 cm to the left",
+        "put the blue cube to the left of the lime cube and to the right of the maroon one",
+        "put the blue cube behind the lime cube and on the maroon cube",
+        "put the blue cube on the lime cube and push it 5 cm to the left",
+        "push the lime cube with the blue cube",
+        "lift the blue cube at 0.2 m/s",
+        "lift the blue cube 10 cm/s",
+        "lift the blue cube by 20 %",
+        "lift the blue cube 10",
+        'lift the blue cube 5"',
+        "lift the blue cube one and a half inches",
+        "lift the blue cube that is on the lime cube",
+        "lift the blue cube after lifting the lime cube",
+        "lift the blue cube higher than the lime cube",
+        "take a photo of the blue cube",
+        "take care of the blue cube",
+        "push the blue cube towards the lime cube but do not touch it",
+        "push the blue cube to the left without moving it",
+        "lift the blue cube without touching it",
+    ],
+)  # fmt: skip
+def test_what_would_be_done_otherwise_than_it_is_said_is_declined(sentence: str):
+    assert isinstance(read(sentence, CUBES), Abstention)
+
+
+def test_a_drawer_is_not_opened_without_pulling():
+    assert isinstance(read("open the drawer without pulling", DRAWER), Abstention)
+    assert not isinstance(read("open the drawer", DRAWER), Abstention)
+
+
+def test_only_what_is_ruled_out_by_name_is_noted():
+    found = read("lift the blue cube without touching the lime cube", CUBES)
+    assert found.notes == ("The sentence rules out lime cube.",)
+    assert read("lift the blue cube without dropping it", CUBES).notes == ()
