@@ -180,3 +180,17 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     named = places("layouts=[20001,203]")
     assert list(named.values()) == [(1, 1), ("layouts", 203)]
     assert len(named.keys() & places("seeds=[1]", "episodes=2").keys()) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["arms=[off]", "arms.z={memory: off, explored: 3}"], "learns from nothing"),
+        (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
+        (["arms=[off]", "teacher=agent3d"], "no arm learns"),
+        (["arms=[off]", "families=5"], "world=learnable only"),
+    ],
+)
+def test_options_that_would_only_label_an_arm_are_refused(registry, given: list[str], said: str):
+    with pytest.raises(ConfigurationError, match=said):
+        designs(config_of(registry, "tasks=[lamp_on]", *given), registry)

@@ -25,7 +25,7 @@ _MEMORY = frozenset(("retriever", "embedder", "inducer", "judge"))
 _ARMS = frozenset(("arms", "own_arms"))
 _EPISODES = frozenset(
     (
-        "robot", "camera", "perceiver", "reconstructor", "verifier", "depth_noise", "scale", "tasks", "episodes",
+        "robot", "camera", "perceiver", "planner", "depth_noise", "scale", "tasks", "episodes",
     )
 )  # fmt: skip
 EVERY = frozenset(("suite", "results", "quiet", "experiment"))
@@ -38,16 +38,16 @@ SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
         },
         "memory": frozenset(("memory", "data")),
         "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
-            "planner", "planners", "planner_options", "fallback", "agreement", "teacher", "world", "families",
-            "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan", "replan",
-            "max_parts", "planner_timeout", "videos", "language", "workers",
+            "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher", "world",
+            "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan",
+            "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
         },
         "perception": _EPISODES | {"perceivers", "task_options", "seeds", "workers", "language"},
         "agents": _MEMORY | _ARMS | {"agents", "agent", "verifier", "language", "seeds"},
-        "trajectories": frozenset(),
+        "trajectories": _MEMORY | {"agents", "verifier", "language", "seeds"},
     }
 )  # fmt: skip
-"""The suites by name, and the options of each besides :data:`EVERY`; one without any takes all.
+"""The suites by name, and the options of each besides :data:`EVERY`.
 
 The module ``bench_NAME`` has ``run(bench: BenchRun) -> cells``, all rows of the design in order, and ``DATA`` where
 that is fixed.
@@ -116,8 +116,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
 
 def check_options(suite: str, overrides: Iterable[str]) -> None:
     """Raises :class:`ConfigurationError` for an override (``name=value``) that would do nothing in the suite."""
-    own = SUITES.get(suite)
-    if not own:
+    if (own := SUITES.get(suite)) is None:
         return
     named = [m[1] for one in overrides if (m := re.match(r"[+~]*([A-Za-z_]\w*)", one))]
     for name in dict.fromkeys(named):

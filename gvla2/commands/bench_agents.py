@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.commands.bench_arms import arm_named, chosen_memory, configured, has_bank
+from gvla2.commands.bench_arms import arm_named, check_arms, chosen_memory, configured, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, model_label
 from gvla2.component import described
@@ -46,6 +47,7 @@ def run(bench: BenchRun) -> list[Cell]:
         )
     tasks = read_tasks(config.agents.tasks, config.agents.names)
     arms = list(dict.fromkeys([*(config.arms or USUAL_ARMS), *config.own_arms]))
+    _check_arms(bench, arms)
     planned = [_sequence(bench, tasks, arm, seed) for seed in config.seeds for arm in arms]
     keys = [key for one in planned for key in one.keys]
     known = bench.known(keys, well=False)
@@ -53,6 +55,17 @@ def run(bench: BenchRun) -> list[Cell]:
         for sequence in planned:
             _work_off(bench, sequence, known, progress)
     return [known[key] if key in known else _missing(planned, key) for key in keys]
+
+
+def _check_arms(bench: BenchRun, arms: Sequence[str]) -> None:
+    """Raises :class:`ConfigurationError` for arms of the robot bench that mean nothing here, or wrong options."""
+    check_arms(replace(bench.config, arms=list(arms)), bench.registry)
+    for arm in (arm_named(bench.config, name) for name in arms):
+        if arm.source in ("shuffled", "best_theta") or (arm.replan, arm.explored) != (None, None):
+            raise ConfigurationError(
+                f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: software "
+                "agents have no exploration and no replanning. Arms here are memories and off."
+            )
 
 
 def _work_off(

@@ -76,6 +76,10 @@ def check_arms(config: BenchConfig, registry: Registry) -> None:
                 f"No arm '{arm.source}'. Available: {there}; or a variant of one of them with a name of its own: "
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
+        if arm.source in ("off", "none") and arm.explored is not None:
+            raise ConfigurationError(
+                f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing."
+            )
         known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
         own = {*known, "replan", "explored"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)

@@ -19,10 +19,19 @@ from gvla2.commands.bench_arms import (
 )
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import EXPLORED, Planned, chosen_parts
-from gvla2.commands.bench_frame import code_of, given_options, model_label, options_of, require_among
+from gvla2.commands.bench_frame import (
+    code_of,
+    given_options,
+    model_label,
+    noise_label,
+    options_of,
+    require_among,
+)
 from gvla2.commands.bench_subjects import LEARNABLE, subjects
 from gvla2.commands.run import GEOMETRY, LOOP
 from gvla2.component import ComponentConfig, described
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.provenance import versions
 from gvla2.evaluation.results import cell_key
 from gvla2.evaluation.robot.design import (
     EXPLORATION,
@@ -45,7 +54,10 @@ MEASURING_CODE = (
     "gvla2.geometry",
     "gvla2.loop",
     "gvla2.memory",
+    "gvla2.perception",
     "gvla2.planning",
+    "gvla2.programs",
+    "gvla2.reconstruction",
     "gvla2.robot",
     "gvla2.skills",
 )
@@ -80,6 +92,7 @@ def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
     """
     tasks = list(subjects(config, registry))
     explored = _explored_tasks(config, tasks)
+    _check_learning(config, bool(explored))
     check_seeds(config.episodes, config.exploration_seeds, config.layouts if explored else ())
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
     others = [config.teacher] if config.teacher else []
@@ -93,6 +106,23 @@ def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
             bench = with_planner(world, registry, name)
             found.append(_design(bench, teacher or bench, registry, tasks, explored))
     return found
+
+
+def _check_learning(config: BenchConfig, learns: bool) -> None:
+    """Raises :class:`ConfigurationError` for options of learning that would do nothing, or nothing to learn from."""
+    for holds, what in (
+        (learns or not config.teacher, f"teacher is '{config.teacher}', but no arm learns."),
+        (
+            config.exploration_seeds or not learns,
+            "exploration_seeds is empty, but there are arms that learn.",
+        ),
+        (
+            config.world == LEARNABLE or config.families == BenchConfig().families,
+            f"families is {config.families}; there are families in world={LEARNABLE} only.",
+        ),
+    ):
+        if not holds:
+            raise ConfigurationError(what)
 
 
 def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchConfig:
@@ -187,7 +217,7 @@ def _design(
         **{kind: described(getattr(config, kind)) for kind in ("robot", "perceiver", "verifier")},
         "planner": planner_label(config),
         "model": _model(config, registry),
-        "depth_noise": _noise_label(config),
+        "depth_noise": noise_label(config.depth_noise),
         "scale": str(config.scale),
         **({"world": config.world} if config.world == LEARNABLE else {}),
         **({"parts": parts} if (parts := _parts_label(config)) else {}),
@@ -217,7 +247,7 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
     found = {}
     for task in tasks:
         typed = configured(registry, chosen_parts(config, registry, task), (*LOOP, *GEOMETRY))
-        told = (list(map(asdict, typed)), asdict(config.depth_noise), tries)
+        told = (list(map(asdict, typed)), asdict(config.depth_noise), tries, versions())
         found[task] = (*told, code_of(typed, *MEASURING_CODE, *asking), VERSION)
     return found
 
@@ -228,13 +258,6 @@ def _model(config: BenchConfig, registry: Registry) -> str:
     if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
         return ""
     return model_label(config.language)
-
-
-def _noise_label(config: BenchConfig) -> str:
-    """The depth cameras' noise in a table: its kind, and its numbers where it has any."""
-    noise = asdict(config.depth_noise)
-    told = [f"{name}={value:g}" for name, value in noise.items() if name != "kind" and value]
-    return f"{noise['kind']} ({', '.join(told)})" if told else str(noise["kind"])
 
 
 def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:

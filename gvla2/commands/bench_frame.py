@@ -6,7 +6,7 @@ import logging
 import multiprocessing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from itertools import groupby
 from pathlib import Path
@@ -20,6 +20,7 @@ from gvla2.component import ComponentConfig, described
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.record.files import write_bytes
+from gvla2.robot.noise_options import DepthNoise
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
@@ -167,6 +168,13 @@ def code_of(typed: Iterable[object], *modules: str) -> str:
     from gvla2.evaluation.provenance import code_digest
 
     return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
+
+
+def noise_label(noise: DepthNoise) -> str:
+    """The depth cameras' noise in a table: its kind, and its numbers where it has any."""
+    numbers = asdict(noise)
+    told = [f"{name}={value:g}" for name, value in numbers.items() if name != "kind" and value]
+    return f"{noise.kind} ({', '.join(told)})" if told else noise.kind
 
 
 def model_label(language: ComponentConfig) -> str:

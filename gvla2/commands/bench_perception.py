@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun, code_of, pictured
+from gvla2.commands.bench_frame import BenchRun, code_of, noise_label, pictured
 from gvla2.commands.bench_subjects import task_label, task_options
 from gvla2.component import described
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 DATA = "simulated"
 MEASURING_CODE = (
-    "gvla2.evaluation.perception", "gvla2.geometry", "gvla2.robot", "gvla2.planning.scene", "gvla2.planning.colours",
+    "gvla2.evaluation.perception", "gvla2.geometry", "gvla2.perception", "gvla2.robot", "gvla2.planning.scene",
+    "gvla2.planning.colours",
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
 
@@ -109,7 +110,7 @@ def _design(bench: BenchRun) -> Iterator[LayoutUnit]:
             factors: dict[str, str | int] = {
                 "task": task_label(config, task),
                 "perceiver": described(config.perceiver) if config.perceiver.name == perceiver else perceiver,
-                "depth_noise": config.depth_noise.kind,
+                "depth_noise": noise_label(config.depth_noise),
                 "scale": f"{config.scale:g}",
                 "robot": described(config.robot),
                 "seed": seed,

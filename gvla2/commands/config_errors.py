@@ -98,6 +98,8 @@ def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
         advice = _of_a_part(option, parent) or closest(option, known)
         return f"No option '{option}'{of}.{advice} Options: {listing}."
     reason = str(cause).partition("\n")[0]
+    if "is not a ListConfig" in reason:
+        return f"The option '{key}' takes a list: {key}=[...]."
     return f"The option '{key}' is wrong: {reason}" if key else f"{headline} {reason}".strip()
 
 

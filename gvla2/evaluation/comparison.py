@@ -11,6 +11,7 @@ from typing import Literal
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
+from gvla2.record.text import count
 
 FEWEST = 5
 """Least objects for an interval: a bootstrap of fewer has hardly more values than objects."""
@@ -139,7 +140,7 @@ def _sheet(table: Table) -> Sheet:
             SheetRow(_label(row), tuple(_cell(*pair) for pair in zip(row.entries, measures, strict=True)))
             for row in table.rows
         ),
-        f"{objects} objects, {seeds} {'seed' if seeds == 1 else 'seeds'}",
+        f"{count(objects, 'object')}, {count(seeds, 'seed')}",
         runs_of(table.cells),
         f"{EXPLANATION} {table.layout.explanation}".strip(),
         _remarks(table),

@@ -9,6 +9,7 @@ from statistics import fmean, median
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.sheets import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of
 from gvla2.evaluation.statistics import wilson_interval
+from gvla2.record.text import count
 
 SUITE = "run"
 REPEATED = "seed"
@@ -53,7 +54,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
         f"Runs{_shared(cells)}: {', '.join(names) or 'nothing'} varied",
         ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
         tuple(SheetRow(label + _marked(members), _cells(members)) for label, members in rows.items()),
-        f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else ""),
+        count(len(cells), "job") + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
         gallery=Exhibits("Jobs", "films", tuple(jobs)),

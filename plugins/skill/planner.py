@@ -157,12 +157,8 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
         if mishap and touch and phrase is not None and phrase.noun:
             out |= {o.id for o in found}  # "don't touch the red one"
         aimed = phrase is None and intent.skill == "push" and intent.goal is not None
-        if (
-            touch
-            and "touch" in text
-            and intent.skill != "press"
-            and (aimed or (phrase is not None and phrase.pronoun))
-        ):
+        itself = aimed or (phrase is not None and phrase.pronoun)
+        if touch and "touch" in text and intent.skill != "press" and itself:
             return Abstention("other", f"What '{text}' rules out is what is asked for.")
         if mishap or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
@@ -175,11 +171,8 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
 
 def _apart(text: str, denied: Intent, intent: Intent) -> bool:
     """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
-    if (
-        denied.verb == "move"
-        or lexicon.LETTING & {*text.split()}
-        or (denied.theme is not None and denied.theme.unknown)
-    ):
+    unread = denied.theme is not None and denied.theme.unknown
+    if unread or denied.verb == "move" or lexicon.LETTING & {*text.split()}:
         return False
     worked = (*lexicon.WORKED, "push")  # "open the drawer without pulling"
     asked = (

@@ -88,7 +88,7 @@ def test_an_interrupted_sequence_goes_on_with_the_memory_that_it_had(
     [
         ("agents.tasks=", "is not set"),
         ("agents.names=[nothing]", "Available"),
-        ("arms=[mystery]", "No memory named 'mystery'"),
+        ("arms=[mystery]", "No arm 'mystery'"),
     ],
 )
 def test_what_is_asked_wrongly_is_said(compose_agents, registry, tmp_path: Path, override, message):

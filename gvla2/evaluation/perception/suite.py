@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ from gvla2.robot.backend import RobotBackend
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.noise_options import DepthNoise
 from gvla2.robot.task import Task
+
+log = logging.getLogger(__name__)
 
 SUITE = "perception"
 VERSION = 2
@@ -81,8 +84,10 @@ def measure(wanted: WantedLayout, bench: Bench) -> MeasuredLayout:
         return _measure(wanted, bench, bench.robot)
     except ConfigurationError:
         raise
-    except Gvla2Error as error:
-        return MeasuredLayout((_scene_row(wanted, {}, {"status": f"failed: {error}", "objects": []}),))
+    except Exception as error:  # a perceiver's crash is its layout's, not the bench's
+        log.info("A layout could not be measured.", exc_info=True)
+        why = str(error) if isinstance(error, Gvla2Error) else f"crashed, {type(error).__name__}: {error}"
+        return MeasuredLayout((_scene_row(wanted, {}, {"status": f"failed: {why}", "objects": []}),))
 
 
 def _measure(wanted: WantedLayout, bench: Bench, truth: Segmented) -> MeasuredLayout:

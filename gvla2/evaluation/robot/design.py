@@ -40,6 +40,12 @@ PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """Success in per cent, with and without memory, as the paper reports it: from another simulator, so not a baseline."""
 
+HOUSE = ("robot", "perceiver", "parts", "verifier", "depth_noise", "scale", "world", "replan", "max_parts")
+"""Factors that planners must share to be compared."""
+PLANNER = ("planner", "model")
+"""Further factors that the arms of a table share."""
+EPISODE = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
+"""Factors that tell one episode of a house from another."""
 STRIDE = 10_000
 NAMED = "layouts"
 """The ``seed`` of episodes whose layouts were named and have no seed; ``episode`` is the layout then."""

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 from itertools import cycle
 
 from gvla2.evaluation.curve import CurveLine, CurvePoint, draw_curve
-from gvla2.evaluation.results import Cell
+from gvla2.evaluation.results import Cell, grouped, latest
+from gvla2.evaluation.robot.design import EPISODE, HOUSE, PLANNER
 from gvla2.evaluation.statistics import wilson_interval
 
 FEWEST = 3
@@ -47,24 +48,34 @@ def _point(explored: int, won: int, count: int) -> CurvePoint:
 
 
 def _lines(cells: Iterable[Cell]) -> Mapping[str, list[Point]]:
-    """The points of each planner and kind of memory, by how much was explored."""
-    counts: dict[str, dict[int, list[bool]]] = {}
-    without: dict[str, list[bool]] = {}
-    for cell in cells:
-        f, won = cell.factors, cell.measures.get("success")
-        if f.get("profile") != "relaxed" or won is None:
-            continue
-        variant = str(f.get("variant", ""))
-        explored = re.search(r"\bexplored=(\d+)", variant)
-        planner = str(f.get("planner", ""))
-        if f.get("arm") == "off" and not variant:
-            without.setdefault(planner, []).append(bool(won))
-        elif explored:
-            memory = re.sub(r",? ?\bexplored=\d+", "", variant) or str(f.get("arm"))
-            counts.setdefault(f"{planner}, {memory}", {}).setdefault(int(explored[1]), []).append(bool(won))
+    """The points of each planner and kind of memory, by how much was explored; benches that differ are apart."""
+    once = [cell for cell in latest(cells, lambda cell: cell.told(*HOUSE, *EPISODE)) if _counts(cell)]
+    several = len(grouped(once, *HOUSE)) > 1
     lines: dict[str, list[Point]] = {}
-    for name, found in counts.items():
-        off = without.get(name.rpartition(", ")[0])
-        every = {0: off, **found} if off and 0 not in found else found
-        lines[name] = [(explored, sum(won), len(won)) for explored, won in sorted(every.items()) if won]
+    for house, of_house in grouped(once, *HOUSE).items():
+        around = f" ({', '.join(filter(None, house))})" if several else ""
+        for planner, some in grouped(of_house, *PLANNER).items():
+            off = [bool(c.measures["success"]) for c in some if c.told("arm", "variant") == ("off", "")]
+            for memory, counts in _by_memory(some).items():
+                every = {**({0: off} if off else {}), **counts}
+                told = ", ".join((*filter(None, planner), memory))
+                lines[f"{told}{around}"] = [(n, sum(won), len(won)) for n, won in sorted(every.items())]
     return lines
+
+
+def _counts(cell: Cell) -> bool:
+    return cell.factors.get("profile") == "relaxed" and cell.measures.get("success") is not None
+
+
+def _by_memory(cells: Iterable[Cell]) -> Mapping[str, dict[int, list[bool]]]:
+    """Successes of arms that learnt from a number of layouts, by the rest of their name and that number."""
+    found: dict[str, dict[int, list[bool]]] = {}
+    for cell in cells:
+        arm, variant, learning = cell.told("arm", "variant", "learning")
+        if explored := re.search(r"\bexplored=(\d+)", variant):
+            rest = re.sub(r",? ?\bexplored=\d+", "", variant) or arm
+            memory = f"{rest}, {learning}" if learning else rest
+            found.setdefault(memory, {}).setdefault(int(explored[1]), []).append(
+                bool(cell.measures["success"])
+            )
+    return found

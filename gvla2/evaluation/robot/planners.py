@@ -10,6 +10,7 @@ from gvla2.evaluation.results import Cell, grouped, measured
 from gvla2.evaluation.robot.design import NAMED
 from gvla2.evaluation.sheets import NONE, Sheet, SheetCell, SheetRow
 from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
+from gvla2.record.text import count
 
 FIRST = ("off", "on")
 TAUGHT = " (taught by "
@@ -108,7 +109,7 @@ def planner_sheet(
         rows.append(SheetRow(label, tuple(cells)))
     models = sorted({model for (model,) in grouped(everything, "model")} - {""})
     asked = f"; language model {', '.join(models)}" if models else ""
-    return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks{asked}", (), PLANNERS)
+    return Sheet(title, tuple(columns), tuple(rows), f"{count(len(tasks), 'task')}{asked}", (), PLANNERS)
 
 
 def _cell(cells: Sequence[Cell], costs: bool) -> SheetCell:
@@ -132,23 +133,31 @@ def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
     """The mean over tasks, its deviation over seeds if there are several, and how many tasks ever succeed."""
     if not cells:
         return NONE
-    rates = seed_rates(cells)
-    mean, deviation = mean_and_deviation(rates)
-    over = f" ± {deviation:.1f} over {len(rates)} seeds" if len(rates) > 1 else ""
     by_task = [some for (task,), some in grouped(cells, "task").items() if task in tasks]
     reached = sum(any(cell.measures["success"] for cell in some) for some in by_task)
-    return SheetCell((f"{mean:.1f}{over}", f"{reached} of {len(by_task)} tasks above 0"))
+    return SheetCell((*mean_lines(cells, tasks), f"{reached} of {len(by_task)} tasks above 0"))
 
 
-def seed_rates(cells: Sequence[Cell]) -> list[float]:
-    """The success rate of each seed in per cent, a mean over tasks; one rate where layouts without a seed are among
-    the cells.
+def mean_lines(cells: Sequence[Cell], tasks: Sequence[str]) -> tuple[str, str]:
+    """The mean over tasks of their rates in per cent, and over what it is.
+
+    With the standard deviation over seeds if there are several, each with the same episodes of every task.
     """
-    by_seed = grouped(cells, "seed")
-    return [
+    rates = {task: fmean(measured(some, "success")) for (task,), some in grouped(cells, "task").items()}
+    mean, by_seed = 100 * fmean(rates.values()), grouped(cells, "seed")
+    lacking = f"{len(rates)} of {len(tasks)} tasks, " if len(rates) < len(tasks) else ""
+    designs = {tuple(sorted(cell.told("task", "episode") for cell in some)) for some in by_seed.values()}
+    if (NAMED,) in by_seed:
+        return f"{mean:.1f}", f"{lacking}named layouts"
+    if len(by_seed) == 1:
+        return f"{mean:.1f}", f"{lacking}1 seed"
+    if len(designs) > 1:
+        return f"{mean:.1f}", f"{lacking}{len(by_seed)} seeds, not all complete"
+    of_seeds = [
         100 * fmean(fmean(measured(of_task, "success")) for of_task in grouped(some, "task").values())
-        for some in ([cells] if (NAMED,) in by_seed else by_seed.values())
+        for some in by_seed.values()
     ]
+    return f"{mean:.1f} ± {mean_and_deviation(of_seeds)[1]:.1f}", f"{lacking}{len(by_seed)} seeds"
 
 
 def _seconds(cells: Sequence[Cell]) -> str:

@@ -10,27 +10,23 @@ from textwrap import shorten
 
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
 from gvla2.evaluation.results import Cell, grouped, latest
-from gvla2.evaluation.robot.design import NAMED, PAPER, PROFILES, ordered
+from gvla2.evaluation.robot.design import EPISODE, HOUSE, PAPER, PLANNER, PROFILES, ordered
 from gvla2.evaluation.robot.planners import (
     TAUGHT,
     Columns,
     arms_of,
     columns_of,
     learnings,
+    mean_lines,
     of_profile,
     planner_sheet,
-    seed_rates,
     success_lines,
     unmeasured,
     with_arms,
 )
 from gvla2.evaluation.sheets import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, film, runs_of
-from gvla2.evaluation.statistics import mean_and_deviation
+from gvla2.record.text import count
 
-HOUSE = ("robot", "perceiver", "parts", "verifier", "depth_noise", "scale", "world", "replan", "max_parts")
-"""Factors that planners must share to be compared."""
-PLANNER = ("planner", "model")
-"""Further factors that the arms of a table share."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
 LONGEST_REASON = 200
@@ -40,6 +36,9 @@ SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
     "p < .05). "
+)
+OF_WORLDS = (
+    "Each seed is another world: a row pools the families of that number; intervals are over episodes. "
 )
 OF_PAPER = "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 EFFECT = (
@@ -61,8 +60,7 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """For each group its planners side by side, its success by profile, the differences between arms, the failures."""
     given = list(cells)
     order = list(grouped(given, *PLANNER))
-    which = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
-    once = latest(given, lambda cell: cell.told(*HOUSE, *which))
+    once = latest(given, lambda cell: cell.told(*HOUSE, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.told(*HOUSE), order.index(cell.told(*PLANNER))))
     return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(with_arms(found))]
 
@@ -122,14 +120,17 @@ def _success(found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title:
     for task in tasks:
         rates = [_rate(found.get((task, arm), []), sure[arm].get(task, 0)) for arm in arms]
         rows.append(SheetRow(task, (*rates, *(_paper([task]) if known else ()))))
-    means = (*(_mean(found, arm) for arm in arms), *(_paper(tasks) if known else ()))
+    means = (*(_mean(found, arm, tasks) for arm in arms), *(_paper(tasks) if known else ()))
     rows.append(SheetRow("mean over tasks", means))
     headings = (
         *(f"memory {arm}" for arm in arms),
         *(("paper, with memory", "paper, without") if known else ()),
     )
-    counts = f"{sum(map(len, found.values()))} episodes, {len(tasks)} tasks"
-    return Sheet(title, headings, tuple(rows), counts, (), SUCCESS + OF_PAPER if known else SUCCESS.strip())
+    counts = f"{count(sum(map(len, found.values())), 'episode')}, {count(len(tasks), 'task')}"
+    told = SUCCESS + (
+        OF_WORLDS if any(c.factors.get("world") for some in found.values() for c in some) else ""
+    )
+    return Sheet(title, headings, tuple(rows), counts, (), (told + (OF_PAPER if known else "")).strip())
 
 
 def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
@@ -141,16 +142,9 @@ def _rate(cells: Sequence[Cell], gain: int) -> SheetCell:
     return SheetCell((f"{rate} *", interval), tone="better" if gain > 0 else "worse")
 
 
-def _mean(found: _Episodes, arm: str) -> SheetCell:
+def _mean(found: _Episodes, arm: str, tasks: Sequence[str]) -> SheetCell:
     cells = [cell for (_, of), some in found.items() if of == arm for cell in some]
-    rates = seed_rates(cells)
-    if not cells:
-        return NONE
-    mean, deviation = mean_and_deviation(rates)
-    if len(rates) == 1:
-        named = any(cell.factors["seed"] == NAMED for cell in cells)
-        return SheetCell((f"{mean:.1f}", "named layouts" if named else "1 seed"))
-    return SheetCell((f"{mean:.1f} ± {deviation:.1f}", f"{len(rates)} seeds"))
+    return SheetCell(mean_lines(cells, tasks)) if cells else NONE
 
 
 def _paper(tasks: Sequence[str]) -> list[SheetCell]:
@@ -196,7 +190,7 @@ def _effects(
     for second, first in against:
         cells = [_effect(_pairs(by_profile[profile], tasks, first, second)) for profile in PROFILES]
         rows.append(SheetRow(f"{second} against {first}", tuple(cells)))
-    return Sheet(title, PROFILES, tuple(rows), f"{len(tasks)} tasks", (), EFFECT)
+    return Sheet(title, PROFILES, tuple(rows), count(len(tasks), "task"), (), EFFECT)
 
 
 def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
@@ -209,7 +203,8 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     named = (
         ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
     )
-    tone: Tone = "" if change.low <= 0 <= change.high else "better" if change.points > 0 else "worse"
+    unsure = change.low <= 0 <= change.high or exact_mcnemar(everything) >= SURE
+    tone: Tone = "" if unsure else "better" if change.points > 0 else "worse"
     return SheetCell(
         (
             f"{change.points:+.1f} points",
@@ -229,7 +224,7 @@ def _failures(columns: Columns, tasks: Sequence[str], title: str) -> Sheet:
     if any(unmeasured(cell) for some in found.values() for cell in some):
         rows.append(_line("not measured", lambda some: str(sum(map(unmeasured, some))), found))
     rows += [_line("verifier agrees", _agreement, sound), _line("seconds, median", _median, sound)]
-    return Sheet(title, tuple(columns), tuple(rows), f"{len(tasks)} tasks", (), FAILURES)
+    return Sheet(title, tuple(columns), tuple(rows), count(len(tasks), "task"), (), FAILURES)
 
 
 def _line(label: str, tell: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:

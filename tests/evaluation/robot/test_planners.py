@@ -50,7 +50,7 @@ def test_tasks_stand_below_one_another_and_planners_side_by_side_with_what_they_
         "300 + 12 tokens",
     )
     assert text(relaxed, "put_block", "skill") == ("100.0", "[44, 100] 3/3", "0.1 s")
-    assert text(relaxed, "mean over tasks", "agent3d") == ("16.7", "1 of 2 tasks above 0")
+    assert text(relaxed, "mean over tasks", "agent3d") == ("16.7", "named layouts", "1 of 2 tasks above 0")
     assert text(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
     assert text(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
     assert "language model small" in relaxed.footnote
