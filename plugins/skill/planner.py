@@ -140,7 +140,8 @@ def _aimed(intent: Intent) -> Intent | None:
 
 def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
     asked = " ".join(instruction.split())[:200]
-    trouble = intent.trouble or ("" if intent.skill else "it has no verb that this planner knows")
+    unknown = "it says only what not to do" if intent.denials else "it has no verb that this planner knows"
+    trouble = intent.trouble or ("" if intent.skill else unknown)
     if intent.skill not in STANDARD:
         return Abstention("unknown_skill", f"'{asked}': {trouble}; it can {', '.join(STANDARD)}.")
     return Abstention("other", f"'{asked}': {trouble}.") if trouble else None

@@ -257,5 +257,6 @@ def _film(cell: Cell) -> Exhibit | None:
     notes, (planner, task, arm) = cell.notes, cell.told("planner", "task", "arm")
     said = f"{planner}, {task}, memory {arm}, layout {notes.get('layout')}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
-    caption = f"{said}: {_failure(cell) or 'succeeded'}. “{notes.get('instruction', '')}” {why}"
+    other = " (when filmed it ended differently)" if notes.get("film_agrees") is False else ""
+    caption = f"{said}: {_failure(cell) or 'succeeded'}{other}. “{notes.get('instruction', '')}” {why}"
     return film(caption, folder)
