@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 from hydra.errors import (
@@ -34,15 +35,15 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
         case MissingMandatoryValue():
             return f"The option '{error.full_key}' has no default. Give it on the command line: {error.full_key}=..."
         case ConfigCompositionException() if isinstance(error.__cause__, OmegaConfBaseException):
-            return _wrong_option(str(error), error.__cause__)
+            return _wrong_option(str(error), error.__cause__, registry)
         case OverrideParseException():
             return _unreadable(error)
         case HydraException():
             return str(error)
         case OmegaConfBaseException():
-            return _wrong_option("The configuration is wrong:", error)
+            return _wrong_option("The configuration is wrong:", error, registry)
         case _ if isinstance(error.__cause__, OmegaConfBaseException):
-            return _wrong_option(str(error), error.__cause__)
+            return _wrong_option(str(error), error.__cause__, registry)
     notes = getattr(error, "__notes__", ())
     return " ".join([describe(error).rstrip(".") + ".", *notes]) if notes else describe(error)
 
@@ -82,8 +83,8 @@ def _unreadable(error: OverrideParseException) -> str:
     )
 
 
-def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
-    """For an unknown option, similar names; for a wrong type, OmegaConf's own message."""
+def _wrong_option(headline: str, cause: OmegaConfBaseException, registry: Registry | None) -> str:
+    """For an unknown option, similar names or which other choices have it; for a wrong type, OmegaConf's message."""
     key = str(cause.full_key or cause.key or "")
     if isinstance(cause, ConfigKeyError | ConfigAttributeError):
         parent = cause.parent_node
@@ -95,12 +96,25 @@ def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
         )
         of += f" ({chosen})" if chosen else ""
         listing = ", ".join(k for k in known if k not in ("name", "hydra")) or "none"
-        advice = _of_a_part(option, parent) or closest(option, known)
+        advice = _of_a_part(option, parent) or _of_others(option, place, registry) or closest(option, known)
         return f"No option '{option}'{of}.{advice} Options: {listing}."
     reason = str(cause).partition("\n")[0]
     if "is not a ListConfig" in reason:
         return f"The option '{key}' takes a list: {key}=[...]."
     return f"The option '{key}' is wrong: {reason}" if key else f"{headline} {reason}".strip()
+
+
+def _of_others(option: str, kind: str, registry: Registry | None) -> str:
+    """Advice where other components of the kind have the option, as in a sweep over them."""
+    if registry is None or kind not in registry.groups:
+        return ""
+    owners = [
+        name
+        for name, one in registry.components(kind).items()
+        if option in {field.name for field in fields(one.config)}
+    ]
+    preset = f"a preset each (experiment=A,B) gives every {kind} of a sweep its own options"
+    return f" {', '.join(owners)} {'has' if len(owners) == 1 else 'have'} it; {preset}." if owners else ""
 
 
 def _of_a_part(option: str, parent: Any) -> str:
