@@ -132,7 +132,7 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
     provenance = {"made_by": made_by, "sources": sources[-MAX_SOURCES:], "told": kept}
     return replace(
         best,
-        id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],
+        id=old.id if old else record_id("summary", best.bank, key),
         state="summary",
         query=query,
         content=text or _rendered(most, count),
