@@ -174,9 +174,8 @@ class Governing:
         """Replace several records by one summary, by rule unless its ``text`` is given."""
         summary = summary_of(group, self._ledger.now, text)
         known = None if summary.version else self._ledger.get(summary.id)
-        if (
-            known is not None and known.state == "summary"
-        ):  # one of the same words that was not near, or is full
+        if known is not None and known.state == "summary":
+            # It has the same words and was not near, or is full.
             if len(shown_together([known, *group])) > len(group):
                 summary = summary_of([known, *group], self._ledger.now, text)
             else:
