@@ -36,6 +36,11 @@ def test_what_is_no_time(words: str):
         time_of(words)
 
 
+def test_a_time_before_any_bank():
+    with pytest.raises(WrongWordError, match="'99999999999999d' ago is before 1970"):
+        time_of("99999999999999d")
+
+
 @pytest.mark.parametrize("days", ["nan", "-1", "inf", "-inf"])
 def test_what_is_no_number_of_days(days: str):
     with pytest.raises(ConfigurationError, match="must be a finite number, and not negative"):

@@ -205,3 +205,28 @@ def test_repair_makes_a_foreign_vector_anew(capsys: pytest.CaptureFixture[str], 
     status, out, _ = said(capsys, "repair", *chosen, "--json")
     assert (status, len(json.loads(out)["repaired"])) == (0, 1)
     assert said(capsys, "verify", *chosen)[0] == 0
+
+
+def test_lines_that_were_read_with_a_remark_are_not_among_the_broken(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+):
+    odd = LINE | {"memory_id": "u", "content": "Turn the lid.", "memory_type": "recipe"}
+    (tmp_path / "active.jsonl").write_text(f"{json.dumps(LINE)}\nnonsense\n{json.dumps(odd)}\n")
+    status, out, _ = said(capsys, "import", "active.jsonl", "trusted=true")
+    assert status == 1
+    assert "trusted=true" not in out
+    told = out.splitlines()
+    assert told[told.index("1 line could not be read:") + 1].startswith("active.jsonl, line 2: ")
+    remark = "active.jsonl, line 3: its type 'recipe' is not known, it was read as procedural_hint"
+    assert told[told.index("1 line read with a remark:") + 1] == remark
+
+
+def test_conflicts_names_open_suspicions(capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    url = f"sqlite:///{tmp_path / 'm.db'}"
+    admitted(url, "Always open the drawer slowly.", "open the drawer")
+    assert said(capsys, "conflicts", f"url={url}")[1].strip() == "No records contradict each other."
+    admitted(url, "Never open the drawer slowly.", "open the drawer")
+    out = said(capsys, "conflicts", f"url={url}")[1]
+    assert "Suspected of it, and not yet judged: tool-" in out
+    with KnowledgeBank(url) as bank:
+        assert all(record.id in out for record in bank.records())

@@ -14,8 +14,9 @@ from gvla2 import cli
 from gvla2.catalog import Offer, Registry
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
+from gvla2.commands.reconstruct_inputs import read_inputs
 from gvla2.component import Component, ComponentConfig
-from gvla2.errors import GeometryError, Gvla2Error, OutputError
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
 from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.gso_views import write_gso
@@ -200,6 +201,37 @@ def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
     assert told["metrics"]["truth"] is None
     centre = np.asarray(record.result.out.mesh.bounds).mean(axis=0)
     np.testing.assert_allclose(centre, RED.world_from_block[:3, 3], atol=0.01)
+
+
+def test_another_object_than_the_masks_show_is_refused(tmp_path: Path):
+    write_views(tmp_path, table_views(40, masked=RED), "red cube")
+    for words in ("object=nope", "object='green cube'"):
+        with pytest.raises(ConfigurationError, match="show one object: 'red cube'"):
+            read_inputs(composed(f"views={tmp_path}", words))
+    assert read_inputs(composed(f"views={tmp_path}", "object='Red cube'")).name == "Red cube"
+
+
+@pytest.mark.parametrize(
+    ("depth", "why"), [(None, "no depth in 000, 001"), (np.nan, "no depth above 0 in 000, 001")]
+)
+def test_a_prior_that_can_use_no_view_is_a_warning(
+    tmp_path: Path, registry: Registry, capsys: pytest.CaptureFixture[str], depth: float | None, why: str
+):
+    bare = [
+        replace(view, depth=None if depth is None else np.full(view.image.shape[:2], depth, np.float32))
+        for view in seen(mallet(), 2, 64)
+    ]
+    write_plain(tmp_path / "views", Views(tuple(bare)))
+    record = reconstruct(
+        composed(f"views={tmp_path / 'views'}", "prior=depth", "quiet=false"), registry, tmp_path / "out"
+    )
+    (stage,) = [stage for stage in record.result.stages if stage.stage == "prior"]
+    assert stage.status == "rejected"
+    told = f"prior=depth can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z"
+    assert told in stage.reason
+    assert told in (tmp_path / "out" / "index.html").read_text()
+    out = capsys.readouterr()
+    assert "prior=depth can use no view" in out.out + out.err
 
 
 def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):

@@ -153,7 +153,10 @@ def time_of(words: str, now: float | None = None) -> float:
     """
     text = words.strip()
     if ago := _AGO.fullmatch(text):
-        return (time.time() if now is None else now) - float(ago[1]) * _SECONDS[ago[2]]
+        at = (time.time() if now is None else now) - float(ago[1]) * _SECONDS[ago[2]]
+        if at < 0:
+            raise WrongWordError(f"'{words}' ago is before 1970, and no bank is as old as that.")
+        return at
     try:
         number = float(text)
         if abs(number) < 4e11 and not _DATE.fullmatch(text):

@@ -35,15 +35,17 @@ def import_(request: VerbRequest) -> Answer:
         f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
     ]
     if done.held_back:
+        own = "." if config.trusted else " (trusted=true is for your own backup)."
         told.append(
-            f"Provisional until verified episodes from two sources confirm them: {done.held_back} "
-            "(trusted=true is for your own backup)."
+            f"Provisional until verified episodes from two sources confirm them: {done.held_back}{own}"
         )
-    told += [str(remark) for remark in done.remarks[:MOST_REMARKS]]
-    if len(done.remarks) > MOST_REMARKS:
-        told.append(f"{count(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
-    if done.broken:
-        told.append(f"{count(len(done.broken), 'line')} could not be read.")
+    odd = [remark for remark in done.remarks if not remark.broken]
+    for what, remarks in (("could not be read", done.broken), ("read with a remark", odd)):
+        if remarks:
+            told.append(f"{count(len(remarks), 'line')} {what}:")
+        told += [str(remark) for remark in remarks[:MOST_REMARKS]]
+        if len(remarks) > MOST_REMARKS:
+            told.append(f"{count(len(remarks) - MOST_REMARKS, 'more line')}; --json has all.")
     return Answer(done, told, status=1 if done.broken else 0)
 
 

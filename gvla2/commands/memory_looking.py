@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from gvla2.commands.memory_access import NotFoundError, VerbRequest, opened, opened_bank, record_of, time_of
@@ -11,12 +12,14 @@ from gvla2.commands.memory_answers import Answer, clock, read_columns, record_da
 from gvla2.commands.tables import Listing, row, table
 from gvla2.memory.records import Record
 from gvla2.memory.storage.events import Event
-from gvla2.memory.storage.view import BankView
-from gvla2.record.text import count, one_line
+from gvla2.memory.storage.view import pairs_of
+from gvla2.record.text import count, listing, one_line
 
 T = TypeVar("T")
 _TIMES = ("created", "updated", "used")
 """A record's fields that are seconds since the epoch."""
+MOST_SUSPECTED = 5
+"""Pairs that are named by `conflicts` though nothing is decided about them."""
 _SERVED = (
     "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are, "
     "until `gvla2 memory repair` restores them from the events."
@@ -106,13 +109,18 @@ def as_of(request: VerbRequest) -> Answer:
 
 
 def conflicts(request: VerbRequest) -> Answer:
-    """Pairs of records that contradict each other."""
+    """Pairs of records that contradict each other; those only suspected of it are named."""
     with opened(request) as store, store.reading(request.bank) as view:
-        pairs = _conflicts(view)
+        linked = pairs_of(view.links())
+        there = {record.id: record for record in view.records()}
+    pairs = [(there[a], there[b]) for a, b in sorted(linked["conflict"]) if a in there and b in there]
+    suspected = sorted(linked["suspicion"] - linked["conflict"] - linked["dismissed"])
+    named = listing((f"{a} with {b}" for a, b in suspected), MOST_SUSPECTED)
+    more = [f"Suspected of it, and not yet judged: {named}."] if suspected else []
     if not pairs:
-        return Answer([], ["No records contradict each other."])
+        return Answer([], ["No records contradict each other.", *more])
     columns = ("id", "state", "says", "against", "its state", "which says")
-    return _bounded(
+    answer = _bounded(
         pairs,
         request,
         lambda shown: Listing(
@@ -122,16 +130,7 @@ def conflicts(request: VerbRequest) -> Answer:
         ),
         lambda pair: {"records": [record_data(record) for record in pair]},
     )
-
-
-def _conflicts(view: BankView) -> list[tuple[Record, Record]]:
-    pairs = {
-        (min(link.source, link.target), max(link.source, link.target))
-        for link in view.links()
-        if link.kind == "conflict"
-    }
-    there = {record.id: record for record in view.records(ids=[id for pair in pairs for id in pair])}
-    return [(there[a], there[b]) for a, b in sorted(pairs) if a in there and b in there]
+    return replace(answer, shown=[*answer.shown, *more])
 
 
 def stats(request: VerbRequest) -> Answer:

@@ -16,9 +16,10 @@ from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from gvla2.geometry.views import Views
     from gvla2.plugins import Registry
     from gvla2.reconstruction.branch import BranchOptions, BranchResult
-    from gvla2.reconstruction.contracts import Reconstruction
+    from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction.contents import ReconstructionRecord
 
@@ -166,6 +167,8 @@ def _reconstruct(
         options = branch_options(config.branch)
         chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
         result = refine_geometry(g0, views, chosen, options)
+        stages = (_heeded(stage, config, views) for stage in result.stages)
+        result = replace(result, stages=tuple(stages))
     _tell_stages(result, steps)
     recorder.geometry(result.out)
     record = ReconstructionRecord(
@@ -228,6 +231,27 @@ def _made(thing: Reconstruction) -> str:
     if thing.mesh is not None:
         parts.append(f"{len(thing.mesh.faces)} triangles")
     return ", ".join(parts) + ("" if thing.status == "ok" else f" ({thing.status})")
+
+
+def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
+    """The stage's report; a warning where the chosen prior had nothing to say of any view."""
+    from gvla2.reconstruction.prior_fusion import NO_PRIOR
+    from gvla2.record.text import listing
+
+    if config.prior.name == "none" or stage.reason != NO_PRIOR:
+        return stage
+    bare = [view.name for view in views if view.depth is None]
+    empty = [view.name for view in views if view.depth is not None and not (view.depth > 0).any()]
+    lacks = [
+        f"no {what} in {listing(names, 6)}"
+        for what, names in (("depth", bare), ("depth above 0", empty))
+        if names
+    ]
+    reason = (
+        f"prior={config.prior.name} can use no view: {'; '.join(lacks) or 'it gave no depth'}. Give depth/NAME.npy, "
+        "(H, W) in metres along z; pictures of depth are not read. G0 stays."
+    )
+    return replace(stage, status="rejected", reason=reason)
 
 
 def _tell_stages(result: BranchResult, steps: _Steps) -> None:

@@ -46,13 +46,19 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
     if not config.views:
         raise ConfigurationError(
             "Say which views to reconstruct from: gvla2 reconstruct views=FOLDER. `gvla2 reconstruct --help` lists "
-            "the kinds of folders."
+            "the kinds of folders, docs/reconstruction.md says what is in them."
         )
     folder = Path(config.views).expanduser()
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
     held_out = _held_out(folder, config, views)
     truth, truth_file = _truth(folder, config, views)
-    name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
+    shown = subject_of(folder / ARCHIVE)
+    if config.object and shown and config.object.casefold() != shown.casefold():
+        raise ConfigurationError(
+            f"object is '{config.object}', and the masks in {folder / ARCHIVE} show one object: '{shown}'. Leave "
+            f"object= out, or give the folder of a run that is about '{config.object}'."
+        )
+    name = config.object or shown or folder.resolve().name
     return Inputs(name, folder, views, held_out, truth, truth_file)
 
 

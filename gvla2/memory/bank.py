@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.databases import Closing
+from gvla2.errors import WrongTypeError
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     Consolidator,
@@ -165,7 +166,7 @@ class KnowledgeBank(Closing):
             episode = MemoryEpisode(_task(episode), told, str(verdict), context, source)
             verdict = _said(success)
         if not isinstance(verdict, Verdict):
-            raise TypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
+            raise WrongTypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
@@ -194,7 +195,7 @@ class KnowledgeBank(Closing):
         Lessons from others stay provisional until verified episodes of two independent sources confirm them.
         ``trusted`` vouches for them as for the user's own episodes, and serves as verdict if none is given.
         """
-        listed = [lessons] if isinstance(lessons, Lesson | str) else lessons
+        listed = lessons if isinstance(lessons, Sequence) and not isinstance(lessons, str) else [lessons]
         said = verdict or _said(True if trusted else None)
         return self.admit_many([(_lesson(one), said, task, source) for one in listed], trusted=trusted)
 
@@ -332,11 +333,17 @@ class KnowledgeBank(Closing):
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:
-    return MemoryTask(task) if isinstance(task, str) else task
+    told = MemoryTask(task) if isinstance(task, str) else task
+    if not isinstance(told, MemoryTask):
+        raise WrongTypeError(f"A task is a sentence or a MemoryTask, not {task!r}.")
+    return told
 
 
 def _lesson(lesson: Lesson | str) -> Lesson:
-    return Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
+    told = Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
+    if not isinstance(told, Lesson):
+        raise WrongTypeError(f"A lesson is a sentence or a Lesson, not {lesson!r}.")
+    return told
 
 
 def _said(success: bool | None) -> Verdict:

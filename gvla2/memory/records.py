@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from operator import attrgetter
-from typing import Any
+from typing import Any, Literal
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
 from gvla2.memory.meaning.plain_text import unified
@@ -179,7 +179,7 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 
-def record_id(kind: RecordType, bank: str, key: str) -> str:
+def record_id(kind: RecordType | Literal["summary"], bank: str, key: str) -> str:
     """A short, stable id: the same lesson in the same bank has the same one on every machine."""
-    prefix = {"procedural_hint": "hint", "failure_avoidance": "avoid", "tool_usage": "tool"}[kind]
+    prefix = {"procedural_hint": "hint", "failure_avoidance": "avoid", "tool_usage": "tool"}.get(kind, kind)
     return f"{prefix}-{hashlib.blake2b(dump([bank, key]).encode(), digest_size=6).hexdigest()}"

@@ -25,6 +25,8 @@ LEAST_COVERAGE = 0.05
 """Least share of the masks' pixels that must have depth."""
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
+OFF_SCALE = 0.1
+"""Difference from 1 above which the factor between a prior's depth and the masks is told."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
@@ -88,8 +90,13 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     if not (weight > 0).any():
         raise GeometryError("No depth of the prior agrees with another view's.")
     typical = float(np.median(weight[weight > 0]))
-    spread = float(np.nanmedian(aligned.std))
-    told = f"{int(usable.sum())} of {len(views)} views used, depth right to {100 * spread:.2f} %."
+    right = f"depth right to {100 * float(np.nanmedian(aligned.std)):.2f} %"
+    if usable.sum() < 2:
+        right = "how right its depth is cannot be told from one"
+    told = f"{int(usable.sum())} of {len(views)} views used, {right}."
+    scale = float(np.median(rough[usable]))
+    if abs(scale - 1) > OFF_SCALE:
+        told += f" The masks fit its depth times {scale:.3g}: is it in metres?"
     return DepthEvidence(
         believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), told
     )

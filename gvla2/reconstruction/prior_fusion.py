@@ -16,6 +16,8 @@ from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import Posterior, fuse_volume
 from gvla2.reconstruction.zbuffer import depth_maps
 
+NO_PRIOR = "There is no geometry prior."
+"""What is said where none was chosen, or the chosen one has nothing to say of any view."""
 THIN = 0.75
 """Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
 MENDED = 0.5
@@ -56,7 +58,7 @@ def fuse_prior(
     """
     estimate = prior.predict(seen.views)
     if estimate is None:
-        return thing, StageReport("prior", "skipped", "There is no geometry prior.")
+        return thing, StageReport("prior", "skipped", NO_PRIOR)
     try:
         evidence, posterior = agreed(estimate, seen, thing.mesh)
         if not (posterior.field.values > 0).any():

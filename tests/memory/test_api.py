@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import gvla2.memory
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.memory import KnowledgeBank, Lesson, MemoryEpisode, MemoryTask, Verdict
 
 WAY = "$ sort -o names.txt names.txt"
@@ -70,3 +70,8 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
         with pytest.raises(TypeError, match="with its Verdict"):
             bank.learn(episode)  # type: ignore[call-overload]
         assert bank.learn(episode, Verdict.from_criteria({"done": 1.0})).added
+        for odd in (None, 5, [None]):
+            with pytest.raises(Gvla2Error, match="A lesson is a sentence or a Lesson, not"):
+                bank.admit(odd)  # type: ignore[arg-type]
+            with pytest.raises(Gvla2Error, match="A task is a sentence or a MemoryTask, not"):
+                bank.recall(odd)  # type: ignore[arg-type]

@@ -87,6 +87,15 @@ def test_a_single_view_is_believed(views):
     one = Views(views.views[:1])
     found = gather(estimate(one), ViewSet(one))
     assert error(found.depth, one) < 0.5
+    assert found.told == "1 of 1 views used, how right its depth is cannot be told from one."
+
+
+def test_depth_in_another_unit_is_told(views):
+    given = estimate(views)
+    told = gather(replace(given, depth=given.depth * 1000), ViewSet(views)).told
+    assert "is it in metres?" in told
+    assert 0.0009 < float(told.split("times ")[1].split(":")[0]) < 0.0011
+    assert "in metres" not in gather(given, ViewSet(views)).told
 
 
 def test_a_patch_that_looks_through_what_others_see_is_left_out(views):

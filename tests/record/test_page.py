@@ -172,6 +172,13 @@ def test_memory_that_degraded_or_abstained_says_so(episode: Callable[..., Episod
     )
 
 
+@pytest.mark.parametrize("memory", ["governed", "none"])
+def test_memory_learns_where_there_is_one(episode: Callable[..., EpisodeRecord], memory: str) -> None:
+    record = episode()
+    page = read(replace(record, choices={**record.choices, "memory": memory}))
+    assert ("Memory learns from it." in page.text) is (memory == "governed")
+
+
 def test_an_oracle_run_is_marked(episode: Callable[..., EpisodeRecord]) -> None:
     record = episode()
     assert record.scene is not None

@@ -1,7 +1,8 @@
 """Many successes as one text that keeps their numbers and says when each applied.
 
-By rule: texts that are equal except for their numbers become one line, each number with the tasks it was right for, or
-the range of many. The wordings are kept with the summary, so that it can grow one success at a time.
+By rule: texts that are equal except for their numbers become one line, each number with the tasks it was right for. No
+number is left out: what does not fit stays a record of its own. The wordings are kept with the summary, so that it can
+grow one success at a time.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from textwrap import shorten
 
 from gvla2.memory.curation.evidence import MAX_SOURCES, phrasings, support
 from gvla2.memory.curation.trust import least
@@ -18,11 +20,10 @@ from gvla2.memory.records import Record, dedup_key, dump, load_object, record_id
 
 LINES = 6
 """Most wordings in a summary."""
-LENGTH, LONGEST = 1600, 600
-"""Most characters of a summary by rule, and of a text in it: longer ones stay apart."""
-_SHOWN, _KEPT = 3, 12
-"""Most values of one number shown each with its task, and kept with theirs; beyond, their range is shown."""
-_TASK = 60
+LENGTH = 500
+"""Most characters of a summary, and of a text in it: longer ones stay apart. A recall shows that many of a record."""
+_TASKS, _TASK = 3, 60
+"""Most tasks that are kept with a number, and most characters of each."""
 _NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*")
 _GAP = "\x00"
 
@@ -48,9 +49,7 @@ class Wording:
         for mine, theirs in zip(self.gaps, other.gaps, strict=False):
             for value, tasks in theirs.items():
                 known = mine.setdefault(value, [])
-                known += [task for task in tasks if task not in known][: max(0, _SHOWN - len(known))]
-            while len(mine) > _KEPT:  # the extremes stay: they are the range
-                del mine[sorted(mine, key=_size)[len(mine) // 2]]
+                known += [task for task in tasks if task not in known][: max(0, _TASKS - len(known))]
 
     def told(self) -> str:
         """The text with its numbers filled in."""
@@ -59,13 +58,13 @@ class Wording:
 
 
 def _filled(gap: Mapping[str, Sequence[str]]) -> str:
-    values = sorted(gap, key=_size)
-    if len(values) == 1:
-        return values[0]
-    if len(values) <= _SHOWN:
-        return " or ".join(f"{v} ({'; '.join(gap[v]) or 'once'})" for v in values)
-    first, last = (next(iter(gap[value]), "") for value in (values[0], values[-1]))
-    return f"{values[0]} to {values[-1]}" + (f" ({first} ... {last})" if first != last else "")
+    """All values of a number; those that were right for the same tasks stand together."""
+    if len(gap) == 1:
+        return next(iter(gap))
+    said: dict[str, list[str]] = {}
+    for value in sorted(gap, key=_size):
+        said.setdefault("; ".join(gap[value]) or "once", []).append(value)
+    return " or ".join(f"{', '.join(values)} ({tasks})" for tasks, values in said.items())
 
 
 def _size(value: str) -> tuple[float, str]:
@@ -80,7 +79,7 @@ def wordings_of(record: Record) -> list[Wording]:
     if record.state == "summary" and (kept := load_object(record.provenance).get("told")):
         return [Wording(**one) for one in kept]
     content = " ".join(record.content.split())
-    tasks = [line[:_TASK] for line in record.query.split("\n")[:1] if line]
+    tasks = [shorten(line, _TASK, placeholder=" …") for line in record.query.split("\n")[:1] if line]
     gaps = [{value: list(tasks)} for value in _NUMBER.findall(content)]
     return [Wording(_NUMBER.sub(_GAP, content), record.count, gaps)]
 
@@ -109,30 +108,49 @@ def tasks_of(group: Iterable[Record]) -> list[str]:
     return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
 
 
-def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
-    """The summary of a group of records, which may include an older summary; of version 0 if it is new.
+def shown_together(group: Sequence[Record]) -> list[Record]:
+    """The first of a group, and those of the others with which a summary by rule shows each of their numbers."""
+    shown = list(group[:1])
+    for record in group[1:]:
+        told = [one.told() for one in _merged([*shown, record]) if one.gaps]
+        if len(told) <= LINES and len(" / ".join(told)) <= LENGTH:
+            shown.append(record)
+    return shown
 
-    ``text`` is a given wording, "" to write by rule. It is trusted no more than the least trusted of the group.
-    """
-    old = next((record for record in group if record.state == "summary"), None)
-    best = old or max(group, key=lambda r: (support(r), r.count, r.id))
+
+def _merged(group: Iterable[Record]) -> list[Wording]:
+    """The wordings of a group, each once: those with numbers first, then by how many episodes said them."""
     told: dict[str, Wording] = {}
-    query, sources = "", list[str]()
-    for record in [best, *(r for r in group if r is not best)]:
+    for record in group:
         for wording in wordings_of(record):
             if (known := told.setdefault(wording.key, wording)) is not wording:
                 known.take_in(wording)
+    return sorted(told.values(), key=lambda wording: (not wording.gaps, -wording.count))
+
+
+def summary_of(group: Sequence[Record], now: float, text: str = "", about: str = "") -> Record:
+    """The summary of a group of records, which may include an older summary; of version 0 if it is new.
+
+    ``text`` is a given wording, "" to write by rule; ``about`` tells it from another of the same words. It is trusted
+    no more than the least trusted of the group.
+    """
+    old = next((record for record in group if record.state == "summary"), None)
+    best = old or max(group, key=lambda r: (support(r), r.count, r.id))
+    ordered = [best, *(r for r in group if r is not best)]
+    query, sources = "", list[str]()
+    for record in ordered:
         query = phrasings(query, record.query) if query else record.query
         sources += [source for source in record.sources() if source not in sources]
-    most = sorted(told.values(), key=lambda wording: -wording.count)[:LINES]
+    most = _merged(ordered)[:LINES]
     count = sum(record.count for record in group)
     quality = sum(record.quality * record.count for record in group) / count
-    key = old.dedup_key if old else dedup_key(best.type, f"summary of {most[0].key}", best.skill, None)
+    name = max(most, key=lambda wording: wording.count).key + about
+    key = old.dedup_key if old else dedup_key(best.type, f"summary of {name}", best.skill, None)
     made_by, kept = {"governance": "summary"}, [vars(one) for one in most]
     provenance = {"made_by": made_by, "sources": sources[-MAX_SOURCES:], "told": kept}
     return replace(
         best,
-        id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],
+        id=old.id if old else record_id("summary", best.bank, key),
         state="summary",
         query=query,
         content=text or _rendered(most, count),

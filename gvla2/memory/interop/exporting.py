@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +32,9 @@ def export_path(store: Store, bank: str, path: Path, *, states: Sequence[str] | 
     with store.reading(bank) as view:
         everything, links = view.records(), view.links()
     shown = [record for record in everything if states is None or record.state in states]
-    targets: dict[tuple[str, str], list[str]] = {}
+    targets: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for link in links:
-        targets.setdefault((link.source, link.kind), []).append(link.target)
+        targets[link.source][link.kind].append(link.target)
     try:
         if path.exists() or path.is_symlink():
             raise OutputError(
@@ -45,7 +46,7 @@ def export_path(store: Store, bank: str, path: Path, *, states: Sequence[str] | 
             fresh.mkdir()
             for state in STATES:
                 rows = [
-                    write_record(r, *(targets.get((r.id, kind), []) for kind in ("replaces", "conflict")))
+                    write_record(r, targets[r.id])
                     for r in sorted(shown, key=lambda r: (r.created, r.id))
                     if r.state == state
                 ]

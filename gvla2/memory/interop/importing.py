@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -82,15 +82,16 @@ def import_path(
             record = entry.record
             there = stored.get(record.dedup_key)
             ids.setdefault(entry.key, record.id if there is None else there.id)
-            if there is None and record.id not in new:
-                judged = record.outcome in ("verified_success", "verified_fail")
-                tx.put(record, action="import", origin=str(origin) if judged else "")
-                new[record.id] = entry
-        for id, entry in new.items():
-            for kind, targets in (("replaces", entry.supersedes), ("conflict", entry.conflicts)):
-                for target in targets:
-                    if ids.get(target, id) != id:
-                        tx.link(id, kind, ids[target], why="imported")
+            if there is None:
+                new.setdefault(record.id, entry)
+        for entry in new.values():  # a note names records by their ids here
+            note = " ".join(ids.get(word, word) for word in entry.record.note.split(" "))
+            judged = entry.record.outcome in ("verified_success", "verified_fail")
+            tx.put(replace(entry.record, note=note), action="import", origin=str(origin) if judged else "")
+        ties = [
+            (id, kind, ids.get(one, id)) for id in new for kind, told in new[id].links.items() for one in told
+        ]
+        tx.link_many({tie: "imported" for tie in ties if tie[0] != tie[2] and tie[1]})
     held = sum(entry.record.state == "provisional" for entry in new.values())
     return Imported(tuple(new), len(entries) - len(new), held, tuple(remarks))
 

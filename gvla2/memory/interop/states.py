@@ -14,6 +14,7 @@ from typing import Any
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import TYPES, LifecycleState, Outcome, RecordType
+from gvla2.memory.curation.summaries import summary_of
 from gvla2.memory.curation.trust import LEVELS, Origin, believed, trust_of
 from gvla2.memory.injection_patterns import screen
 from gvla2.memory.records import Record, clean, dedup_key, dump, finite, load_object, record_id
@@ -26,6 +27,8 @@ _TEXTS = (
     "memory_id", "content", "query", "task_id", "state", "memory_type", "verifier_label", "verifier_model"
 )  # fmt: skip
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
+_LINKS = {"replaces": "supersedes", "conflict": "conflicts_with"}
+"""The released code's fields for kinds of links; the others are under ``gvla2``."""
 _SPELT: Mapping[Outcome, str] = {
     "verified_success": "success succeeded verified_success pass passed true",
     "verified_fail": "fail failed failure verified_fail verified_failure false",
@@ -44,12 +47,13 @@ class LineError(Gvla2Error):
 
 @dataclass(frozen=True)
 class ReadRecord:
-    """A parsed line: a record, its ``key`` in its source, keys of others, and ``notes`` on interpretations."""
+    """A parsed line: a record, its ``key`` in its source, the keys it has ``links`` to by the link's kind, and
+    ``notes`` on interpretations.
+    """
 
     key: str
     record: Record
-    supersedes: tuple[str, ...]
-    conflicts: tuple[str, ...]
+    links: Mapping[str, Sequence[str]]
     notes: tuple[str, ...]
 
 
@@ -76,7 +80,8 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     """The record of a line for ``bank``; raises :class:`LineError` when it has no id or content.
 
     The ``file``'s name gives the state, else the line's own field; but a record not believed by its ``origin`` is
-    provisional, whatever the line says.
+    provisional, whatever the line says. Of links under ``gvla2`` a foreign one has those that forgetting follows, and
+    only our own has a note, sources, and a summary's wordings and key.
     """
     told, notes = {name: _text(fields, name) for name in _TEXTS}, list[str]()
     for name in ("memory_id", "content"):
@@ -90,11 +95,11 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     status = "" if said is None else str(said)
     outcome = _OUTCOMES.get(status.strip().casefold(), "uncertain")
     if status.strip().casefold() not in {"", *_OUTCOMES}:
-        notes.append(f"its status '{status[:40]}' is not known")
+        notes.append(f"its status '{status[:40]}' is not known, it was read as {outcome}")
     called = told["memory_type"]
     kind: RecordType = next((known for known in TYPES if known == called), "procedural_hint")
     if called not in ("", kind):
-        notes.append(f"its type '{called}' is not known")
+        notes.append(f"its type '{called}' is not known, it was read as {kind}")
     if outcome == "verified_fail" and kind == "procedural_hint":
         kind = "failure_avoidance"  # a recipe from a failure is a thing to avoid
     key_there, content, query = told["memory_id"][:1000], told["content"], told["query"]
@@ -102,22 +107,29 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     quality = _QUALITIES.get(outcome, 0.5) if quality is None else quality
     confidence = number(fields.get("confidence"), 0.0, 1.0)
     ours = _mapping(fields, "gvla2")
+    outcome = "unavailable" if (outcome, ours.get("outcome")) == ("uncertain", "unavailable") else outcome
     effect, skill = _mapping(ours, "effect"), clean(str(ours.get("skill") or ""), 64)
-    key = dedup_key(kind, content, skill, effect)
+    key, summed = (
+        dedup_key(kind, content, skill, effect),
+        clean(str(ours.get("summary_key", "")), 64),
+    )
+    key = (origin.own and summed) or key
     screened = screen(f"{query}\n{content}")
     trust = trust_of([origin], screened=bool(screened))
     if origin.own and ours.get("trust") in LEVELS:
         trust = min(trust, ours["trust"], key=LEVELS.index)
-    note = ""
+    note = clean(str(ours.get("note", "")), 1000) if origin.own else ""
     if not believed(trust) and state != "archive":
         state, note = "provisional", screened or "it was imported, and is not yet confirmed here"
     created, used = _when(fields.get("created_at")), min(_when(fields.get("last_used_at")) or 0.0, now)
     created = now if created is None else min(created, now)
     usage = count(fields.get("use_count"))
     criteria, task = _numbers(_mapping(fields, "verifier_criteria")), told["task_id"][:200]
-    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": key_there}
+    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else []}
+    if origin.own:
+        provenance |= _mapping(ours, "provenance")
     record = Record(
-        id=record_id(kind, bank, key),
+        id=record_id("summary" if key == summed else kind, bank, key),
         bank=bank,
         query=query,
         content=content,
@@ -137,16 +149,23 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         signature=dump(_numbers(_mapping(ours, "signature"))),
         skill=skill,
         effect=dump(dict(effect)) if effect else "",
-        provenance=dump(provenance),
+        provenance=dump({**provenance, "key": key_there}),
         note=note,
         trust=trust,
     )
-    supersedes, conflicts = (_names(fields.get(name)) for name in ("supersedes", "conflicts_with"))
-    return ReadRecord(key_there, record, supersedes, conflicts, tuple(notes))
+    if state == "summary":
+        try:
+            summary_of([record], now)
+        except (TypeError, AttributeError) as error:
+            raise LineError(f"the wordings of the summary are damaged: {error}") from error
+    links = {clean(kind, 64): _names(told) for kind, told in _mapping(ours, "links").items()}
+    links = {kind: told for kind, told in links.items() if origin.own or kind in ("merged", "summary_of")}
+    links |= {kind: _names(fields.get(name)) for kind, name in _LINKS.items()}
+    return ReadRecord(key_there, record, links, tuple(notes))
 
 
-def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[str]) -> dict[str, Any]:
-    """The fields of a line."""
+def write_record(record: Record, links: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """The fields of a line; ``links`` are the ids that the record has links to, by kind."""
     judged = record.outcome in ("verified_success", "verified_fail", "uncertain")
     verifier = record.verifier_json()
     return {
@@ -163,8 +182,7 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
         "last_used_at": _date(record.used) if record.usage and record.used else None,
         "use_count": record.usage,
         "dedup_key": f"{record.type}:{record.id}",
-        "supersedes": list(replaces),
-        "conflicts_with": list(conflicts),
+        **{name: list(links.get(kind, ())) for kind, name in _LINKS.items()},
         "embedding": None,
         "verifier_score": record.quality if judged else None,
         "verifier_confidence": record.confidence if judged else None,
@@ -175,7 +193,10 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
             "skill": record.skill,
             "effect": record.effect_json(),
             "signature": record.signature_json(),
-            **{name: getattr(record, name) for name in ("count", "recalled", "trust")},
+            "provenance": record.provenance_json(),
+            "summary_key": record.dedup_key if record.id.startswith("summary-") else "",
+            "links": {kind: list(told) for kind, told in links.items() if kind not in _LINKS},
+            **{name: getattr(record, name) for name in ("count", "recalled", "trust", "outcome", "note")},
         },
     }
 

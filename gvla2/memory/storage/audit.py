@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import delete, insert
+from sqlalchemy import delete, insert, select
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Embedder
@@ -73,6 +73,10 @@ def _chain(view: BankView, folding: Folding) -> Iterator[Problem]:
     forgotten: dict[str, int] = {}
     for event in view.events():
         where = str(event.seq)
+        if event.damage:
+            yield Problem("event", where, event.damage)
+            prev, seq = event.hash, seq + 1
+            continue
         if event.seq != seq + 1:
             yield Problem("chain", where, f"events {seq + 1} to {event.seq - 1} are missing")
         elif event.prev != prev:
@@ -150,13 +154,14 @@ def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) 
         id, model, dimension, stored, state = tuple[Any, ...](row)
         vector = vector_of(dimension, stored)
         if state in (None, FORGOTTEN):
-            yield Problem("vector", id, "it belongs to no record")
+            yield Problem("vector", str(id), "it belongs to no record")
         elif vector is None:
             yield Problem("vector", id, "damaged: not finite, or of the wrong length")
         elif embedder and model == embedder.model and id in texts:
             held.append((id, vector))
     made = embedder.embed([texts[id] for id, _ in held]) if embedder and held else ()
     for (id, vector), own in zip(held, made, strict=True):
+        vector = vector.astype(float)  # of damaged ones the square may not fit into 32 bits
         length = np.linalg.norm(vector) * np.linalg.norm(own)
         if own.any() and not (vector.shape == own.shape and float(vector @ own) >= _OWN * length > 0):
             yield Problem("vector", id, "it does not match the record's text")
@@ -169,7 +174,7 @@ def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
         try:
             StoredEpisode.from_json(row.source, row.at, row.data)
             if digest != episode_digest(row.at, row.data):
-                yield Problem("episode", row.source, "it is not what was stored")
+                yield Problem("episode", str(row.source), "it is not what was stored")
         except ValueError as error:
             yield Problem("episode", str(row.source), f"damaged: {error}")
     for source in sorted(due):
@@ -196,6 +201,9 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str],
     due = {record.id: record for record in folding.whole()}
     wrong = {problem.id for problem in problems if problem.where in ("record", "vector")}
     # All rows are deleted first, since any of them may hold the dedup key of another, or of a tombstone.
+    if any(not row.id or type(row.id) is not str for row in t.rows()):  # no record can have such an id
+        t.sql.execute(delete(RECORD).where(RECORD.c.bank == t.bank))
+        wrong |= due.keys()
     t.delete(RECORD, "id", wrong & due.keys())
     t.delete(VECTOR, "id", wrong)
     forgotten = t.forget(*sorted(wrong - due.keys()), why=_WHY)
@@ -210,5 +218,7 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str],
     t.delete(RECORD, "id", [one.id for one in again])
     if again:
         t.sql.execute(insert(RECORD), [as_json(one) for one in again])
+    orphaned = VECTOR.c.id.notin_(select(RECORD.c.id).where(RECORD.c.bank == t.bank))
+    t.sql.execute(delete(VECTOR).where(VECTOR.c.bank == t.bank, orphaned))
     t.tell(t.event("repair", one.id, "", _WHY, change=dump({})) for one in again)
     return [one.id for one in again], forgotten

@@ -24,7 +24,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from gvla2.memory.contracts import MemoryTask, Verdict
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, clean, dump, load_object
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, clean, damage_of, dump, load_object
 
 GENESIS = ""
 """``prev`` of a bank's first event."""
@@ -71,6 +71,13 @@ class Event:
         return self.bank, self.seq, self.rev, self.at, self.actor, self.action, self.record, self.target
 
     @property
+    def damage(self) -> str:
+        """What is wrong with the stored row, "" if nothing: names of columns that have a wrong type."""
+        kinds = zip(EVENT_COLUMNS, _TYPES, strict=True)
+        wrong = [name for name, kind in kinds if type(getattr(self, name)) is not kind]
+        return f"damaged: {', '.join(wrong)} of a wrong type" if wrong else ""
+
+    @property
     def erased(self) -> bool:
         """Whether the payload was forgotten."""
         return not self.salt
@@ -81,6 +88,7 @@ class Event:
 
 
 EVENT_COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(Event))
+_TYPES = [{"float": float, "int": int, "bytes": bytes}.get(str(one.type), str) for one in fields(Event)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +140,14 @@ class Folding:
         return tuple(Link(*key, at) for key, at in sorted(self.ties.items()))
 
     def whole(self) -> list[Record]:
-        """The records, including tombstones, by id."""
-        return [Record(**row) for _, row in sorted(self.rows.items()) if set(row) == set(COLUMNS)]
+        """The sound records, including tombstones, by id."""
+        return [Record(**row) for _, row in sorted(self.rows.items()) if not _damaged(row)]
 
     def apply(self, event: Event) -> str:
         """Apply the next event; returns what does not fit, "" if nothing."""
+        if event.damage:
+            self._blurred.add(event.record)
+            return event.damage
         verb, _, kind = event.action.partition(":")
         if verb == "link":
             key = (event.record, kind, event.target)
@@ -170,7 +181,9 @@ class Folding:
                 row["rev"] = rev
 
     def _change(self, event: Event, change: dict[str, Any]) -> str:
-        if isinstance(change.get("id"), str):
+        if "id" in change:
+            if wrong := _damaged(change):
+                return wrong
             self.rows[event.record] = change
             self._blurred.discard(event.record)
             return ""
@@ -181,12 +194,19 @@ class Folding:
         for name, pair in change.items():
             if name not in row or not isinstance(pair, list) or len(pair) != 2:
                 return "it lacks the old or the new value"
+            if type(pair[1]) is not type(row[name]):
+                return f"its {name} is of a wrong type"
             if row[name] != pair[0] and not blurred:
                 wrong = f"{name} did not have the old value that it gives"
             row[name] = pair[1]
         row["version"] += 1
         row["rev"] = event.rev
         return wrong
+
+
+def _damaged(row: Mapping[str, Any]) -> str:
+    """What is wrong with a rebuilt record, "" if nothing."""
+    return damage_of(tuple(row[name] for name in COLUMNS)) if set(row) == set(COLUMNS) else "it lacks columns"
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class Store(Closing):
     def banks(self) -> list[str]:
         """Names of the banks ever written to."""
         with self._database.reading() as connection:
-            return sorted(connection.execute(select(BANK.c.bank)).scalars())
+            return sorted(map(str, connection.execute(select(BANK.c.bank)).scalars()))
 
     def stats(self, bank: str) -> dict[str, Any]:
         """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""

@@ -16,8 +16,16 @@ PENDING = "scrub"
 """Key of ``memory_meta`` while bytes of something forgotten may be left in the files: a random token."""
 METADATA = MetaData()
 
+
+class _Bytes(LargeBinary):
+    """Bytes as they are stored: SQLAlchemy's own fail at a damaged row that holds something else."""
+
+    def result_processor(self, dialect: Any, coltype: Any) -> None:
+        """None: the driver's own value."""
+
+
 _FLOAT = Float(53)
-_NUMBERED = {"seq": BigInteger, "rev": BigInteger, "at": _FLOAT, "salt": LargeBinary}
+_NUMBERED = {"seq": BigInteger, "rev": BigInteger, "at": _FLOAT, "salt": _Bytes}
 
 
 def _column(name: str, kind: Any = Text, *, key: bool = False) -> Column[Any]:
@@ -53,7 +61,7 @@ VECTOR = Table(
     *(_column(name, key=True) for name in ("bank", "id")),
     _column("model"),
     _column("dimension", BigInteger),
-    _column("vector", LargeBinary),
+    _column("vector", _Bytes),
 )
 """The embedding of a record's text, float32 little-endian: derived data, outside the chain of events."""
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import Connection, Row, Select, func, or_, select
 
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
 from gvla2.memory.storage.events import Event, Folding, Link, StoredEpisode
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
@@ -49,8 +50,15 @@ class BankView:
 
     @cached_property
     def head(self) -> Row[Any] | None:
-        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the chain was not truncated."""
-        return self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
+        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the chain was not truncated.
+
+        Raises :class:`MemoryStoreError` for a damaged one: nothing can be added to a chain without its end.
+        """
+        row = self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
+        if row is not None and tuple(map(type, row)) != (str, int, int, str, float):
+            due = "Restore the database from a copy, or export the bank and import it into a new one"
+            raise MemoryStoreError(f"The row of the bank '{self.bank}' itself is damaged. {due}.")
+        return row
 
     @property
     def rev(self) -> int:
@@ -120,7 +128,7 @@ class BankView:
         query = self._of(LINK, LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at)
         ends = (LINK.c.source, LINK.c.target) if ids is not None else (LINK.c.source,)
         found = {tuple(row) for end in ends for row in self._named(query, end, ids)}
-        return [Link(*row) for row in sorted(found)]
+        return [Link(*row) for row in sorted(row for row in found if set(map(type, row[:3])) == {str})]
 
     # Events and episodes ------------------------------------------------------------------------------------------
 
@@ -135,7 +143,8 @@ class BankView:
         """The events about one record (or one episode's source), oldest first."""
         names = self._of(EPISODE, EPISODE.c.name).where(EPISODE.c.source == id)
         query = self._of(EVENT).where(or_(EVENT.c.record == id, EVENT.c.record.in_(names)))
-        return [Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq))]
+        found = (Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq)))
+        return [event for event in found if not event.damage]
 
     def rebuilt(self, until: float = math.inf) -> Folding:
         """Records and links rebuilt from the events, as of a time (seconds since the epoch), without anything forgotten
@@ -156,7 +165,7 @@ class BankView:
         query = self._of(EVENT, EVENT.c.record, EVENT.c.origin).where(EVENT.c.origin != "")
         found: dict[str, list[str]] = {}
         for row in self._named(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
-            found.setdefault(row.record, []).append(row.origin)
+            found.setdefault(row.record, []).append(str(row.origin))
         return found
 
     def episodes(self, sources: Wanted = None) -> list[StoredEpisode]:
@@ -177,7 +186,7 @@ class BankView:
         states = self._of(RECORD, RECORD.c.state, count).group_by(RECORD.c.state)
         types = self._of(RECORD, RECORD.c.type, count).where(known).group_by(RECORD.c.type)
         grouped = {
-            name: {str(key): int(n) for key, n in sorted(self.sql.execute(query).all())}
+            name: dict(sorted((str(key), int(n)) for key, n in self.sql.execute(query)))
             for name, query in (("states", states), ("types", types))
         }
         tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
@@ -216,7 +225,7 @@ def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:
 
 def parts(values: Iterable[Any]) -> Iterator[list[Any]]:
     """Distinct values in order, in batches as large as one statement allows."""
-    ordered = sorted(set(values))
+    ordered = sorted(set(values), key=str)
     return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
 

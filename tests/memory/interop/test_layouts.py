@@ -53,7 +53,7 @@ def test_a_record_of_the_states_layout_is_understood():
     assert (record.type, record.outcome, record.state) == ("tool_usage", "verified_success", "archive")
     assert (record.confidence, record.quality, record.usage) == (0.62, 0.81, 3)
     assert record.created == 1777629600.0
-    assert entry.conflicts == ("other",)
+    assert entry.links["conflict"] == ("other",)
     assert record.verifier_json()["criteria"] == {"root cause": 0.9}
 
 

@@ -271,3 +271,66 @@ def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path):
     assert "refused: Cannot write" in done.stdout, done.stderr
     assert not target.exists()
     assert left_aside(tmp_path) == []
+
+
+HOSTS = (("alpha", 8080), ("beta", 9090), ("gamma", 7070), ("delta", 6060))
+
+
+def served(bank: KnowledgeBank) -> set[tuple[object, ...]]:
+    return {(r.content, r.state, r.count, r.outcome, r.trust, r.sources()) for r in bank.records()}
+
+
+@pytest.mark.parametrize("trusted", [True, False])
+def test_forgetting_after_a_restore_is_as_complete_as_before(tmp_path: Path, trusted: bool):
+    """A summary that includes what is forgotten goes too, and its other members come back."""
+    with KnowledgeBank(tmp_path / "old.db") as old:
+        for host, port in HOSTS:
+            told = f"$ systemctl restart svc@{host}\n$ curl {host}:{port}/health"
+            old.learn(f"restart the service on host {host}", told, success=True, source=f"run/{host}")
+        for said in ("Always open the drawer slowly.", "Never open the drawer slowly."):
+            old.admit(said, trusted=True)
+        export_path(old.store, "default", tmp_path / "out")
+        before, links = served(old), {link.kind for link in look(old.store, "default").links()}
+        assert links == {"summary_of", "suspicion"}
+        member = next(r for r in old.records(["archive"]) if "beta" in r.content)
+        old.forget(member.id)
+        after = served(old)
+    file = tmp_path / "new.db"
+    with KnowledgeBank(file, bank="restored") as new:
+        import_path(new.store, "restored", tmp_path / "out", trusted=trusted)
+        if trusted:
+            assert served(new) == before
+            assert {link.kind for link in look(new.store, "restored").links()} == links
+        for record in new.records(["archive"]):
+            if "beta" in record.content:
+                assert new.forget(record.id)
+        assert new.verify() == []
+        assert not [r for r in new.records() if "beta" in r.text or "9090" in r.text]
+        assert "9090" not in new.recall("restart the service on host beta").text
+        if trusted:
+            assert served(new) == after
+    assert not [word for word in (b"beta", b"9090") if word in file.read_bytes()]
+
+
+def test_a_restored_summary_grows_as_before(tmp_path: Path):
+    def learn(bank: KnowledgeBank, host: str, port: int) -> None:
+        bank.learn(f"check the host {host}", f"$ probe --port {port}", success=True, source=f"run/{host}")
+
+    with KnowledgeBank(tmp_path / "old.db") as old, KnowledgeBank(tmp_path / "new.db") as new:
+        for host, port in HOSTS[:3]:
+            learn(old, host, port)
+        export_path(old.store, "default", tmp_path / "out")
+        import_path(new.store, "default", tmp_path / "out", trusted=True)
+        assert [r.id for r in new.records()] == [r.id for r in old.records()]
+        for bank in (old, new):
+            learn(bank, *HOSTS[3])
+        assert {r.content for r in new.records(["summary"])} == {r.content for r in old.records(["summary"])}
+        assert "6060" in new.records(["summary"])[0].content
+
+
+def test_a_summary_with_damaged_wordings_is_named(store: Store, tmp_path: Path):
+    row = state_row("a", gvla2={"provenance": {"told": [{"text": 3, "count": 1, "gaps": []}]}})
+    rows = [row | {"state": "summary"}, state_row("b")]
+    done = import_path(store, "b", write(tmp_path / "bank.jsonl", rows), trusted=True, now=NOW)
+    assert [(r.line, "damaged" in r.why) for r in done.broken] == [(1, True)]
+    assert len(done.added) == 1

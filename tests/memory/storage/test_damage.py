@@ -1,0 +1,69 @@
+"""Whatever bytes a damaged file holds: verify and repair say what is wrong, and the rest goes on."""
+
+import random
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+
+import pytest
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.storage.audit import Problem, repair
+from gvla2.memory.storage.tables import TABLES
+
+ODD = (b"\xff\xfe", b"", "", "much", "'", "[]", "{}", '{"id":1}', "NaN", -1, 2**62, 1e308, float("inf"))
+"""Values that a damaged cell may hold."""
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The file of a bank with records, a summary, links and episodes."""
+    path = tmp_path_factory.mktemp("bank") / "m.db"
+    with KnowledgeBank(path) as bank:
+        for i, number in enumerate((15, 12, 20, 30)):
+            bank.learn(f"lift thing {i}", f"$ lift --cm {number}", success=True, source=f"run/{i}")
+        for text in ("Always open the drawer slowly.", "Never open the drawer slowly.", "Städte sortieren."):
+            bank.admit(text, trusted=True)
+        assert bank.verify() == []
+        assert bank.stats()["links"] > 3
+    return path.read_bytes()
+
+
+def looked_at(path: Path) -> Iterator[list[Problem]]:
+    """The problems before and after a repair; none where our own error says what is wrong."""
+    with suppress(MemoryStoreError), KnowledgeBank(path) as bank:
+        yield bank.verify()
+        with bank.store.writing("default", actor="test", now=2e9) as tx:
+            repair(tx, bank.embedder)
+        yield bank.verify()
+
+
+@pytest.mark.parametrize("seed", range(36))
+def test_flipped_bytes(sound: bytes, tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    damaged = bytearray(sound)
+    for _ in range(rng.choice((1, 3, 20, 200))):
+        damaged[rng.randrange(4096, len(damaged))] ^= rng.randrange(1, 256)  # behind the table of tables
+    (tmp_path / "m.db").write_bytes(damaged)
+    for problems in looked_at(tmp_path / "m.db"):
+        assert all(str(problem) for problem in problems)
+
+
+@pytest.mark.parametrize("table", [table for table in TABLES if table.name != "memory_meta"], ids=str)
+def test_cells_that_hold_anything(sound: bytes, tmp_path: Path, table) -> None:
+    for column in [column.name for column in table.columns]:
+        for value in ODD:
+            path = tmp_path / "m.db"
+            for beside in tmp_path.glob("m.db*"):
+                beside.unlink()
+            path.write_bytes(sound)
+            with closing(sqlite3.connect(path)) as raw, raw:
+                row, before = raw.execute(f"SELECT rowid, {column} FROM {table.name} LIMIT 1").fetchone()
+                raw.execute(f"UPDATE {table.name} SET {column} = ? WHERE rowid = ?", (value, row))
+            found = list(looked_at(path))
+            if found and value != before and table.name == "memory_event":
+                assert {problem.where for problem in found[0]} & {"chain", "event"}, (column, value)
+            if len(found) == 2 and table.name in ("memory", "memory_link"):
+                assert found[1] == [], (column, value)
