@@ -97,8 +97,7 @@ class Learning:
         else:
             self._verified(candidate, fresh, known)
 
-    # Lessons that are not believed
-    # -----------------------------------------------------------------------------------------
+    # Lessons that are not believed --------------------------------------------------------------------------------
 
     def _unverified(self, candidate: Weighed, fresh: Record, known: Record | None, origin: str = "") -> None:
         if known is None:
@@ -138,8 +137,7 @@ class Learning:
             self._ledger.put(again, "REPEATED", why)
         self.touched.append(known.id)
 
-    # Lessons that are
-    # ------------------------------------------------------------------------------------------------------
+    # Lessons that are ---------------------------------------------------------------------------------------------
 
     def _verified(self, candidate: Weighed, fresh: Record, known: Record | None) -> None:
         options = self._options

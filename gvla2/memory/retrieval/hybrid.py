@@ -56,10 +56,8 @@ class HybridRetriever:
             return (), self._nothing_about(candidates, allowed, lexical, cosine)
         fitting = about & self._fitting(task, candidates)
         if not fitting.any():
-            return (
-                (),
-                f"{np.count_nonzero(about)} records are about this, all of them from a different geometry.",
-            )
+            why = "records are about this, all of them from a different geometry"
+            return (), f"{np.count_nonzero(about)} {why}."
 
         rows = np.flatnonzero(fitting)
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
@@ -142,8 +140,7 @@ class HybridRetriever:
             f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has cosine "
             f"{cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is required, or {options.min_words:.0%} of "
-            f"the "
-            "words)."
+            "the words)."
         )
 
 
