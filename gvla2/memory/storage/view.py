@@ -50,10 +50,7 @@ class BankView:
 
     @cached_property
     def head(self) -> Row[Any] | None:
-        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the chain was not truncated.
-
-        Raises :class:`MemoryStoreError` for a damaged one.
-        """
+        """The bank's own row (a damaged one raises). Its rev, seq and hash, kept elsewhere, prove a whole chain."""
         row = self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
         if row is not None and tuple(map(type, row)) != (str, int, int, str, float):
             raise MemoryStoreError(

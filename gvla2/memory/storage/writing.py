@@ -164,10 +164,7 @@ class Writing(BankView):
     # Links, decisions, episodes -----------------------------------------------------------------------------------
 
     def link_many(self, ties: Mapping[tuple[str, str, str], str]) -> list[Link]:
-        """Link records: (source, kind, target), each with the reason. Both ends count as changed (rev).
-
-        Returns the links that are new.
-        """
+        """Link (source, kind, target), each for a reason; the links that are new. Both ends count as changed (rev)."""
         sound = {record.id for record in self.records(ids={end for tie in ties for end in (tie[0], tie[2])})}
         known = {(x.source, x.kind, x.target) for x in self.links({source for source, _, _ in ties})}
         made: dict[tuple[str, str, str], str] = {}
