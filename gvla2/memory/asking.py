@@ -34,29 +34,20 @@ def verdict_of(verifier: Verifier, evidence: Evidence, name: str = "", who: str 
     ``name`` is the verifier's in that verdict; without ``who`` its class is named.
     """
     who = who or f"The verifier '{name or type(verifier).__name__}'"
-
-    def unavailable(reason: str) -> Verdict:
-        return Verdict.unavailable(reason, name)
-
-    return _asked(lambda: verifier.verify(evidence), _wrong_verdict, unavailable, who)
+    asked = (lambda: verifier.verify(evidence)), _wrong_verdict
+    return _asked(*asked, lambda reason: Verdict.unavailable(reason, name), who)
 
 
 def context_of(memory: Memory, task: MemoryTask, who: str) -> MemoryContext:
     """What memory recalls; nothing, ``degraded`` with the reason, if it raises or returns anything else."""
-
-    def degraded(reason: str) -> MemoryContext:
-        return MemoryContext(degraded=reason)
-
-    return _asked(lambda: memory.recall(task), _wrong_type(MemoryContext), degraded, who)
+    asked = (lambda: memory.recall(task)), _wrong_type(MemoryContext)
+    return _asked(*asked, lambda reason: MemoryContext(degraded=reason), who)
 
 
 def learned_of(memory: Memory, episode: MemoryEpisode, verdict: Verdict, who: str) -> Learned:
     """What memory learns; nothing, ``degraded`` with the reason, if it raises or returns anything else."""
-
-    def degraded(reason: str) -> Learned:
-        return Learned(degraded=reason)
-
-    return _asked(lambda: memory.learn(episode, verdict), _wrong_type(Learned), degraded, who)
+    asked = (lambda: memory.learn(episode, verdict)), _wrong_type(Learned)
+    return _asked(*asked, lambda reason: Learned(degraded=reason), who)
 
 
 def _asked(
@@ -88,22 +79,17 @@ def _wrong_verdict(given: object) -> str:
     """
     if not isinstance(given, Verdict):
         return _wrong_type(Verdict)(given)
+    criteria, reasons = given.criteria, given.reasons
+    scores = list(criteria.values()) if isinstance(criteria, Mapping) else [None]
+    texts = isinstance(reasons, tuple | list) and all(isinstance(reason, str) for reason in reasons)
     tests = {
         "outcome": (given.outcome in OUTCOMES, f"one of {', '.join(OUTCOMES)}"),
         "quality": (isinstance(given.quality, Real), "a number"),
         "confidence": (isinstance(given.confidence, Real), "a number"),
-        "criteria": (_numbers(given.criteria), "a mapping from names to numbers"),
-        "reasons": (_texts(given.reasons), "a tuple of texts"),
+        "criteria": (all(isinstance(score, Real) for score in scores), "a mapping from names to numbers"),
+        "reasons": (texts, "a tuple of texts"),
     }
     for name, (fits, wanted) in tests.items():
         if not fits:
             return f"a verdict with {name} {getattr(given, name)!r:.100}, which is not {wanted}"
     return ""
-
-
-def _numbers(values: object) -> bool:
-    return isinstance(values, Mapping) and all(isinstance(value, Real) for value in values.values())
-
-
-def _texts(values: object) -> bool:
-    return isinstance(values, tuple | list) and all(isinstance(value, str) for value in values)

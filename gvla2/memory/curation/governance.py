@@ -12,14 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing, warns
 from gvla2.memory.curation.ledger import BankLedger, deciding
-from gvla2.memory.curation.summaries import (
-    LENGTH,
-    alike_but_for_numbers,
-    shared_terms,
-    shown_together,
-    summary_of,
-    tasks_of,
-)
+from gvla2.memory.curation.summaries import alike_but_for_numbers, fitting, shared_terms, summary_of, tasks_of
 from gvla2.memory.indexing.candidates import SECONDS_PER_DAY, SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
@@ -161,7 +154,7 @@ class Governing:
             found = self._ledger.nearest(self._ledger.vector(record), self._options.rivals)
             rivals = [other for other, _ in found]
         near = [other for other in map(self._ledger.latest, rivals) if other.id != record.id]
-        group = shown_together([record, *(r for r in near if self._summable(r) and self._alike(record, r))])
+        group = fitting([record, *(r for r in near if self._summable(r) and self._alike(record, r))])
         summaries = [r for r in group if r.state == "summary"]
         if len(group) < 2 or not (summaries or len(group) >= self._options.summary_size):
             return
@@ -170,17 +163,15 @@ class Governing:
             return
         self.write(group)
 
-    def write(self, group: Sequence[Record], text: str = "") -> Record:
+    def write(self, group: Sequence[Record], text: str = "") -> None:
         """Replace several records by one summary, by rule unless its ``text`` is given."""
         summary = summary_of(group, self._ledger.now, text)
         known = None if summary.version else self._ledger.get(summary.id)
         if known is not None and known.state == "summary":
             # It has the same words and was not near, or is full.
-            if len(shown_together([known, *group])) > len(group):
-                summary = summary_of([known, *group], self._ledger.now, text)
-            else:
-                about = f" {self._ledger.transaction.rev} {group[0].id}"
-                summary = summary_of(group, self._ledger.now, text, about)
+            full = len(fitting([known, *group])) <= len(group)
+            about = f" {self._ledger.transaction.rev} {group[0].id}" if full else ""
+            summary = summary_of(group if full else [known, *group], self._ledger.now, text, about)
         elif known is not None:  # archived
             summary = replace(summary, version=known.version, created=known.created)
         why = f"{len(group)} records of {len(tasks_of(group))} tasks are alike"
@@ -191,11 +182,9 @@ class Governing:
             if member.id != summary.id:
                 self._archive(member, "SUMMED_UP", why, self.done.summed_up, f"{SUMMED_UP}{summary.id}")
                 self._ledger.link(summary.id, "summary_of", member.id, why)
-        return summary
 
     def _summable(self, record: Record) -> bool:
-        short = record.state == "summary" or len(record.content) <= LENGTH
-        return short and record.outcome == "verified_success" and record.state in SERVED and not record.effect
+        return record.outcome == "verified_success" and record.state in SERVED and not record.effect
 
     def _alike(self, record: Record, other: Record) -> bool:
         """Whether two successes may share a summary; not if they may contradict each other."""

@@ -72,7 +72,11 @@ def decide(
     decided: list[tuple[Pair, Judgement]] = []
     for start in range(0, len(asked), BATCH):
         batch = asked[start : start + BATCH]
-        shown = [_suspects(records[first], records[second]) for first, second in batch]
+        shown = []
+        for one, two in ((records[first], records[second]) for first, second in batch):
+            found = compare(one, two).suspicion
+            sure = 0.5 if found is None else found
+            shown.append(Suspects(one.content, two.content, one.query, two.query, sure))
         for pair, answer in zip(batch, judge.judge(shown), strict=True):
             done.usage.update(answer.usage)
             if answer.contradicts is None:
@@ -83,9 +87,3 @@ def decide(
                 (done.conflicts if answer.contradicts else done.dismissed).append(pair)
                 decided.append((pair, answer))
     return decided
-
-
-def _suspects(first: Record, second: Record) -> Suspects:
-    found = compare(first, second).suspicion
-    sure = 0.5 if found is None else found
-    return Suspects(first.content, second.content, first.query, second.query, sure)

@@ -77,9 +77,10 @@ class Learning:
         if known is None and candidate.trust != "own":
             near = ledger.nearest(candidate.vector, self._options.rivals, ("provisional",))
             known = next((record for record, _ in near if same_lesson(record, fresh)), None)
-        if known is not None and known.state != "archive" and not self._adds(known):
-            why = f"{known.id} gains nothing from it: its source is already counted, or the lesson is ours"
-            self._discard(known.id, why)
+        held = known if known is not None and known.state != "archive" and not self._origin.own else None
+        if held is not None and (held.trust == "own" or not adds(ledger.origins(held.id), self._origin)):
+            why = f"{held.id} gains nothing from it: its source is already counted, or the lesson is ours"
+            self._discard(held.id, why)
             return
         if not verified:
             self._unverified(candidate, fresh, known)
@@ -97,8 +98,7 @@ class Learning:
         else:
             self._verified(candidate, fresh, known)
 
-    # Lessons that are not believed
-    # -----------------------------------------------------------------------------------------
+    # Lessons that are not believed --------------------------------------------------------------------------------
 
     def _unverified(self, candidate: Weighed, fresh: Record, known: Record | None, origin: str = "") -> None:
         if known is None:
@@ -138,8 +138,7 @@ class Learning:
             self._ledger.put(again, "REPEATED", why)
         self.touched.append(known.id)
 
-    # Lessons that are
-    # ------------------------------------------------------------------------------------------------------
+    # Lessons that are ---------------------------------------------------------------------------------------------
 
     def _verified(self, candidate: Weighed, fresh: Record, known: Record | None) -> None:
         options = self._options
@@ -195,11 +194,6 @@ class Learning:
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
         self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, self._word)
         self._tally.merged.append(known.id)
-
-    def _adds(self, known: Record) -> bool:
-        """Whether this episode adds to those that a record rests on."""
-        heard = known.trust == "own" or not adds(self._ledger.origins(known.id), self._origin)
-        return self._origin.own or not heard
 
     def _trust(self, known: Record | None, candidate: Weighed) -> Trust:
         """A text's trust with this episode: by the origins on the chain, whatever a record claims."""

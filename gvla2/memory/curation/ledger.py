@@ -142,12 +142,10 @@ class BankLedger:
         """
         before = self._latest.get(record.id)
         if vector is not None:
-            self._vectors[record.id] = vector
+            self._vectors[record.id] = self._near[record.id] = vector
         elif before is not None and before.text != record.text:
             self._vectors.pop(record.id, None)
-        if vector is not None:
-            self._near[record.id] = vector
-        elif near is not None:
+        if near is not None:
             self._near.setdefault(record.id, near)
         scores = {"quality": record.quality, "confidence": record.confidence}
         self._puts.append(Put(record, action, None, "", why, scores, origin))

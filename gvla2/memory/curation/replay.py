@@ -58,15 +58,11 @@ def _asked(bank: KnowledgeBank, limit: int | None, but: str) -> list[StoredEpiso
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
         contested = view.conflicts({record.id for record in records})
-        least, unsure = bank.options.replay_confidence, list[Record]()
+        least, listed = bank.options.replay_confidence, dict[str, None]()
         for one in sorted(records, key=lambda one: (one.confidence, one.updated, one.id)):
             if one.state == "provisional" or one.id in contested or one.confidence < least:
-                unsure.append(one)
-        # Of each record the latest one first.
-        listed = dict.fromkeys(
-            source for one in unsure for source in reversed(one.sources()) if source != but
-        )
-        sources = list(listed)[: None if limit is None else 8 * limit]
+                listed |= dict.fromkeys(reversed(one.sources()))  # the latest one first
+        sources = [source for source in listed if source != but][: None if limit is None else 8 * limit]
         episodes = {episode.source: episode for episode in view.episodes(sources)}
     kept = [episodes[source] for source in sources if source in episodes]
     return sorted(kept, key=lambda episode: len(episode.verdicts))[:limit]
@@ -82,9 +78,8 @@ def _revise(bank: KnowledgeBank, source: str, verdict: Verdict, done: Replayed) 
             if not action or source not in record.sources():
                 continue
             ledger.put(changed, action, why)
-            {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}[action].append(
-                record.id
-            )
+            told = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
+            told[action].append(record.id)
         ledger.keep(with_verdict(episode, verdict))
 
 

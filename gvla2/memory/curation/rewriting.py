@@ -18,7 +18,7 @@ from gvla2.memory.contracts import ConsolidationEdit, Consolidator
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.governance import Governed, Governing
 from gvla2.memory.curation.ledger import BankLedger, deciding
-from gvla2.memory.curation.summaries import LENGTH, numbers_in, shown_together
+from gvla2.memory.curation.summaries import LENGTH, fitting, numbers_in
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.injection_patterns import screen
 from gvla2.memory.records import Record
@@ -90,7 +90,7 @@ def _carry_out(
         if why := why or ("its length" if not 0 < len(text) <= LENGTH else ""):
             log.info("The merged text of %s and %s was rejected: %s.", candidate.id, target.id, why)
             text = ""
-        if text or len(shown_together([candidate, target])) == 2:
+        if text or len(fitting([candidate, target])) == 2:
             Governing(ledger, done).write([candidate, target], text)
         else:
             ledger.decide(CONSIDERED, candidate.id, "a summary could not show its numbers beside the other's")

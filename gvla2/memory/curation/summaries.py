@@ -108,10 +108,11 @@ def tasks_of(group: Iterable[Record]) -> list[str]:
     return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
 
 
-def shown_together(group: Sequence[Record]) -> list[Record]:
+def fitting(group: Sequence[Record]) -> list[Record]:
     """The first of a group, and those of the others with which a summary by rule shows each of their numbers."""
+    short = [one for one in group if one.state == "summary" or len(one.content) <= LENGTH]
     shown = list(group[:1])
-    for record in group[1:]:
+    for record in short[1:] if short[:1] == shown else ():
         told = [one.told() for one in _merged([*shown, record]) if one.gaps]
         if len(told) <= LINES and len(" / ".join(told)) <= LENGTH:
             shown.append(record)

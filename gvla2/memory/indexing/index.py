@@ -39,9 +39,6 @@ class Index:
         self._dimension = int(embedder.embed([""]).shape[1])
         self._rows = RecordRows(self._dimension)
 
-    def __len__(self) -> int:
-        return len(self._rows)
-
     def refresh(self) -> None:
         """Apply newer changes of the store's bank; quick when there are none.
 

@@ -74,6 +74,8 @@ def import_path(
             remarks += [Remark(file, number, note, broken=False) for note in entries[-1].notes]
         except (LineError, ValueError, OverflowError, RecursionError) as error:  # the others are read
             remarks.append(Remark(file, number, str(error)))
+        except (TypeError, AttributeError) as error:
+            remarks.append(Remark(file, number, f"the wordings of the summary are damaged: {error}"))
     ids: dict[str, str] = {}
     new: dict[str, ReadRecord] = {}
     with store.writing(bank, actor=actor, now=at) as tx:

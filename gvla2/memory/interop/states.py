@@ -47,9 +47,7 @@ class LineError(Gvla2Error):
 
 @dataclass(frozen=True)
 class ReadRecord:
-    """A parsed line: a record, its ``key`` in its source, the keys it has ``links`` to by the link's kind, and
-    ``notes`` on interpretations.
-    """
+    """A parsed line: a record, its ``key`` in its source, ``links`` by kind to others' keys, and ``notes`` on it."""
 
     key: str
     record: Record
@@ -80,8 +78,8 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     """The record of a line for ``bank``; raises :class:`LineError` when it has no id or content.
 
     The ``file``'s name gives the state, else the line's own field; but a record not believed by its ``origin`` is
-    provisional, whatever the line says. Of links under ``gvla2`` a foreign one has those that forgetting follows, and
-    only our own has a note, sources, and a summary's wordings and key.
+    provisional, whatever the line says. Of links under ``gvla2`` it then has only those that forgetting follows, and no
+    note, sources, or summary's wordings.
     """
     told, notes = {name: _text(fields, name) for name in _TEXTS}, list[str]()
     for name in ("memory_id", "content"):
@@ -107,18 +105,16 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     quality = _QUALITIES.get(outcome, 0.5) if quality is None else quality
     confidence = number(fields.get("confidence"), 0.0, 1.0)
     ours = _mapping(fields, "gvla2")
+    vouched = ours if origin.own else {}
     outcome = "unavailable" if (outcome, ours.get("outcome")) == ("uncertain", "unavailable") else outcome
     effect, skill = _mapping(ours, "effect"), clean(str(ours.get("skill") or ""), 64)
-    key, summed = (
-        dedup_key(kind, content, skill, effect),
-        clean(str(ours.get("summary_key", "")), 64),
-    )
-    key = (origin.own and summed) or key
+    summed = clean(str(vouched.get("summary_key", "")), 64)
+    key = summed or dedup_key(kind, content, skill, effect)
     screened = screen(f"{query}\n{content}")
     trust = trust_of([origin], screened=bool(screened))
-    if origin.own and ours.get("trust") in LEVELS:
-        trust = min(trust, ours["trust"], key=LEVELS.index)
-    note = clean(str(ours.get("note", "")), 1000) if origin.own else ""
+    if vouched.get("trust") in LEVELS:
+        trust = min(trust, vouched["trust"], key=LEVELS.index)
+    note = clean(str(vouched.get("note", "")), 1000)
     if not believed(trust) and state != "archive":
         state, note = "provisional", screened or "it was imported, and is not yet confirmed here"
     created, used = _when(fields.get("created_at")), min(_when(fields.get("last_used_at")) or 0.0, now)
@@ -126,10 +122,9 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     usage = count(fields.get("use_count"))
     criteria, task = _numbers(_mapping(fields, "verifier_criteria")), told["task_id"][:200]
     provenance = {"made_by": {"import": "states"}, "sources": [task] if task else []}
-    if origin.own:
-        provenance |= _mapping(ours, "provenance")
+    provenance |= _mapping(vouched, "provenance")
     record = Record(
-        id=record_id("summary" if key == summed else kind, bank, key),
+        id=record_id("summary" if summed else kind, bank, key),
         bank=bank,
         query=query,
         content=content,
@@ -154,13 +149,11 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         trust=trust,
     )
     if state == "summary":
-        try:
-            summary_of([record], now)
-        except (TypeError, AttributeError) as error:
-            raise LineError(f"the wordings of the summary are damaged: {error}") from error
-    links = {clean(kind, 64): _names(told) for kind, told in _mapping(ours, "links").items()}
-    links = {kind: told for kind, told in links.items() if origin.own or kind in ("merged", "summary_of")}
-    links |= {kind: _names(fields.get(name)) for kind, name in _LINKS.items()}
+        summary_of([record], now)  # raises for wordings that are none
+    links = {kind: _names(fields.get(name)) for kind, name in _LINKS.items()}
+    for link, others in _mapping(ours, "links").items():
+        if origin.own or link in ("merged", "summary_of"):
+            links[clean(link, 64)] = _names(others)
     return ReadRecord(key_there, record, links, tuple(notes))
 
 

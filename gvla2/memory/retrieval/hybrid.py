@@ -56,13 +56,14 @@ class HybridRetriever:
             return (), self._nothing_about(candidates, allowed, lexical, cosine)
         fitting = about & self._fitting(task, candidates)
         if not fitting.any():
-            return (
-                (),
-                f"{np.count_nonzero(about)} records are about this, all of them from a different geometry.",
-            )
+            why = "records are about this, all of them from a different geometry"
+            return (), f"{np.count_nonzero(about)} {why}."
 
         rows = np.flatnonzero(fitting)
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
+        filled = np.full(len(rows), math.nan)  # (K,) how well the task's things can fill a program's roles
+        for i in np.flatnonzero(candidates.programs[rows]) if task.things else ():
+            filled[i] = share_filled(candidates.record(int(rows[i])).effect_json(), task.things)
         terms = score_terms(
             options.weights,
             candidates,
@@ -70,7 +71,7 @@ class HybridRetriever:
             # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
             relevance=relevance / max(float(relevance.max()), 1e-9),
             distance=scene_distance(task.signature, candidates, rows),
-            filled=filled(task, candidates, rows),
+            filled=filled,
         )
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
@@ -142,17 +143,8 @@ class HybridRetriever:
             f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has cosine "
             f"{cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is required, or {options.min_words:.0%} of "
-            f"the "
-            "words)."
+            "the words)."
         )
-
-
-def filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) -> Array:
-    """(K,) how well the task's things can fill the roles of the rows' programs, nan if not applicable."""
-    found = np.full(len(rows), math.nan)
-    for i in np.flatnonzero(candidates.programs[rows]) if task.things else ():
-        found[i] = share_filled(candidates.record(int(rows[i])).effect_json(), task.things)
-    return found
 
 
 @lru_cache(maxsize=1024)

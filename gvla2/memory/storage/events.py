@@ -72,10 +72,11 @@ class Event:
 
     @property
     def damage(self) -> str:
-        """What is wrong with the stored row, "" if nothing: names of columns that have a wrong type."""
+        """What is wrong with the stored row, "" if nothing: the columns whose values cannot have been stored."""
         kinds = zip(EVENT_COLUMNS, _TYPES, strict=True)
         wrong = [name for name, kind in kinds if type(getattr(self, name)) is not kind]
-        return f"damaged: {', '.join(wrong)} of a wrong type" if wrong else ""
+        wrong += [] if wrong or math.isfinite(self.at) else ["at"]
+        return f"damaged: {', '.join(wrong)} cannot be read" if wrong else ""
 
     @property
     def erased(self) -> bool:

@@ -139,12 +139,9 @@ class Transaction(Writing):
                 continue
             del self.also[also:]
             members = [one for one in self.records(["archive"], held) if one.note == f"{SUMMED_UP}{id}"]
+            why = "no summary includes it any more"
             for one in members:
-                self.put(
-                    replace(one, state="active", note=""),
-                    action="RESTORE",
-                    why="no summary includes it any more",
-                )
+                self.put(replace(one, state="active", note=""), action="RESTORE", why=why)
             back = f"; active again: {', '.join(member.id for member in members)}" if members else ""
             self.also.append(f"The summary {id} included it and was forgotten{back}.")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sqlalchemy import BigInteger, Column, Float, Index, LargeBinary, MetaData, Table, Text, UniqueConstraint
+from sqlalchemy.types import TypeEngine
 
 from gvla2.memory.records import COLUMNS
 from gvla2.memory.records import TYPES as RECORD_TYPES
@@ -20,8 +21,7 @@ METADATA = MetaData()
 class _Bytes(LargeBinary):
     """Bytes as they are stored: SQLAlchemy's own fail at a damaged row that holds something else."""
 
-    def result_processor(self, dialect: Any, coltype: Any) -> None:
-        """None: the driver's own value."""
+    result_processor = TypeEngine.result_processor
 
 
 _FLOAT = Float(53)

@@ -50,14 +50,12 @@ class BankView:
 
     @cached_property
     def head(self) -> Row[Any] | None:
-        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the chain was not truncated.
-
-        Raises :class:`MemoryStoreError` for a damaged one: nothing can be added to a chain without its end.
-        """
+        """The bank's own row (a damaged one raises). Its rev, seq and hash, kept elsewhere, prove a whole chain."""
         row = self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
         if row is not None and tuple(map(type, row)) != (str, int, int, str, float):
-            due = "Restore the database from a copy, or export the bank and import it into a new one"
-            raise MemoryStoreError(f"The row of the bank '{self.bank}' itself is damaged. {due}.")
+            raise MemoryStoreError(
+                f"The bank '{self.bank}' has a damaged row: restore the database from a copy."
+            )
         return row
 
     @property

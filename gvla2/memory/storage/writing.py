@@ -163,12 +163,8 @@ class Writing(BankView):
 
     # Links, decisions, episodes -----------------------------------------------------------------------------------
 
-    def link(self, source: str, kind: str, target: str, *, why: str = "") -> bool:
-        """Link ``source`` to ``target``; False if it already is. Both count as changed (rev)."""
-        return bool(self.link_many({(source, kind, target): why}))
-
     def link_many(self, ties: Mapping[tuple[str, str, str], str]) -> list[Link]:
-        """The same for many (source, kind, target), each with the reason; returns the new ones."""
+        """Link (source, kind, target), each for a reason; the links that are new. Both ends count as changed (rev)."""
         sound = {record.id for record in self.records(ids={end for tie in ties for end in (tie[0], tie[2])})}
         known = {(x.source, x.kind, x.target) for x in self.links({source for source, _, _ in ties})}
         made: dict[tuple[str, str, str], str] = {}

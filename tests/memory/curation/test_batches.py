@@ -129,9 +129,9 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
         first, second = (record.id for record in bank.records())
         with store.writing("default", actor="test", now=1.9e9) as transaction:
             link = look(bank.store, bank.bank).links()[0]
-            assert not transaction.link(link.source, "suspicion", link.target)
-            assert transaction.link(first, "noted", second, why="one")
-            assert not transaction.link(first, "noted", second)
+            assert not transaction.link_many({(link.source, "suspicion", link.target): ""})
+            assert transaction.link_many({(first, "noted", second): "one"})
+            assert not transaction.link_many({(first, "noted", second): ""})
             transaction.decide("LOOKED", first)
             assert [event.action for event in transaction.history(first)][-2:] == [
                 "link:noted", "LOOKED",

@@ -45,7 +45,7 @@ def test_open_are_the_suspicions_that_nobody_decided(tmp_path: Path, decided: st
                 ("a", "suspicion", "b"), ("b", "suspicion", "a"), ("c", "suspicion", "d"), ("d", decided, "c"),
                 ("a", "merged", "c"), ("z", "suspicion", "y"),
             ):  # fmt: skip
-                t.link(first, kind, second)
+                t.link_many({(first, kind, second): ""})
         judge(bank, asked)
     assert [(pair.first, pair.second) for (batch,) in [asked.batches] for pair in batch] == [
         ("text of a", "text of b"), ("text of y", "text of z")
@@ -91,7 +91,7 @@ def two(tmp_path: Path):
         with KnowledgeBank(tmp_path / "m.db", bank="b", clock=lambda: 1.8e9) as bank:
             with bank.store.writing("b", actor="test", now=1.8e9) as t:
                 t.put_many([Put(first, "ADD"), Put(second, "ADD")])
-                t.link(first.id, "suspicion", second.id)
+                t.link_many({(first.id, "suspicion", second.id): ""})
             done = judge(bank, Fixed(contradicts))
             assert bank.verify() == []
             why = {event.action: event.why for event in look(bank.store, bank.bank).history(first.id)}

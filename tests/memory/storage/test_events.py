@@ -31,7 +31,7 @@ def fill(store: Store, make: Make) -> None:
         t.put(make("2"), action="add")
     with store.writing("b", actor="learn", now=NOW + 1) as t:
         t.put(replace(first, count=2, content="lift 20 cm"), action="merge", why="same surface")
-        t.link("1", "conflict", "2", why="15 against 5")
+        t.link_many({("1", "conflict", "2"): "15 against 5"})
     with store.writing("b", actor="learn", now=NOW + 2) as t:
         t.save_episodes([StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved")])
         t.decide("discard", "2", why="known already")
@@ -164,7 +164,7 @@ def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, r
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("a"), action="add")
         t.put(record("b"), action="add")
-        t.link("a", "conflict", "b")
+        t.link_many({("a", "conflict", "b"): ""})
         t.forget("b")
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("b"), action="add")

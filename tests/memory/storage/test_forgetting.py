@@ -35,8 +35,8 @@ def fill(store: Store, make: Make, vector: np.ndarray) -> None:
             why=f"says {SECRET}",
         )
         t.put(replace(secret, note=f"note: {SECRET}", count=2), action="merge")
-        t.link("s", "conflict", "r1", why=f"against {SECRET}")
-        t.link("r2", "replaces", "s", why=f"instead of {SECRET}")
+        t.link_many({("s", "conflict", "r1"): f"against {SECRET}"})
+        t.link_many({("r2", "replaces", "s"): f"instead of {SECRET}"})
         for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
             said = SECRET if source != "run/u" else "harmless"
             t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), transcript=said, records=told)])
@@ -154,7 +154,7 @@ def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Pat
             t.save_episodes([StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",))])
             t.save_episodes([StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],))])
             for one, other in itertools.pairwise(ids):
-                t.link(one, "conflict", other, why=SECRET)
+                t.link_many({(one, "conflict", other): SECRET})
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other_connection, other_connection:
             other_connection.execute("UPDATE memory_episode SET data = data || '}' WHERE source = 'torn'")
         with store.writing("b", actor="owner", now=NOW) as t:
@@ -172,9 +172,9 @@ def test_what_is_learnt_again_at_once_keeps_its_links(
     put(record("1"))
     put(record("2"))
     with store.writing("b", actor="owner", now=NOW) as t:
-        t.link("2", "conflict", "1", why=SECRET)
+        t.link_many({("2", "conflict", "1"): SECRET})
         t.forget("1")
         t.put(record("1"), action="add")
-        t.link("2", "conflict", "1", why="anew")
+        t.link_many({("2", "conflict", "1"): "anew"})
     assert [e.why for e in look(store, "b").history("2") if e.action == "link:conflict"] == ["", "anew"]
     assert look(store, "b").verify() == []

@@ -38,7 +38,7 @@ def summed_up(store: Store, record: Make) -> list[Record]:
         told = " / ".join(member.content for member in members)
         t.put(record("summary-1", content=told, state="summary"), action="SUMMARY")
         for member in members:
-            t.link("summary-1", "summary_of", member.id, why=f"it says {member.content}")
+            t.link_many({("summary-1", "summary_of", member.id): f"it says {member.content}"})
     return members
 
 
@@ -87,10 +87,10 @@ def test_a_record_that_took_in_another_is_freed_of_its_wording(
     merged = put(grown, action="MERGE", origin="own:run/PATIENT")
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("summary-1", query=merged.query, state="summary"), action="SUMMARY")
-        t.link("heir-1", "merged", "taken-1", why="it says the same")
-        t.link("summary-1", "summary_of", "heir-1")
+        t.link_many({("heir-1", "merged", "taken-1"): "it says the same"})
+        t.link_many({("summary-1", "summary_of", "heir-1"): ""})
         t.put(record("grand-1", query=f"tidy up\n{merged.query}", verifier=mine), action="MERGE")
-        t.link("grand-1", "merged", "heir-1")
+        t.link_many({("grand-1", "merged", "heir-1"): ""})
     with store.writing("b", actor="a", now=NOW + 1) as t:
         assert t.forget("taken-1")
     grand, left = look(store, "b").records()
@@ -110,7 +110,7 @@ def test_evidence_that_does_not_name_what_was_forgotten_still_counts(
     put(record("taken-1", state="archive", query="fold SECRET"))
     put(record("heir-1", query="fold it\nfold SECRET", version=1), action="MERGE", origin="foreign:lab")
     with store.writing("b", actor="a", now=NOW) as t:
-        t.link("heir-1", "merged", "taken-1")
+        t.link_many({("heir-1", "merged", "taken-1"): ""})
     with store.writing("b", actor="a", now=NOW) as t:
         assert t.forget("taken-1")
     with store.reading("b") as view:
@@ -124,7 +124,7 @@ def test_instructions_that_are_the_heirs_own_stay(
     heir = put(record("heir-1"))
     put(record("taken-1", state="archive"))
     with store.writing("b", actor="a", now=NOW) as t:
-        t.link("heir-1", "merged", "taken-1")
+        t.link_many({("heir-1", "merged", "taken-1"): ""})
     with store.writing("b", actor="a", now=NOW) as t:
         assert t.forget("taken-1")
     (left,) = look(store, "b").records()

@@ -28,7 +28,7 @@ OPERATIONS = ("put", "put", "put", "link", "link", "forget", "decide", "episode"
 def link(t: Transaction, source: str, kind: str, target: str) -> None:
     known = {(k.source, k.kind, k.target) for k in t.links([source])}
     if (source, kind, target) not in known and t.get(source) and t.get(target):
-        t.link(source, kind, target, why=f"as {target} says")
+        t.link_many({(source, kind, target): f"as {target} says"})
 
 
 def do(t: Transaction, draw: random.Random, make: Callable[..., Record]) -> None:

@@ -46,7 +46,7 @@ def do(t: Transaction, make: Callable[..., Record], operation: tuple) -> None:
     elif name == "archive" and known:
         t.put(replace(known, state="archive"), action="archive")
     elif name == "link" and known and rest[1] != id and t.get(rest[1]):
-        t.link(id, rest[0], rest[1])
+        t.link_many({(id, rest[0], rest[1]): ""})
     elif name == "episode":
         t.save_episodes([StoredEpisode(f"run/{id}", t.now, MemoryTask(rest[0]), records=(id,))])
     elif name == "decide":

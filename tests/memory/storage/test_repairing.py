@@ -186,7 +186,7 @@ def test_dedup_keys_that_were_moved(store: Store, record: Callable[..., Record],
 def test_rows_of_either_database(store: Store, record: Callable[..., Record], statement: str):
     with store.writing("b", actor="test", now=1.8e9) as tx:
         tx.put_many([Put(record("1"), "add"), Put(record("2"), "add")])
-        tx.link("1", "conflict", "2")
+        tx.link_many({("1", "conflict", "2"): ""})
     before = [(r.id, r.content) for r in look(store, "b").records()]
     with store._database.writing("b") as raw:
         assert raw.exec_driver_sql(statement).rowcount

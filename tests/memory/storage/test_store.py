@@ -69,7 +69,7 @@ def test_a_transaction_is_whole_or_nothing_and_has_one_rev(store: Store, record:
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("1"), action="add")
         t.put_many([Put(record(str(i)), "add") for i in range(2, 5)])
-        t.link("1", "conflict", "2", why="they differ")
+        t.link_many({("1", "conflict", "2"): "they differ"})
         again = t.get("1")
         t.put(replace(again, count=5), action="merge")
     assert {r.rev for r in look(store, "b").records()} == {1}
@@ -158,8 +158,8 @@ def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: M
         put(record(id))
     rev = store.rev("b")
     with store.writing("b", actor="a", now=NOW) as t:
-        assert t.link("1", "conflict", "2")
-        assert not t.link("1", "conflict", "2")
+        assert t.link_many({("1", "conflict", "2"): ""})
+        assert not t.link_many({("1", "conflict", "2"): ""})
     changes = look(store, "b").changes(rev)
     assert [c.record.id for c in changes] == ["1", "2"]
     assert [c.conflicts for c in changes] == [1, 1]
@@ -168,9 +168,9 @@ def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: M
     assert (link.source, link.kind, link.target, link.at) == ("1", "conflict", "2", NOW)
     with store.writing("b", actor="a", now=NOW) as t:
         with pytest.raises(MemoryStoreError, match="Cannot link"):
-            t.link("1", "conflict", "nobody")
+            t.link_many({("1", "conflict", "nobody"): ""})
         with pytest.raises(MemoryStoreError, match="two different records"):
-            t.link("1", "conflict", "1")
+            t.link_many({("1", "conflict", "1"): ""})
     assert look(store, "b").verify() == []
 
 
@@ -293,7 +293,7 @@ def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarr
     put(record("2", state="archive"))
     put(record("x", bank="c"))
     with store.writing("b", actor="a", now=NOW) as t:
-        t.link("1", "replaces", "2")
+        t.link_many({("1", "replaces", "2"): ""})
         t.save_episodes([EPISODE])
     assert store.banks() == ["b", "c"]
     stats = store.stats("b")
@@ -357,5 +357,5 @@ def test_a_link_made_twice_in_one_transaction_is_one(store: Store, record: Make)
         for id in ("1", "2"):
             tx.put(record(id), action="add")
         for _ in range(2):
-            tx.link("1", "conflict", "2")
+            tx.link_many({("1", "conflict", "2"): ""})
     assert len(look(store, "b").links()) == 1
