@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import pluggy
@@ -81,6 +81,10 @@ def collect(
     )
 
 
+class _Twin:
+    """The guarded hooks of one plugin; equal to no other's, as pluggy wants, also when it has none."""
+
+
 @dataclass
 class _Guard:
     """Makes guarded twins, and remembers which plugin each item came from."""
@@ -92,9 +96,9 @@ class _Guard:
     _sources: dict[int, Plugin] = field(default_factory=dict)
     _returned: list[object] = field(default_factory=list)  # kept alive, so that ids stay theirs
 
-    def twin(self, plugin: Plugin, module: object, unmarked: list[tuple[Plugin, str]]) -> SimpleNamespace:
+    def twin(self, plugin: Plugin, module: object, unmarked: list[tuple[Plugin, str]]) -> _Twin:
         """An object with the hook functions of the module, guarded; ``unmarked`` collects likely unmarked hooks."""
-        twin = SimpleNamespace()
+        twin = _Twin()
         before = len(self.problems) + len(unmarked)
         for name in dir(module):
             try:
@@ -142,11 +146,14 @@ class _Guard:
         """What one plugin returns, without invalid items."""
         try:
             with stdout_kept_clean():
-                items = list(function())
+                answer: object = function()
+                items = list(answer) if isinstance(answer, Iterable) else None
         except (Exception, SystemExit) as error:
             self.problems.append(PluginProblem(plugin.name, hook, f"failed: {describe(error)}"))
             return []
-        return self._fit(plugin, hook, items)
+        if items is None:
+            self.problems.append(PluginProblem(plugin.name, hook, f"returned {answer!r:.80}, not a list."))
+        return self._fit(plugin, hook, items or ())
 
     def _wrap(
         self, plugin: Plugin, hook: str, function: Callable[[], Any], *, old: bool

@@ -45,7 +45,9 @@ def _problem(plan: object) -> str:
     trajectory: object = plan.trajectory
     if plan.abstention is not None:
         return ""
-    if not isinstance(trajectory, Trajectory):
+    if not isinstance(trajectory, Trajectory | None):
+        return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
+    if trajectory is None:
         return "neither a trajectory nor an abstention with its reason"
     if not _tuple_of(Waypoint)(trajectory.waypoints):
         return "a trajectory that is not a tuple of waypoints"

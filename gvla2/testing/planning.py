@@ -13,6 +13,7 @@ from gvla2.geometry.views import Views
 from gvla2.language.failures import LanguageModelError
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
 from gvla2.planning.effects import SIDES, Effect
+from gvla2.planning.perceiving import check_scene
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.testing import inputs
@@ -63,18 +64,12 @@ def check_perceiver(perceiver: Perceiver, *, finds: bool = True) -> None:
 
 
 def _check_scene(scene: object) -> None:
-    require_type(scene, Scene, "perceive()'s answer")
+    check_scene(scene)
     assert isinstance(scene, Scene)
-    ids = [o.id for o in scene.objects]
-    require(len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")
-    require(isfinite(scene.table_height), "table_height must be finite.")
+    ids = {o.id for o in scene.objects}
     for thing in scene.objects:
         what = f"Object '{thing.id}'"
-        require(thing.id and thing.label, f"{what}: id and label must not be empty.")
-        require_rigid(thing.world_from_object, f"{what}: world_from_object")
-        extents = require_array(thing.extents, (3,), f"{what}: extents")
-        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents}.")
-        require_array(thing.points, (None, 3), f"{what}: points")
+        require(thing.label, f"{what}: its label must not be empty.")
         require_share(thing.confidence, f"{what}: confidence")
         require(
             not thing.parent or thing.parent in ids,

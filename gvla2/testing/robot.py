@@ -11,6 +11,7 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend, SuccessCheck
+from gvla2.robot.checked_task import check_instance
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
 from gvla2.robot.volumes import lowest
@@ -90,30 +91,13 @@ def _places(instance: TaskInstance) -> tuple[bytes, ...]:
 
 
 def _check_instance(instance: object, site: TaskSite) -> None:
-    require_type(instance, TaskInstance, "sample()'s answer")
+    check_instance(instance)
     assert isinstance(instance, TaskInstance)
     require(
         instance.instruction and "{" not in instance.instruction, "An instruction is a finished sentence."
     )
-    names = [body.name for body in instance.layout.bodies]
-    require(names and len(set(names)) == len(names), f"Bodies need unique names, got {names}.")
     for body in instance.layout.bodies:
-        _check_body(body, site)
-    for joint in instance.layout.joints:
-        require(
-            {joint.parent, joint.child} <= set(names),
-            f"Joint '{joint.name}' joins bodies that are not there.",
-        )
-        require(
-            joint.limits[0] < joint.limits[1],
-            f"Joint '{joint.name}': its limits {joint.limits} are not a range.",
-        )
-        length = float(np.linalg.norm(joint.axis))
-        require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
-    require(
-        set(instance.succeeded) == {"relaxed", "strict"},
-        "A task has the success profiles 'relaxed' and 'strict'.",
-    )
+        _check_place(body, site)
     for profile, done in instance.succeeded.items():
         with allowed(f"The predicate '{profile}'"):
             value = done(_AtRest(instance.layout))
@@ -121,20 +105,13 @@ def _check_instance(instance: object, site: TaskSite) -> None:
         require(not value, f"The task is already done ({profile}) before anything moved.")
 
 
-def _check_body(body: Body, site: TaskSite) -> None:
-    what = f"Body '{body.name}'"
-    require_rigid(body.world_from_body, f"{what}: world_from_body")
-    require(body.solids, f"{what} has no solids.")
-    require(body.fixed or body.mass > 0, f"{what} can move, so its mass must be positive.")
+def _check_place(body: Body, site: TaskSite) -> None:
     for solid in body.solids:
-        require(min(solid.size) > 0, f"{what}: a solid of size {solid.size}.")
-        require(all(0 <= c <= 1 for c in solid.rgb), f"{what}: the colour {solid.rgb} leaves [0, 1].")
-        require_rigid(solid.body_from_shape, f"{what}: body_from_shape")
         if solid.collides and not body.fixed:
             bottom = lowest(solid, body.world_from_body)
             require(
                 bottom > site.table_height - 0.002,
-                f"{what} reaches {site.table_height - bottom:.4f} m into the table.",
+                f"Body '{body.name}' reaches {site.table_height - bottom:.4f} m into the table.",
             )
 
 

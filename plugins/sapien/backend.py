@@ -61,7 +61,8 @@ class SapienArm:
         self._config, self._cell = config, make_cell(config)
         self._cell.mounts.check(config.cameras)
         positive = ("image_size", "video_size", "video_fps", "physics_rate", "grip_force", "grip_speed")
-        bad = [f"{name}={getattr(config, name)}" for name in positive if getattr(config, name) <= 0]
+        positive += ("arm_stiffness", "arm_damping", "arm_force")
+        bad = [f"{name}={getattr(config, name)}" for name in positive if not getattr(config, name) > 0]
         if bad:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
         self._arm = self._cell.arm

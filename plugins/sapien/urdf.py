@@ -24,6 +24,9 @@ def find_file(name: str, option: str) -> Path:
     path = _in_package(name) if name.startswith(PACKAGE) else Path(name).expanduser()
     if path is None or not path.is_file():
         where = "in no installed package" if path is None else "no file"
+        package, _, rest = name.removeprefix(PACKAGE).partition("/")
+        if path is None and (_files(package) or _folders(package)):
+            where = f"not there: the package {package} has no {rest}"
         raise RobotError(
             f"{option}={name} is {where}. Give the path of a file, or package://PACKAGE/PATH of a package that pip or "
             "ROS has installed (ROS_PACKAGE_PATH)."
@@ -47,6 +50,11 @@ def read_urdf(path: Path) -> ET.Element:
             "`xacro FILE.xacro > FILE.urdf` makes one."
         )
     for link in robot.iterfind("link"):
+        if any(len(geometry) != 1 for geometry in link.iter("geometry")):
+            raise RobotError(
+                f"A <geometry> of link {link.get('name')} in {path} does not hold one shape: give it a box, a "
+                "cylinder, a sphere or a mesh, or take out its <visual> or <collision>."
+            )
         for mesh in link.iter("mesh"):
             mesh.set("filename", str(find_mesh(path, mesh.get("filename", ""), link.get("name", ""))))
         if link.find("collision") is None:
@@ -111,7 +119,17 @@ def without_looks(robot: ET.Element) -> str:
 
 @lru_cache
 def _files(package: str) -> tuple[PackagePath, ...]:
-    return tuple(distribution(package).files or ())
+    """The files of an installed distribution; none if there is none of that name."""
+    try:
+        return tuple(distribution(package).files or ())
+    except PackageNotFoundError:
+        return ()
+
+
+def _folders(package: str) -> list[str]:
+    """The folders of an installed Python package; none if there is none of that name."""
+    spec = find_spec(package) if package.isidentifier() else None
+    return list((spec.submodule_search_locations if spec else None) or [])
 
 
 def _link_of(joint: ET.Element, end: str) -> str:
@@ -132,16 +150,11 @@ def _in_package(name: str) -> Path | None:
         for root in (Path(folder), Path(folder) / package):
             if root.name == package and (root / rest).is_file():
                 return root / rest
-    try:
-        files = _files(package)
-    except PackageNotFoundError:
-        if package == _DESCRIPTIONS:
-            needs = f"The robot's description ({name})"
-            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
-        files = ()
+    files = _files(package)
+    if package == _DESCRIPTIONS and not files:
+        needs = f"The robot's description ({name})"
+        raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"')
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:
         return Path(str(found.locate())).resolve()
-    spec = find_spec(package) if package.isidentifier() else None
-    folders = (spec.submodule_search_locations if spec else None) or []
-    return next((Path(f) / rest for f in folders if (Path(f) / rest).is_file()), None)
+    return next((Path(f) / rest for f in _folders(package) if (Path(f) / rest).is_file()), None)

@@ -1,7 +1,6 @@
 """The arm model: kinematics of the Panda, inverse kinematics, straight lines, other URDFs."""
 
 import sys
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -180,7 +179,7 @@ def test_a_six_axis_arm_of_primitives_without_srdf(tmp_path, scene_of, block):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tcp_frame": "nose"}, "no frame 'nose'"),
+        ({"tcp_frame": "nose"}, "no link 'nose'"),
         ({"thumb": "thumb"}, "no joint"),
         ({"home": [0.0] * 5}, "home joints"),
         ({"home": [9.0] * 6}, "home joints"),
@@ -213,10 +212,7 @@ def test_planning_names_ompl_when_it_is_not_installed(monkeypatch):
 
 
 def test_a_panda_that_is_not_installed_is_named(monkeypatch):
-    def absent(name):
-        raise PackageNotFoundError(name)
-
-    monkeypatch.setattr(urdf, "_files", absent)
+    monkeypatch.setattr(urdf, "_files", lambda package: ())
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
         urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")
 

@@ -1,0 +1,56 @@
+"""What a component's answer must be: assertions that a run makes of plugins, and :mod:`gvla2.testing` too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gvla2.errors import ConformanceError, GeometryError
+from gvla2.geometry.transform import check_rigid
+
+
+def require(condition: object, message: str) -> None:
+    """Raise :class:`ConformanceError` unless the condition holds."""
+    if not condition:
+        raise ConformanceError(message)
+
+
+def require_type(value: object, expected: type | tuple[type, ...], what: str) -> None:
+    """The value is of the type (or one of the types)."""
+    names = " or ".join(t.__name__ for t in (expected if isinstance(expected, tuple) else (expected,)))
+    require(
+        isinstance(value, expected), f"{what} must be {names}, got {type(value).__name__}: {value!r:.200}."
+    )
+
+
+def require_array(value: Any, shape: tuple[int | None, ...], what: str, finite: bool = True) -> NDArray[Any]:
+    """The value as an array of the shape (None: any length), finite unless said otherwise."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # lists of different lengths
+        raise ConformanceError(f"{what} is no array: {error}") from error
+    fits = array.ndim == len(shape) and all(
+        n is None or n == m for n, m in zip(shape, array.shape, strict=True)
+    )
+    wanted = tuple("any" if n is None else n for n in shape)
+    require(fits, f"{what} must have the shape {wanted}, got {array.shape}.")
+    require(array.dtype.kind in "fiub", f"{what} must be numbers, got dtype {array.dtype}.")
+    require(not finite or np.isfinite(array).all(), f"{what} has entries that are not finite.")
+    return array
+
+
+def require_rigid(value: ArrayLike, what: str) -> None:
+    """The value is a rigid motion (4, 4)."""
+    try:
+        check_rigid(value, what)
+    except GeometryError as error:
+        raise ConformanceError(str(error)) from error
+    except (TypeError, ValueError) as error:
+        raise ConformanceError(f"{what} is no matrix of numbers: {value!r:.80}.") from error
+
+
+def require_share(value: float, what: str) -> None:
+    """The value lies in [0, 1]."""
+    require(0.0 <= float(value) <= 1.0, f"{what} must lie in [0, 1], got {value}.")
