@@ -24,7 +24,7 @@ from gvla2.errors import (
     SimulationError,
     kept_alive,
 )
-from gvla2.geometry.readonly import read_only
+from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
 from gvla2.language.failures import ModelUnavailableError
 from gvla2.loop.advice import with_sound_effects
@@ -45,9 +45,9 @@ from gvla2.loop.refine import GeometryParts, refine_scene
 from gvla2.loop.telling import told_of
 from gvla2.memory.asking import context_of, learned_of, verdict_of
 from gvla2.memory.contracts import Memory, Verifier
+from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.perceiving import perceive
 from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend

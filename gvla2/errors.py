@@ -35,22 +35,16 @@ class ConformanceError(Gvla2Error, AssertionError):
     """A component breaks the contract of its kind; the message says which sentence, and what was found instead."""
 
 
-class PluginExitError(Exception):
-    """A plugin called ``sys.exit``, or raised another error that no ``except Exception`` catches."""
-
-
 @contextmanager
 def kept_alive() -> Iterator[None]:
-    """What would end the process, besides Ctrl-C and SIGTERM, is raised as :class:`PluginExitError`, a crash like
-    any other, with its own traceback.
-    """
+    """What would end the process (a plugin's ``sys.exit``), besides Ctrl-C and SIGTERM, is raised as RuntimeError."""
     try:
         yield
     except (Exception, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        ended = PluginExitError(f"{error!r} would have ended the process")
-        raise ended.with_traceback(error.__traceback__) from None
+        told = f"{error!r} would have ended the process"
+        raise RuntimeError(told).with_traceback(error.__traceback__) from None
 
 
 class MissingDependencyError(Gvla2Error):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pluggy
@@ -57,7 +57,9 @@ def collect(
         # Two distributions may announce plugins of the same name; pluggy needs unique names.
         name = plugin.name if not manager.has_plugin(plugin.name) else f"{plugin.name} #{len(guard.names)}"
         guard.names[name] = plugin
-        manager.register(guard.twin(plugin, module, unmarked), name=name)
+        twin = guard.twin(plugin, module, unmarked)
+        if vars(twin):  # to pluggy two empty ones are equal
+            manager.register(twin, name=name)
     for kind, plugin in guard.call(KINDS_HOOK):
         if fault := fault_of_kind(kind, guard.kinds):
             problems.append(PluginProblem(plugin.name, KINDS_HOOK, fault))
@@ -81,10 +83,6 @@ def collect(
     )
 
 
-class _Twin:
-    """The guarded hooks of one plugin; equal to no other's, as pluggy wants, also when it has none."""
-
-
 @dataclass
 class _Guard:
     """Makes guarded twins, and remembers which plugin each item came from."""
@@ -96,9 +94,9 @@ class _Guard:
     _sources: dict[int, Plugin] = field(default_factory=dict)
     _returned: list[object] = field(default_factory=list)  # kept alive, so that ids stay theirs
 
-    def twin(self, plugin: Plugin, module: object, unmarked: list[tuple[Plugin, str]]) -> _Twin:
+    def twin(self, plugin: Plugin, module: object, unmarked: list[tuple[Plugin, str]]) -> SimpleNamespace:
         """An object with the hook functions of the module, guarded; ``unmarked`` collects likely unmarked hooks."""
-        twin = _Twin()
+        twin = SimpleNamespace()
         before = len(self.problems) + len(unmarked)
         for name in dir(module):
             try:

@@ -12,7 +12,6 @@ import pytest
 from gvla2.commands.config_errors import explain
 from gvla2.commands.run import build_parts, run_episodes
 from gvla2.episode import EpisodeRequest, SilentListener, run_episode
-from gvla2.errors import PluginExitError
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
@@ -233,7 +232,7 @@ def leave(self, request):
     ("crash", "error", "told"),
     [
         (lost, KeyError, "KeyError: 'nowhere'"),
-        (leave, PluginExitError, "PluginExitError: SystemExit(7) would have ended the process"),
+        (leave, RuntimeError, "RuntimeError: SystemExit(7) would have ended the process"),
     ],
 )
 def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, told):
@@ -332,7 +331,7 @@ def test_nobody_writes_into_what_others_see(parts_of):
             "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
         ),
         (lambda evidence: True, "returned bool, not a Verdict."),
-        (lambda evidence: sys.exit(4), "crashed: PluginExitError: SystemExit(4) would have ended"),
+        (lambda evidence: sys.exit(4), "crashed: RuntimeError: SystemExit(4) would have ended"),
         (
             lambda evidence: Verdict("well", 1.0, 1.0),
             "returned a verdict with outcome 'well', which is not one of",

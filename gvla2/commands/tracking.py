@@ -22,10 +22,7 @@ log = logging.getLogger(__name__)
 
 
 class Tracking:
-    """Reports a run to the tracker and the viewer (None: neither), as a context manager around its episodes.
-
-    ``named`` gives the words for the one of a kind, ``tracker`` or ``view``, in a message.
-    """
+    """Reports a run to tracker and viewer, ``named`` so in messages, as a context manager around its episodes."""
 
     def __init__(
         self,

@@ -157,9 +157,7 @@ def load_recording(path: Path) -> Recording:
 
 def _told(error: Exception) -> str:
     """What is wrong with a file, by what was raised while reading its parts."""
-    if isinstance(error, KeyError):
-        return f"lacks {error}"
-    return "has a part of another kind than it should" if type(error) is TypeError else f"is damaged: {error}"
+    return f"lacks {error}" if isinstance(error, KeyError) else f"has a wrong part ({error})"
 
 
 def _intrinsics(body: dict[str, Any]) -> Intrinsics:

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gvla2.errors import ConformanceError, PluginError
-from gvla2.geometry.requirements import require, require_rigid, require_type
+from gvla2.geometry.exchange import require, require_rigid, require_type
 from gvla2.robot.scan import Scan
-from gvla2.robot.task import Body, Layout, Primitive, Profile, Task, TaskInstance, TaskSite, WorldState
-
-PROFILES = ("relaxed", "strict")
-SHAPES = ("box", "cylinder", "sphere", "mesh")
+from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite, WorldState
 
 
 class CheckedTask:
     """Implements :class:`gvla2.robot.task.Task` by another; ``who`` begins the sentences about that one."""
 
     def __init__(self, task: Task, who: str) -> None:
-        self.__wrapped__, self._who = task, who
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The task's own."""
-        return self.__wrapped__.instructions
+        self.__wrapped__, self._who, self.instructions = task, who, task.instructions
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
@@ -35,51 +28,38 @@ class CheckedTask:
 
         So do its success checks, for an answer other than True or False and for a thing that the layout lacks.
         """
-        instance = self.__wrapped__.sample(rng, site, instruction)
+        made = self.__wrapped__.sample(rng, site, instruction)
         try:
-            check_instance(instance)
-            require(instruction is not None or instance.instruction.strip(), "Its instruction is empty.")
+            check_instance(made)
+            require(instruction is not None or made.instruction.strip(), "Its instruction is empty.")
         except ConformanceError as error:
             raise PluginError(f"{self._who} gave no valid episode. {error}") from error
-        checked: dict[Profile, Callable[[WorldState], bool]] = {
-            profile: self._checked(profile, instance) for profile in instance.succeeded
-        }
-        return replace(instance, succeeded=checked)
+        names = [part.name for part in (*made.layout.bodies, *made.layout.joints, *made.layout.threads)]
+        checks = {name: partial(self._answer, name, check, names) for name, check in made.succeeded.items()}
+        return replace(made, succeeded=checks)
 
-    def _checked(self, profile: Profile, instance: TaskInstance) -> Callable[[WorldState], bool]:
+    def _answer(
+        self, profile: str, check: Callable[[Any], object], names: Collection[str], state: WorldState
+    ) -> bool:
         who = f"{self._who}: its success check '{profile}'"
-
-        def checked(state: WorldState) -> bool:
-            answer: object = instance.succeeded[profile](_Named(state, instance.layout, who))
-            if not isinstance(answer, bool | np.bool_):
-                raise PluginError(f"{who} answered {answer!r:.80}; it must be True or False.")
-            return bool(answer)
-
-        return checked
+        answer = check(_Named(state, names, who))
+        if not isinstance(answer, bool | np.bool_):
+            raise PluginError(f"{who} answered {answer!r:.80}; it must be True or False.")
+        return bool(answer)
 
 
 class _Named:
-    """A :class:`gvla2.robot.task.WorldState` that is asked only about what is there."""
+    """A :class:`gvla2.robot.task.WorldState` that is asked only about things of these names."""
 
-    def __init__(self, state: WorldState, layout: Layout, who: str) -> None:
-        bodies = {body.name for body in layout.bodies}
-        threads = {thread.name for thread in layout.threads}
-        moving = threads | {joint.name for joint in layout.joints}
-        self._known = dict.fromkeys(("pose", "held", "touching", "resting"), ("body", bodies))
-        self._known |= {"joint": ("joint", moving), "peak": ("joint", moving), "loose": ("thread", threads)}
-        self._state, self._who = state, who
+    def __init__(self, state: WorldState, names: Collection[str], who: str) -> None:
+        self._state, self._names, self._who = state, names, who
 
-    def __getattr__(self, question: str) -> Any:
-        ask = getattr(self._state, question)
-        if question not in self._known:
-            return ask
-        kind, names = self._known[question]
-
+    def __getattr__(self, question: str) -> Callable[[str], Any]:
         def asked(name: str) -> Any:
-            if name not in names:
-                has = f"it has {', '.join(sorted(names))}" if names else "it has none"
-                raise PluginError(f"{self._who} asks for the {kind} '{name}', which its layout lacks; {has}.")
-            return ask(name)
+            if name not in self._names:
+                has = ", ".join(self._names)
+                raise PluginError(f"{self._who} asks for '{name}', which its layout lacks; it has {has}.")
+            return getattr(self._state, question)(name)
 
         return asked
 
@@ -106,7 +86,7 @@ def check_instance(instance: object) -> None:
         length = float(np.linalg.norm(joint.axis))
         require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
     require(
-        set(instance.succeeded) == set(PROFILES) and all(map(callable, instance.succeeded.values())),
+        set(instance.succeeded) == {"relaxed", "strict"} and all(map(callable, instance.succeeded.values())),
         f"A task has the success profiles 'relaxed' and 'strict', each a function, got {instance.succeeded!r:.200}.",
     )
 
@@ -118,10 +98,8 @@ def _check_body(body: Body) -> None:
     require(body.fixed or body.mass > 0, f"{what} can move, so its mass must be positive.")
     for solid in body.solids:
         require_type(solid, (Primitive, Scan), f"{what}: a solid")
-        require(
-            solid.kind in SHAPES,
-            f"{what}: a solid is a '{solid.kind}'; there are box, cylinder, sphere and Scan.",
-        )
+        known = solid.kind in ("box", "cylinder", "sphere", "mesh")
+        require(known, f"{what}: a solid is a '{solid.kind}'; there are box, cylinder, sphere and Scan.")
         size = solid.size
         require(
             len(size) == 3 and min(size) > 0 and np.isfinite(size).all(), f"{what}: a solid of size {size}."

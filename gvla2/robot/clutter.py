@@ -54,13 +54,8 @@ class Cluttered:
             raise ConfigurationError(
                 f"task.arrangement is '{config.arrangement}'; it is one of {', '.join(ARRANGEMENTS)}."
             )
-        self.__wrapped__, self._config = task, config
+        self.__wrapped__, self._config, self.instructions = task, config, task.instructions
         self._library = mesh_library(config.distractors_root) if config.distractors_root else {}
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The task's own."""
-        return self.__wrapped__.instructions
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gvla2.errors import ConformanceError
-from gvla2.geometry.requirements import require, require_array, require_rigid, require_share, require_type
+from gvla2.geometry.exchange import require, require_array, require_rigid, require_share, require_type
 from gvla2.kinds import Kind, kind_of
 
 __all__ = [

@@ -23,10 +23,7 @@ def find_file(name: str, option: str) -> Path:
     """The file that an option names: a path, or ``package://`` and an installed package."""
     path = _in_package(name) if name.startswith(PACKAGE) else Path(name).expanduser()
     if path is None or not path.is_file():
-        where = "in no installed package" if path is None else "no file"
-        package, _, rest = name.removeprefix(PACKAGE).partition("/")
-        if path is None and (_files(package) or _folders(package)):
-            where = f"not there: the package {package} has no {rest}"
+        where = "in no installed package's files" if path is None else "no file"
         raise RobotError(
             f"{option}={name} is {where}. Give the path of a file, or package://PACKAGE/PATH of a package that pip or "
             "ROS has installed (ROS_PACKAGE_PATH)."
@@ -119,17 +116,7 @@ def without_looks(robot: ET.Element) -> str:
 
 @lru_cache
 def _files(package: str) -> tuple[PackagePath, ...]:
-    """The files of an installed distribution; none if there is none of that name."""
-    try:
-        return tuple(distribution(package).files or ())
-    except PackageNotFoundError:
-        return ()
-
-
-def _folders(package: str) -> list[str]:
-    """The folders of an installed Python package; none if there is none of that name."""
-    spec = find_spec(package) if package.isidentifier() else None
-    return list((spec.submodule_search_locations if spec else None) or [])
+    return tuple(distribution(package).files or ())
 
 
 def _link_of(joint: ET.Element, end: str) -> str:
@@ -150,11 +137,16 @@ def _in_package(name: str) -> Path | None:
         for root in (Path(folder), Path(folder) / package):
             if root.name == package and (root / rest).is_file():
                 return root / rest
-    files = _files(package)
-    if package == _DESCRIPTIONS and not files:
-        needs = f"The robot's description ({name})"
-        raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"')
+    try:
+        files = _files(package)
+    except PackageNotFoundError:
+        if package == _DESCRIPTIONS:
+            needs = f"The robot's description ({name})"
+            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
+        files = ()
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:
         return Path(str(found.locate())).resolve()
-    return next((Path(f) / rest for f in _folders(package) if (Path(f) / rest).is_file()), None)
+    spec = find_spec(package) if package.isidentifier() else None
+    folders = (spec.submodule_search_locations if spec else None) or []
+    return next((Path(f) / rest for f in folders if (Path(f) / rest).is_file()), None)

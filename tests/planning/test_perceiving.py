@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.errors import PerceptionError
-from gvla2.planning.perceiving import perceive
+from gvla2.planning.asking import perceive
 from gvla2.testing import inputs
 
 WHO = "The perceiver 'mine' of plugin 'yours'"
@@ -40,11 +40,11 @@ def ask(answer):
         (replace(inputs.scene(), table_height=float("nan")), "table_height must be finite"),
         (changed(id=""), "Ids of objects must be unique"),
         (changed(world_from_object=np.full((4, 4), np.nan)), "'red_cube': world_from_object has entries"),
-        (changed(world_from_object="here"), "'red_cube': world_from_object is no matrix"),
+        (changed(world_from_object="here"), "could not convert string to float"),
         (changed(extents=np.full(3, np.nan)), "'red_cube': extents has entries that are not finite"),
         (changed(extents=np.full(3, -1.0)), "'red_cube': extents must not be negative"),
         (changed(points=np.full((5, 3), np.nan)), "'red_cube': points has entries that are not finite"),
-        (changed(points=[[1.0, 2.0], [3.0]]), "'red_cube': points is no array"),
+        (changed(points=[[1.0, 2.0], [3.0]]), "inhomogeneous"),
     ],
 )  # fmt: skip
 def test_what_is_no_scene_is_told_with_its_perceiver(answer, told):

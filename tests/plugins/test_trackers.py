@@ -149,7 +149,7 @@ def test_a_tracker_that_would_exit_is_named_and_cannot_write_to_the_terminal(
     ):
         pass
     (warning,) = caplog.messages
-    assert warning.startswith(f"{who} failed and is no longer used: PluginExitError: SystemExit(")
+    assert warning.startswith(f"{who} failed and is no longer used: RuntimeError: SystemExit(")
     assert "\x1b" not in warning
 
 

@@ -1,6 +1,7 @@
 """The arm model: kinematics of the Panda, inverse kinematics, straight lines, other URDFs."""
 
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -212,7 +213,10 @@ def test_planning_names_ompl_when_it_is_not_installed(monkeypatch):
 
 
 def test_a_panda_that_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setattr(urdf, "_files", lambda package: ())
+    def absent(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(urdf, "_files", absent)
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
         urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")
 

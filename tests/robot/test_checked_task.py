@@ -82,9 +82,9 @@ def test_yes_and_no_are_kept():
     [
         (lambda w: "no", "answered 'no'; it must be True or False"),
         (lambda w: None, "answered None"),
-        (lambda w: w.pose("blokc"), "asks for the body 'blokc', which its layout lacks; it has block"),
-        (lambda w: w.held("blokc"), "asks for the body 'blokc'"),
-        (lambda w: w.joint("hinge") > 0, "asks for the joint 'hinge', which its layout lacks; it has none"),
+        (lambda w: w.pose("blokc"), "asks for 'blokc', which its layout lacks; it has block"),
+        (lambda w: w.held("blokc"), "asks for 'blokc'"),
+        (lambda w: w.joint("hinge") > 0, "asks for 'hinge', which its layout lacks; it has block"),
     ],
 )
 def test_a_success_check_that_is_wrong_is_told_by_its_task(check, told):

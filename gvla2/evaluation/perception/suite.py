@@ -16,8 +16,8 @@ from gvla2.evaluation.perception.truth import Segmented, true_things
 from gvla2.evaluation.perception.twins import TwinTask, with_twins
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.geometry.views import Observation
+from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
-from gvla2.planning.perceiving import perceive
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import RobotBackend
 from gvla2.robot.depth_noise import apply_noise

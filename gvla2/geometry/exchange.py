@@ -1,14 +1,39 @@
-"""What a component's answer must be: assertions that a run makes of plugins, and :mod:`gvla2.testing` too."""
+"""What passes between components: arrays that nobody else can change, and assertions of what an answer must be.
+
+A run makes these of plugins, and so does :mod:`gvla2.testing`; they raise :class:`ConformanceError`.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from copy import copy
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import ConformanceError, GeometryError
 from gvla2.geometry.transform import check_rigid
+
+T = TypeVar("T")
+
+
+def read_only(value: T) -> T:
+    """The value with every array in it read-only: itself, or those in tuples and dataclasses.
+
+    These are rebuilt around views: who made an array, a camera with a buffer of its own, may still write to it.
+    """
+    made: Any = value
+    if isinstance(value, np.ndarray):
+        made = value.view()
+        made.setflags(write=False)
+    elif type(value) is tuple:
+        made = tuple(map(read_only, value))
+    elif is_dataclass(value) and not isinstance(value, type):
+        made = copy(value)
+        for one in fields(value):
+            object.__setattr__(made, one.name, read_only(getattr(value, one.name)))
+    return made  # type: ignore[no-any-return]
 
 
 def require(condition: object, message: str) -> None:
@@ -27,10 +52,7 @@ def require_type(value: object, expected: type | tuple[type, ...], what: str) ->
 
 def require_array(value: Any, shape: tuple[int | None, ...], what: str, finite: bool = True) -> NDArray[Any]:
     """The value as an array of the shape (None: any length), finite unless said otherwise."""
-    try:
-        array = np.asarray(value)
-    except ValueError as error:  # lists of different lengths
-        raise ConformanceError(f"{what} is no array: {error}") from error
+    array = np.asarray(value)
     fits = array.ndim == len(shape) and all(
         n is None or n == m for n, m in zip(shape, array.shape, strict=True)
     )
@@ -47,8 +69,6 @@ def require_rigid(value: ArrayLike, what: str) -> None:
         check_rigid(value, what)
     except GeometryError as error:
         raise ConformanceError(str(error)) from error
-    except (TypeError, ValueError) as error:
-        raise ConformanceError(f"{what} is no matrix of numbers: {value!r:.80}.") from error
 
 
 def require_share(value: float, what: str) -> None:
