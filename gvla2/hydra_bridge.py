@@ -81,7 +81,7 @@ class ComponentSource(ConfigSource):
         if component is None:
             raise ConfigLoadError(f"No component {config_path}")
         node = copy.deepcopy(structured(component))  # Hydra changes it
-        for name in node:
+        for name in map(str, node):
             if (
                 OmegaConf.get_type(node, name) is dict
             ):  # its keys are the user's: robot.hand={max_width: 0.08}

@@ -28,7 +28,7 @@ def read_only(value: T) -> T:
         made = value.view()
         made.setflags(write=False)
     elif type(value) is tuple:
-        made = tuple(map(read_only, value))
+        made = tuple(read_only(part) for part in made)
     elif is_dataclass(value) and not isinstance(value, type):
         made = copy(value)
         for one in fields(value):
@@ -44,10 +44,9 @@ def require(condition: object, message: str) -> None:
 
 def require_type(value: object, expected: type | tuple[type, ...], what: str) -> None:
     """The value is of the type (or one of the types)."""
-    names = " or ".join(t.__name__ for t in (expected if isinstance(expected, tuple) else (expected,)))
-    require(
-        isinstance(value, expected), f"{what} must be {names}, got {type(value).__name__}: {value!r:.200}."
-    )
+    if not isinstance(value, expected):  # else its words are not needed: those of a scene take milliseconds
+        names = " or ".join(t.__name__ for t in (expected if isinstance(expected, tuple) else (expected,)))
+        raise ConformanceError(f"{what} must be {names}, got {type(value).__name__}: {value!r:.200}.")
 
 
 def require_array(value: Any, shape: tuple[int | None, ...], what: str, finite: bool = True) -> NDArray[Any]:

@@ -52,7 +52,7 @@ def check_scene(scene: object) -> None:
         what = f"Object '{thing.id}'"
         require_rigid(thing.world_from_object, f"{what}: world_from_object")
         extents = require_array(thing.extents, (3,), f"{what}: extents")
-        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents}.")
+        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents.tolist()}.")
         require_array(thing.points, (None, 3), f"{what}: points")
     ids = [thing.id for thing in scene.objects]
     require(all(ids) and len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")

@@ -12,7 +12,7 @@ import numpy as np
 from gvla2.errors import ConformanceError, PluginError
 from gvla2.geometry.exchange import require, require_rigid, require_type
 from gvla2.robot.scan import Scan
-from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Joint, Layout, Primitive, Task, TaskInstance, TaskSite, Thread, WorldState
 
 
 class CheckedTask:
@@ -34,7 +34,8 @@ class CheckedTask:
             require(instruction is not None or made.instruction.strip(), "Its instruction is empty.")
         except ConformanceError as error:
             raise PluginError(f"{self._who} gave no valid episode. {error}") from error
-        names = [part.name for part in (*made.layout.bodies, *made.layout.joints, *made.layout.threads)]
+        parts: list[Body | Joint | Thread] = [*made.layout.bodies, *made.layout.joints, *made.layout.threads]
+        names = [part.name for part in parts]
         checks = {name: partial(self._answer, name, check, names) for name, check in made.succeeded.items()}
         return replace(made, succeeded=checks)
 

@@ -27,7 +27,7 @@ class Finger:
 class Kinematics:
     """An arm of single-axis joints: joint limits, tool pose, Jacobian.
 
-    ``world_from_base`` (4, 4) places the URDF's root; ``tcp_frame`` names a link of the URDF and ``frame_from_tcp``
+    ``world_from_base`` (4, 4) places the URDF's root; ``tcp_frame`` names a frame of the URDF and ``frame_from_tcp``
     (4, 4) the tool centre point in it. Joints are the URDF's movable ones except the fingers', in its order.
     ``limit_margin`` (radians) is kept free at both ends of each joint's range. Not safe to share between threads.
     Raises :class:`RobotError` for a URDF that does not fit.
@@ -57,10 +57,9 @@ class Kinematics:
             raise RobotError(
                 f"{urdf.name} has a joint without limits or with several axes, which is not supported."
             )
-        link = pin.FrameType.BODY  # a joint may have the same name
-        if not self.model.existFrame(tcp_frame, link):
-            raise RobotError(f"{urdf.name} has no link '{tcp_frame}'.")
-        frame = self.model.frames[self.model.getFrameId(tcp_frame, link)]
+        if not self.model.existFrame(tcp_frame):
+            raise RobotError(f"{urdf.name} has no frame '{tcp_frame}'.")
+        frame = self.model.frames[self.model.getFrameId(tcp_frame)]
         if frame.parentJoint == 0:
             raise RobotError(
                 f"No joint of {urdf.name} moves the tool's link '{tcp_frame}'; name one behind the arm's last joint."

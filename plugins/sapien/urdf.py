@@ -58,9 +58,10 @@ def read_urdf(path: Path) -> ET.Element:
             for visual in link.findall("visual"):
                 link.append(_as_collision(visual))
     names = {link.get("name") for link in robot.iterfind("link")}
-    for joint in robot.iterfind("joint[@type='fixed']"):
-        if joint.get("name") in names:  # pinocchio can't tell the two apart
-            joint.set("name", f"{joint.get('name')}_joint")
+    named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
+    for element, key in named:
+        if element.get(key) in names:  # pinocchio can't tell the two apart
+            element.set(key, f"{element.get(key)}_joint")
     for joint in robot.iterfind("joint[@type='continuous']"):
         joint.set("type", "revolute")
         limit = joint.find("limit")

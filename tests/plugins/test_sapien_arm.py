@@ -230,9 +230,9 @@ EMPTY = "<visual><geometry/></visual>"
 
 
 def test_a_joint_may_have_the_name_of_a_link(make):
-    plain, twin = (make_cell(make(text)) for text in (urdf(), urdf().replace('"j6"', '"flange"')))
+    plain, twin = (make_cell(make(text)) for text in (urdf(), urdf().replace('"j6"', '"link6"')))
     np.testing.assert_allclose(twin.hand_from_tcp, plain.hand_from_tcp)
-    assert twin.arm.kinematics.joint_names[-1] == "flange"
+    assert twin.arm.kinematics.joint_names[-1] == "link6_joint"
 
 
 @pytest.mark.parametrize("option", ["arm_stiffness", "arm_damping", "arm_force", "grip_force"])

@@ -180,7 +180,7 @@ def test_a_six_axis_arm_of_primitives_without_srdf(tmp_path, scene_of, block):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tcp_frame": "nose"}, "no link 'nose'"),
+        ({"tcp_frame": "nose"}, "no frame 'nose'"),
         ({"thumb": "thumb"}, "no joint"),
         ({"home": [0.0] * 5}, "home joints"),
         ({"home": [9.0] * 6}, "home joints"),
