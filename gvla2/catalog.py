@@ -13,7 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
-from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
+from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
 from gvla2.fitness import structured
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.kinds import KINDS, NONE, SLOTS, Kind, kind_of
@@ -143,9 +143,10 @@ class Registry:
         plugin = self._offers[own.name][component.name].plugin
         what = f"The {kind} '{component.name}' of plugin '{plugin.name}'"
         try:
-            made = component.build(config, **needs)
-            if own.name == "task" and made is not None:
-                made = _cluttered(made, config)
+            with kept_alive():
+                made = component.build(config, **needs)
+            if own.name == "task" and not own.missing(made):
+                made = _checked(made, config, what)
         except Gvla2Error:
             raise
         except Exception as error:
@@ -222,11 +223,12 @@ def _first_of_each_name(
     return first
 
 
-def _cluttered(task: Any, config: ComponentConfig) -> Any:
-    """The task among the distractors that its options ask for."""
+def _checked(task: Any, config: ComponentConfig, who: str) -> Any:
+    """The task, its episodes checked, among the distractors that its options ask for."""
+    from gvla2.robot.checked_task import CheckedTask
     from gvla2.robot.clutter import cluttered
 
-    return cluttered(task, config)
+    return cluttered(CheckedTask(task, who), config)
 
 
 def nothing_in(root: object, kind: str) -> bool:

@@ -22,7 +22,10 @@ from gvla2.errors import (
     PlannerTimeoutError,
     PlanningError,
     SimulationError,
+    kept_alive,
 )
+from gvla2.geometry.exchange import read_only
+from gvla2.geometry.views import Observation
 from gvla2.language.failures import ModelUnavailableError
 from gvla2.loop.advice import with_sound_effects
 from gvla2.loop.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
@@ -42,8 +45,10 @@ from gvla2.loop.refine import GeometryParts, refine_scene
 from gvla2.loop.telling import told_of
 from gvla2.memory.asking import context_of, learned_of, verdict_of
 from gvla2.memory.contracts import Memory, Verifier
+from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
@@ -201,7 +206,7 @@ def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListene
     return record
 
 
-class _StoppedMidwayError(BaseException):
+class _StoppedMidwayError(Exception):
     """A stage was stopped by its cause after it had reached ``record``."""
 
     def __init__(self, record: EpisodeRecord) -> None:
@@ -238,7 +243,8 @@ def _run_stage(
 
     try:
         try:
-            record = function(record)  # an interrupt of the listener must not lose what the stage found
+            with kept_alive():
+                record = function(record)  # an interrupt of the listener must not lose what the stage found
         except _StoppedMidwayError as stopped:
             record = stopped.record
             raise stopped.__cause__ or stopped from None
@@ -282,10 +288,13 @@ def _observe(
             else back_off(parts.robot, record.attempts[-1], moving)
         )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
-    noise = np.random.default_rng([request.seed, 2 * _looks(record)])
-    return replace(
-        record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
-    )
+    return replace(record, observation=_look(parts, request, 2 * _looks(record)))
+
+
+def _look(parts: Parts, request: EpisodeRequest, number: int) -> Observation:
+    """What the robot sees, with the noise of this look."""
+    noise = np.random.default_rng([request.seed, number])
+    return read_only(apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed))
 
 
 def _looks(record: EpisodeRecord) -> int:
@@ -295,15 +304,19 @@ def _looks(record: EpisodeRecord) -> int:
 
 def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     assert record.observation is not None
-    scene = parts.perceiver.perceive(record.observation, record.instruction, parts.robot.arm.workspace)
-    return replace(record, scene=scene)
+    return replace(record, scene=_perceived(record.observation, record, parts))
+
+
+def _perceived(observation: Observation, record: EpisodeRecord, parts: Parts) -> Scene:
+    who, workspace = parts.named("perceiver"), parts.robot.arm.workspace
+    return perceive(parts.perceiver, observation, record.instruction, workspace, who)
 
 
 def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     assert record.observation is not None
     assert record.scene is not None
     scene, sentence = refine_scene(record.scene, record.observation, record.instruction, parts.geometry)
-    return replace(record, scene=scene, refinement=sentence)
+    return replace(record, scene=read_only(scene), refinement=sentence)
 
 
 def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
@@ -337,7 +350,8 @@ def _execute(
         listener.frame, done.append, *([listener.moment] if isinstance(listener, MotionListener) else [])
     )
     try:
-        report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
+        with kept_alive():
+            report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
     except (Exception, KeyboardInterrupt) as cause:
         raise _StoppedMidwayError(replace(record, report=ExecutionReport(tuple(done)))) from cause
     record = replace(record, report=report)
@@ -346,10 +360,8 @@ def _execute(
         message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
-        noise = np.random.default_rng([request.seed, 2 * _looks(record) + 1])
-        after = apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
-        scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
-        return replace(record, after=after, after_scene=scene)
+        after = _look(parts, request, 2 * _looks(record) + 1)
+        return replace(record, after=after, after_scene=_perceived(after, record, parts))
     except SimulationError as error:
         return replace(record, failure=Failure("execute", VOID, str(error)))
     except Gvla2Error as error:

@@ -1,6 +1,7 @@
 """Errors: one root, and messages that say what was asked, what exists and what to do."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 
@@ -28,6 +29,22 @@ class UnknownComponentError(ConfigurationError):
 
 class PluginError(Gvla2Error):
     """A plugin broke a rule of its hook: a wrong type, a missing name, an error of its own."""
+
+
+class ConformanceError(Gvla2Error, AssertionError):
+    """A component breaks the contract of its kind; the message says which sentence, and what was found instead."""
+
+
+@contextmanager
+def kept_alive() -> Iterator[None]:
+    """What would end the process (a plugin's ``sys.exit``), besides Ctrl-C and SIGTERM, is raised as RuntimeError."""
+    try:
+        yield
+    except (Exception, KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        told = f"{error!r} would have ended the process"
+        raise RuntimeError(told).with_traceback(error.__traceback__) from None
 
 
 class MissingDependencyError(Gvla2Error):

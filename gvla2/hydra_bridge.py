@@ -81,6 +81,11 @@ class ComponentSource(ConfigSource):
         if component is None:
             raise ConfigLoadError(f"No component {config_path}")
         node = copy.deepcopy(structured(component))  # Hydra changes it
+        for name in map(str, node):
+            if (
+                OmegaConf.get_type(node, name) is dict
+            ):  # its keys are the user's: robot.hand={max_width: 0.08}
+                OmegaConf.set_struct(node[name], False)
         return ConfigResult(PROVIDER, f"{PROVIDER}://", node, {"package": None})
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:

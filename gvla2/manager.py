@@ -57,7 +57,9 @@ def collect(
         # Two distributions may announce plugins of the same name; pluggy needs unique names.
         name = plugin.name if not manager.has_plugin(plugin.name) else f"{plugin.name} #{len(guard.names)}"
         guard.names[name] = plugin
-        manager.register(guard.twin(plugin, module, unmarked), name=name)
+        twin = guard.twin(plugin, module, unmarked)
+        if vars(twin):  # to pluggy two empty ones are equal
+            manager.register(twin, name=name)
     for kind, plugin in guard.call(KINDS_HOOK):
         if fault := fault_of_kind(kind, guard.kinds):
             problems.append(PluginProblem(plugin.name, KINDS_HOOK, fault))
@@ -142,11 +144,14 @@ class _Guard:
         """What one plugin returns, without invalid items."""
         try:
             with stdout_kept_clean():
-                items = list(function())
+                answer: object = function()
+                items = list(answer) if isinstance(answer, Iterable) else None
         except (Exception, SystemExit) as error:
             self.problems.append(PluginProblem(plugin.name, hook, f"failed: {describe(error)}"))
             return []
-        return self._fit(plugin, hook, items)
+        if items is None:
+            self.problems.append(PluginProblem(plugin.name, hook, f"returned {answer!r:.80}, not a list."))
+        return self._fit(plugin, hook, items or ())
 
     def _wrap(
         self, plugin: Plugin, hook: str, function: Callable[[], Any], *, old: bool

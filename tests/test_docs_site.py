@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import json
 import os
 import re
 import shlex
@@ -13,11 +14,13 @@ from types import ModuleType
 
 import pytest
 from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
 
 import gvla2
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.plugins import options
 from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run import run_episodes
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.hydra_bridge import register
 from gvla2.kinds import KINDS, SLOTS
@@ -169,3 +172,26 @@ def test_the_preset_of_the_page_is_found(plugin: ModuleType, registry: Registry)
     finally:
         register(registry, PRIMARY)
     assert (config.replan, config.planner.speed, config.depth_noise.kind) == (0, 0.1, "realistic")
+
+
+@pytest.mark.parametrize(
+    "plugin", [p for p in PAGES if p.stem == "gvla2_planners"], ids=["point"], indirect=True
+)
+def test_the_planner_of_the_tutorial_does_what_it_says(
+    plugin: ModuleType, registry: Registry, tmp_path: Path
+):
+    (command,) = re.findall(
+        r"^gvla2 run (planner=point .*)$", (ROOT / "docs" / "tutorial.md").read_text(), re.M
+    )
+    offered = load_plugins()
+    register(offered, PRIMARY)
+    try:
+        with initialize_config_module("gvla2.conf", version_base="1.3"):
+            words = [*shlex.split(command), "memory=none", "quiet=true", "robot.video_size=16"]
+            config = OmegaConf.to_object(compose("run", overrides=words))
+        run_episodes(config, offered, tmp_path)
+    finally:
+        register(registry, PRIMARY)
+    told = json.loads((tmp_path / "result.json").read_text())
+    assert told["verdict"] == "uncertain"
+    assert told["failure"]["kind"] == "goal_not_reached"

@@ -220,19 +220,31 @@ def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_o
     assert record.plan.parameters["lift_height"] >= 0.3
 
 
-def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch):
-    from gvla2_plugins.skill.planner import SkillPlanner
+def lost(self, request):
+    return {}["nowhere"]
 
-    def crash(self, request):
-        return {}["nowhere"]
+
+def leave(self, request):
+    raise SystemExit(7)
+
+
+@pytest.mark.parametrize(
+    ("crash", "error", "told"),
+    [
+        (lost, KeyError, "KeyError: 'nowhere'"),
+        (leave, RuntimeError, "RuntimeError: SystemExit(7) would have ended the process"),
+    ],
+)
+def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, told):
+    from gvla2_plugins.skill.planner import SkillPlanner
 
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
-    with pytest.raises(KeyError) as caught:
+    with pytest.raises(error) as caught:
         run_episodes(compose_run(*SMALL), registry, tmp_path / "out")
-    assert explain(caught.value) == "KeyError: 'nowhere'. The planner 'skill' of plugin 'skill' crashed."
+    assert explain(caught.value) == f"{told}. The planner 'skill' of plugin 'skill' crashed."
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
-    assert failure["message"] == "The planner 'skill' of plugin 'skill' crashed: KeyError: 'nowhere'"
+    assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {told}"
 
 
 def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
@@ -283,6 +295,29 @@ def crash(*_):
     raise RuntimeError("a mistake of its own")
 
 
+def test_a_perceiver_that_gives_no_scene_is_named(parts_of):
+    parts = parts_of("memory=none")
+    blind = Wrapped(parts.perceiver, perceive=lambda *_: None)
+    record = run_episode(replace(parts, perceiver=blind), EpisodeRequest(seed=1))
+    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
+    who = "The perceiver 'classical' of plugin 'classical'"
+    assert record.failure.message.startswith(f"{who} gave no valid scene. perceive()'s answer must be Scene")
+
+
+def test_nobody_writes_into_what_others_see(parts_of):
+    parts, seen = parts_of("memory=none"), []
+
+    def plan(request):
+        seen.append(request)
+        return parts.planner.plan(request)
+
+    run_episode(replace(parts, planner=Wrapped(parts.planner, plan=plan)), EpisodeRequest(seed=1))
+    (request,) = seen
+    thing, view = request.scene.objects[0], request.observation.views[0]
+    arrays = (thing.world_from_object, thing.extents, thing.points, view.image, view.depth, request.joints)
+    assert not any(array.flags.writeable for array in (*arrays, request.start, request.scene.workspace.low))
+
+
 @pytest.mark.parametrize(
     ("verify", "told"),
     [
@@ -296,12 +331,13 @@ def crash(*_):
             "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
         ),
         (lambda evidence: True, "returned bool, not a Verdict."),
+        (lambda evidence: sys.exit(4), "crashed: RuntimeError: SystemExit(4) would have ended"),
         (
             lambda evidence: Verdict("well", 1.0, 1.0),
             "returned a verdict with outcome 'well', which is not one of",
         ),
     ],
-    ids=["crash", "nan", "none", "true", "outcome"],
+    ids=["crash", "nan", "none", "true", "exit", "outcome"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, told):
     parts, listener = parts_of(), Listener()

@@ -54,6 +54,18 @@ def test_third_party_options_are_overridable_and_typed(install: Install):
         composed("planner=mine", "planner.depth=deep")
 
 
+def test_options_whose_keys_are_the_users_are_open():
+    register(load_plugins(), PRIMARY)
+    for words in (
+        "robot.hand={max_width: 0.08}",
+        "robot.hand.max_width=0.08",
+        "+robot.hand={max_width: 0.08}",
+    ):
+        assert composed("robot=sapien_arm", words).robot.hand == {"max_width": 0.08}
+    with pytest.raises(HydraException):
+        composed("robot=sapien_arm", "robot.hnad={max_width: 0.08}")
+
+
 def test_registering_another_registry_replaces_the_first(install: Install):
     module = install(GOOD)
     register(load_plugins(), PRIMARY)

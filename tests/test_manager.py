@@ -165,6 +165,23 @@ def test_a_hookwrapper_of_the_old_style_and_specname():
     assert registry.problems == ()
 
 
+def test_plugins_without_a_usable_hook_are_told_and_stop_nobody():
+    for name in ("one", "two"):
+        gvla2.register(plugin(lambda: [], "gvla2_planer"), name)
+        gvla2.register(plugin(lambda extra: []), f"{name}, with an argument")
+    told = {problem.plugin: problem.message for problem in load_plugins().problems}
+    assert told["one"] == told["two"] == "is no hook of gvla2. Did you mean 'gvla2_planners'?"
+    assert told["one, with an argument"] == told["two, with an argument"] == "must take no arguments."
+
+
+@pytest.mark.parametrize("answer", [None, planner("mine")])
+def test_a_hook_that_returns_no_list_is_told(answer: object):
+    gvla2.register(plugin(lambda: answer), "odd")
+    (problem,) = load_plugins().problems
+    assert problem.message.startswith("returned ")
+    assert problem.message.endswith(", not a list.")
+
+
 def test_an_optional_hook_of_another_version_is_no_problem():
     other = SimpleNamespace(
         gvla2_tomorrow=hookimpl(lambda: [], optionalhook=True),

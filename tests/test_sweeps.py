@@ -135,8 +135,9 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert "all jobs" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("error", [KeyError("nowhere"), SystemExit(7)])
 def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_told(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException
 ):
     """The planner crashes in the first of two episodes; the bank's database is none."""
     from gvla2_plugins.skill.planner import SkillPlanner
@@ -146,7 +147,7 @@ def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_told(
     def crash(self: Any, request: Any) -> Any:
         asked.append(request)
         if len(asked) == 1:
-            raise KeyError("nowhere")
+            raise error
         return real(self, request)
 
     monkeypatch.setattr(SkillPlanner, "plan", crash)

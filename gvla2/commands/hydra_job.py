@@ -74,7 +74,7 @@ class HydraTask:
             if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
                 raise JobFailedError(error) from error
             message = explain(error, registry)
-            print(f"gvla2: job {HydraConfig.get().job.num}: {message}", file=sys.stderr)
+            print(f"gvla2: job {HydraConfig.get().job.num}: {printable(message)}", file=sys.stderr)
             raise Gvla2Error(message) from error
 
 

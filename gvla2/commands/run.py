@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
+from inspect import unwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -155,7 +156,7 @@ def run_episodes(
         progress.say(bank_line(config, parts.memory))
         stack.callback(_say_unremembered, records, progress)
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
-        tracking = stack.enter_context(Tracking(tracker, config, folder, viewer))
+        tracking = stack.enter_context(Tracking(tracker, config, folder, viewer, parts.named))
         blame = partial(crashed_component, parts)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
@@ -237,7 +238,9 @@ def crashed_component(parts: Parts, error: BaseException) -> str:
     The innermost frame of the traceback that lies in the module or package of a component decides.
     """
     built = {**vars(parts.geometry), **vars(parts)}
-    homes = {kind: type(built[kind]).__module__ for kind in parts.choices if built.get(kind) is not None}
+    homes = {
+        kind: type(unwrap(built[kind])).__module__ for kind in parts.choices if built.get(kind) is not None
+    }
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
         module = str(frame.f_globals.get("__name__", ""))
         for kind, home in homes.items():

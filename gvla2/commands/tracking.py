@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
+from gvla2.discovery import describe
+from gvla2.errors import kept_alive
+from gvla2.record.text import printable
 from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 
 if TYPE_CHECKING:
@@ -19,13 +22,18 @@ log = logging.getLogger(__name__)
 
 
 class Tracking:
-    """Reports a run to the tracker and the viewer (None: neither), as a context manager around its episodes."""
+    """Reports a run to tracker and viewer, ``named`` so in messages, as a context manager around its episodes."""
 
     def __init__(
-        self, tracker: Tracker | None, config: Any, folder: Path, viewer: Viewer | None = None
+        self,
+        tracker: Tracker | None,
+        config: Any,
+        folder: Path,
+        viewer: Viewer | None = None,
+        named: Callable[[str], str] = "The {}".format,
     ) -> None:
-        self._told: dict[str, Any] = {"tracker": tracker, "viewer": viewer}
-        self._config, self._folder = config, folder
+        self._told: dict[str, Any] = {"tracker": tracker, "view": viewer}
+        self._config, self._folder, self._named = config, folder, named
 
     def __enter__(self) -> Tracking:
         self._tell("tracker", lambda tracker: tracker.begin(self._begun()))
@@ -41,7 +49,7 @@ class Tracking:
         """Report a finished episode."""
         measures = measures_of(record)
         self._tell("tracker", lambda tracker: tracker.episode(number, measures, folder))
-        self._tell("viewer", lambda viewer: viewer.show(record, folder))
+        self._tell("view", lambda viewer: viewer.show(record, folder))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -51,11 +59,13 @@ class Tracking:
     def _tell(self, who: str, call: Callable[[Any], None]) -> None:
         try:
             if self._told[who] is not None:
-                call(self._told[who])
+                with kept_alive():
+                    call(self._told[who])
         except Exception as error:
             self._told[who] = None
-            log.warning("The %s failed and is no longer used: %s: %s", who, type(error).__name__, error)
-            log.info("What the %s raised:", who, exc_info=error)
+            named = self._named(who)
+            log.warning("%s failed and is no longer used: %s", named, printable(describe(error)))
+            log.info("What it raised:", exc_info=error)
 
 
 def measures_of(record: EpisodeRecord) -> dict[str, float]:

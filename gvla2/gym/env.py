@@ -93,6 +93,8 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             raise ConfigurationError(f"speed is {speed} m/s; it lies above 0 and is 1 at most.")
         if not 0 < joint_step <= 0.5:
             raise ConfigurationError(f"joint_step is {joint_step} rad; it lies above 0 and is 0.5 at most.")
+        if isinstance(cameras, str):
+            raise ConfigurationError(f"cameras is '{cameras}'; it is a list of names: ['{cameras}'].")
         short = {"image_size": image_size, "cameras": None if cameras is None else list(cameras)}
         options = {
             **(robot_options or {}),

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from numbers import Real
 from typing import TypeVar
 
-from gvla2.errors import Gvla2Error
+from gvla2.errors import Gvla2Error, kept_alive
 from gvla2.memory.contracts import (
     OUTCOMES,
     Evidence,
@@ -55,7 +55,8 @@ def _asked(
 ) -> T:
     """The answer, or what there is ``instead`` of it for a reason."""
     try:
-        given = answer()
+        with kept_alive():
+            given = answer()
     except Gvla2Error as error:
         return instead(str(error))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Asking an untrusted planner: within a time limit, and checking that its answer is a well-formed plan."""
+"""Asking untrusted perceivers and planners, these within a time limit: their answers are well-formed or refused."""
 
 from __future__ import annotations
 
@@ -7,16 +7,55 @@ from collections.abc import Callable, Mapping
 from types import NoneType
 from typing import Any
 
-from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.errors import ConformanceError, PerceptionError, PlannerTimeoutError, PlanningError
+from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
+from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Candidate, Plan, Planner, PlanRequest
+from gvla2.planning.contracts import Abstention, Candidate, Perceiver, Plan, Planner, PlanRequest
 from gvla2.planning.deadline import DeadlineError, within
 from gvla2.planning.effects import SIDES
 from gvla2.planning.programs import Program
+from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 
 ABSURD = 10 * MAX_WAYPOINTS
 """Longer trajectories are not checked waypoint by waypoint; up to here the checks say what is too many."""
+
+
+def perceive(
+    perceiver: Perceiver, observation: Observation, instruction: str, workspace: Box, who: str
+) -> Scene:
+    """The perceiver's scene, its arrays read-only, as are those that it is given.
+
+    Raises :class:`PerceptionError` when nothing is seen, and for an answer that is no scene of ``who``, the perceiver.
+    """
+    scene = perceiver.perceive(read_only(observation), instruction, read_only(workspace))
+    try:
+        check_scene(scene)
+    except (ConformanceError, TypeError, ValueError) as error:
+        raise PerceptionError(f"{who} gave no valid scene. {error}") from error
+    return read_only(scene)
+
+
+def check_scene(scene: object) -> None:
+    """Whether this is a scene whose objects have ids of their own, rigid poses and finite sizes and points.
+
+    Raises :class:`ConformanceError`, which says what is not so.
+    """
+    require_type(scene, Scene, "perceive()'s answer")
+    assert isinstance(scene, Scene)
+    require_type(scene.objects, tuple, "The scene's objects")
+    height: object = scene.table_height
+    require(_finite(height), f"table_height must be finite, got {height!r:.80}.")
+    for thing in scene.objects:
+        require_type(thing, SceneObject, "An object of the scene")
+        what = f"Object '{thing.id}'"
+        require_rigid(thing.world_from_object, f"{what}: world_from_object")
+        extents = require_array(thing.extents, (3,), f"{what}: extents")
+        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents.tolist()}.")
+        require_array(thing.points, (None, 3), f"{what}: points")
+    ids = [thing.id for thing in scene.objects]
+    require(all(ids) and len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")
 
 
 def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0) -> Plan:
@@ -31,12 +70,12 @@ def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0)
         raise PlannerTimeoutError(
             f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
         ) from None
-    if problem := _problem(plan):
+    if problem := fault_of_plan(plan):
         raise PlanningError(f"The planner '{name}' returned {problem}.")
     return plan
 
 
-def _problem(plan: object) -> str:
+def fault_of_plan(plan: object) -> str:
     """What is wrong with an answer, worded to follow "returned"; "" if nothing."""
     if not isinstance(plan, Plan):
         return f"{type(plan).__name__}, not a Plan"
@@ -45,7 +84,9 @@ def _problem(plan: object) -> str:
     trajectory: object = plan.trajectory
     if plan.abstention is not None:
         return ""
-    if not isinstance(trajectory, Trajectory):
+    if not isinstance(trajectory, Trajectory | None):
+        return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
+    if trajectory is None:
         return "neither a trajectory nor an abstention with its reason"
     if not _tuple_of(Waypoint)(trajectory.waypoints):
         return "a trajectory that is not a tuple of waypoints"

@@ -86,8 +86,8 @@ class SceneObject:
 
     @property
     def centre(self) -> FloatArray:
-        """(3,) centre of the oriented box, metres."""
-        return self.world_from_object[:3, 3]
+        """(3,) centre of the oriented box, metres; the caller's own copy."""
+        return self.world_from_object[:3, 3].copy()
 
     @cached_property
     def top(self) -> float:

@@ -71,7 +71,8 @@ class Calibration:
         if not 0 <= self.rmse <= LARGEST_RMSE:
             raise RobotError(
                 f"The calibration of camera '{self.serial}' is off by {1e3 * self.rmse:.1f} mm (RMSE); at most "
-                f"{1e3 * LARGEST_RMSE:.0f} mm are accepted. Calibrate again, with stiller and sharper pictures."
+                f"{1e3 * LARGEST_RMSE:.0f} mm are accepted. Calibrate again, "
+                f"{'with stiller and sharper pictures' if not self.rmse > 1.0 else 'with positions in metres'}."
             )
 
     def save(self, path: Path) -> None:
@@ -115,7 +116,7 @@ class Calibration:
                 date=str(body["date"]),
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise RobotError(f"The calibration {path} is incomplete or damaged: {error!r}.") from error
+            raise RobotError(f"The calibration {path} {_told(error)}. Calibrate again.") from error
         if serial and calibration.serial != serial:
             raise RobotError(
                 f"The calibration {path} is for camera '{calibration.serial}', but the camera in use is '{serial}'. "
@@ -143,14 +144,20 @@ def load_recording(path: Path) -> Recording:
     try:
         intrinsics, serial, given = _intrinsics(body["intrinsics"]), str(body["serial"]), list(body["pairs"])
     except (KeyError, TypeError, ValueError) as error:
-        raise RobotError(f"{path} is incomplete: {error!r}.") from error
+        raise RobotError(f"{path} {_told(error)}. It needs intrinsics, serial and pairs.") from error
     pairs = []
     for index, pair in enumerate(given):
         try:
             pairs.append(PosePair(np.array(pair["base_from_tcp"]), np.array(pair["camera_from_target"])))
         except (KeyError, TypeError, ValueError) as error:
-            raise RobotError(f"{path}, pair {index}: {error}") from error
+            told = f"{_told(error)}. It needs base_from_tcp and camera_from_target, matrices (4, 4)"
+            raise RobotError(f"{path}: pair {index} {told}.") from error
     return Recording(tuple(pairs), intrinsics, serial, mount)
+
+
+def _told(error: Exception) -> str:
+    """What is wrong with a file, by what was raised while reading its parts."""
+    return f"lacks {error}" if isinstance(error, KeyError) else f"has a wrong part ({error})"
 
 
 def _intrinsics(body: dict[str, Any]) -> Intrinsics:

@@ -54,13 +54,8 @@ class Cluttered:
             raise ConfigurationError(
                 f"task.arrangement is '{config.arrangement}'; it is one of {', '.join(ARRANGEMENTS)}."
             )
-        self._task, self._config = task, config
+        self.__wrapped__, self._config, self.instructions = task, config, task.instructions
         self._library = mesh_library(config.distractors_root) if config.distractors_root else {}
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The task's own."""
-        return self._task.instructions
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
@@ -70,7 +65,7 @@ class Cluttered:
         Raises :class:`ConfigurationError` when there is not enough room.
         """
         own = rng.spawn(1)[0]  # before the task draws: its number of draws may depend on the sentence
-        instance = self._task.sample(rng, site, instruction)
+        instance = self.__wrapped__.sample(rng, site, instruction)
         taken = [*_circles(instance.layout), *instance.keep_clear]
         added: list[Body] = []
         for size, arrangement in self._groups(own):

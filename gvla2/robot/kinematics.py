@@ -59,6 +59,11 @@ class Kinematics:
             )
         if not self.model.existFrame(tcp_frame):
             raise RobotError(f"{urdf.name} has no frame '{tcp_frame}'.")
+        frame = self.model.frames[self.model.getFrameId(tcp_frame)]
+        if frame.parentJoint == 0:
+            raise RobotError(
+                f"No joint of {urdf.name} moves the tool's link '{tcp_frame}'; name one behind the arm's last joint."
+            )
         names = {f.joint for f in fingers}
         self.joint_names = tuple(name for name in joints if name not in names)
         self.arm_index = np.array([self._column(name) for name in self.joint_names])
@@ -66,7 +71,6 @@ class Kinematics:
         self._closed = np.array([f.closed for f in fingers])
         self._opened = np.array([f.opened for f in fingers])
 
-        frame = self.model.frames[self.model.getFrameId(tcp_frame)]
         self.tcp_joint: int = frame.parentJoint
         self.joint_from_tcp: FloatArray = frame.placement.homogeneous @ check_rigid(frame_from_tcp, "tcp")
         locked = [self.model.getJointId(f.joint) for f in fingers]

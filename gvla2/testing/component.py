@@ -59,11 +59,12 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
 def check_component(component: Component[Any], kind: str | Kind = "", **needs: object) -> None:
     """Whether gvla2 would accept the component, and whether its options survive YAML and worker processes.
 
-    With ``kind`` it is also built with its default options (and ``needs``, by kind) and its kind's check is run. Your
-    own kind is passed as an object; the build must then satisfy its protocol.
+    With ``kind`` it is also built with its default options (and ``needs``, by kind) and its kind's check is run. Of
+    your own kind, by name where its plugin is found or else as an object, the build must satisfy the protocol.
     """
     require_type(component, Component, "What a hook returns")
-    known = KINDS if set(component.needs) <= KINDS.keys() else load_plugins().kinds
+    asked = {*component.needs, *([kind] if isinstance(kind, str) and kind else [])}
+    known = KINDS if asked <= KINDS.keys() else load_plugins().kinds
     own = kind_of(kind, known) if isinstance(kind, str) and kind else kind
     fault = fault_of_item(component, getattr(own, "hook", ""), known)
     require(not fault, fault)

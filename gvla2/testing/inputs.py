@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.exchange import read_only
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid, transform_points
@@ -83,11 +84,8 @@ def views(size: int = 96, masked: Block | None = None) -> Views:
     made = []
     for camera, seen in zip(cameras(size), caster.cast(cameras(size), {}), strict=True):
         mask = (seen.ids == wanted).astype(np.float32) if masked else None
-        for array in (seen.image, seen.depth, mask):
-            if array is not None:
-                array.setflags(write=False)
         made.append(View(camera, seen.image, seen.depth, mask, np.zeros((size, size), dtype=np.bool_)))
-    return Views(tuple(made))
+    return read_only(Views(tuple(made)))
 
 
 def gantry() -> Gantry:
@@ -98,7 +96,8 @@ def gantry() -> Gantry:
 def observation(size: int = 96) -> Observation:
     """The views, and the gantry's hand at home, open."""
     arm = gantry()
-    return Observation(views(size), arm.forward(arm.home), arm.home, 1.0, arm.hand.max_width)
+    seen = Observation(views(size), arm.forward(arm.home), arm.home, 1.0, arm.hand.max_width)
+    return read_only(seen)
 
 
 def scene(*blocks: Block) -> Scene:
@@ -110,7 +109,6 @@ def scene(*blocks: Block) -> Scene:
         axis = rng.integers(0, 3, 300)
         points[np.arange(300), axis] = np.sign(points[np.arange(300), axis]) * 0.5
         seen = transform_points(block.world_from_block, points * block.side)
-        seen.setflags(write=False)
         objects.append(
             SceneObject(
                 id=block.label.replace(" ", "_"),
@@ -123,7 +121,7 @@ def scene(*blocks: Block) -> Scene:
                 rgb=np.array(block.rgb),
             )
         )
-    return Scene(tuple(objects), TABLE, WORKSPACE, perceiver="testing")
+    return read_only(Scene(tuple(objects), TABLE, WORKSPACE, perceiver="testing"))
 
 
 def plan_request(instruction: str = INSTRUCTION) -> PlanRequest:
@@ -153,7 +151,7 @@ def evidence(lifted: bool = True) -> RobotEvidence:
         instruction=INSTRUCTION,
         transcript="approach, grasp, lift: carried out",
         before=before,
-        after=before.with_object(risen) if lifted else before,
+        after=before.with_object(read_only(risen)) if lifted else before,
         plan=Plan(Trajectory(waypoints), "pick", {"theme": cube.id}, {"lift_height": 0.2}),
         checks=CheckReport(),
         report=ExecutionReport(reports, 3.0),

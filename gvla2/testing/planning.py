@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import isfinite
 
 import numpy as np
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
 from gvla2.language.failures import LanguageModelError
-from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import SIDES, Effect
+from gvla2.planning.asking import check_scene, fault_of_plan
+from gvla2.planning.contracts import Advice, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
     allowed,
     require,
-    require_array,
     require_members,
     require_rigid,
     require_share,
-    require_type,
 )
 
 
@@ -63,18 +61,12 @@ def check_perceiver(perceiver: Perceiver, *, finds: bool = True) -> None:
 
 
 def _check_scene(scene: object) -> None:
-    require_type(scene, Scene, "perceive()'s answer")
+    check_scene(scene)
     assert isinstance(scene, Scene)
-    ids = [o.id for o in scene.objects]
-    require(len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")
-    require(isfinite(scene.table_height), "table_height must be finite.")
+    ids = {o.id for o in scene.objects}
     for thing in scene.objects:
         what = f"Object '{thing.id}'"
-        require(thing.id and thing.label, f"{what}: id and label must not be empty.")
-        require_rigid(thing.world_from_object, f"{what}: world_from_object")
-        extents = require_array(thing.extents, (3,), f"{what}: extents")
-        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents}.")
-        require_array(thing.points, (None, 3), f"{what}: points")
+        require(thing.label, f"{what}: its label must not be empty.")
         require_share(thing.confidence, f"{what}: confidence")
         require(
             not thing.parent or thing.parent in ids,
@@ -112,14 +104,14 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
 
 
 def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
-    require_type(plan, Plan, f"plan()'s answer{what}")
+    fault = fault_of_plan(plan)
+    require(not fault, f"plan(){what} returned {fault}.")
     assert isinstance(plan, Plan)
     require(
         (plan.trajectory is None) == (plan.abstention is not None),
         f"plan(){what}: a plan has either a trajectory or an abstention, never both or neither.",
     )
     if plan.abstention is not None:
-        require_type(plan.abstention, Abstention, f"The abstention{what}")
         require(
             plan.abstention.kind and plan.abstention.message,
             f"An abstention{what} needs a kind and a message.",
@@ -130,13 +122,6 @@ def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
             name in ids,
             f"plan(){what}: role '{role}' names '{name}', which is not in the scene {sorted(ids)}.",
         )
-    for name, value in plan.parameters.items():
-        require(isfinite(value), f"plan(){what}: parameter '{name}' is {value}.")
-    for name, (side, length) in plan.scales.items():
-        require(
-            side in SIDES and isfinite(length) and length > 0.0,
-            f"plan(){what}: the scale of '{name}' is {(side, length)}; give one of {', '.join(SIDES)} and its metres.",
-        )
     if plan.trajectory is None:
         return
     count = len(plan.trajectory)
@@ -146,7 +131,6 @@ def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
     )
     for i, waypoint in enumerate(plan.trajectory):
         where = f"plan(){what}: waypoint {i}"
-        require_array(waypoint.xyz, (3,), f"{where}: xyz")
         require_share(waypoint.gripper, f"{where}: gripper")
         require(waypoint.frame == "world", f"{where}: its frame is '{waypoint.frame}', not 'world'.")
         require(

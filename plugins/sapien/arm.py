@@ -127,6 +127,11 @@ def _whole(config: SapienArmConfig) -> None:
         if len(v := getattr(config, n)) not in ((k, 0) if n in OPEN else (k,))
     }
     bad |= {f"camera_poses.{n}": p for n, p in config.camera_poses.items() if len(p) != 6}
+    if config.gripper_joints and config.gripper != SapienArmConfig.gripper:
+        raise ConfigurationError(
+            f"robot.gripper={config.gripper} is mounted on an arm without fingers of its own, and this one has "
+            f"{list(config.gripper_joints)}: add robot.gripper_joints=[]."
+        )
     if bad:
         told = ", ".join(f"robot.{n}={list(v)} ({lengths.get(n, 6)} numbers)" for n, v in bad.items())
         raise ConfigurationError(f"Options of the wrong length: {told}.")

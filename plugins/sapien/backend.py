@@ -42,6 +42,12 @@ ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), n
 SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
+POSITIVE = (
+    *("image_size", "video_size", "video_fps", "physics_rate"),
+    *("arm_stiffness", "arm_damping", "arm_force", "grip_force", "grip_speed"),
+)
+"""Options that must lie above zero."""
+
 _SILENT = ExecutionListener()
 
 JUDGE_SECONDS = 0.25
@@ -60,8 +66,7 @@ class SapienArm:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.mounts.check(config.cameras)
-        positive = ("image_size", "video_size", "video_fps", "physics_rate", "grip_force", "grip_speed")
-        bad = [f"{name}={getattr(config, name)}" for name in positive if getattr(config, name) <= 0]
+        bad = [f"{name}={getattr(config, name)}" for name in POSITIVE if not getattr(config, name) > 0]
         if bad:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
         self._arm = self._cell.arm

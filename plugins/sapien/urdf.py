@@ -23,7 +23,7 @@ def find_file(name: str, option: str) -> Path:
     """The file that an option names: a path, or ``package://`` and an installed package."""
     path = _in_package(name) if name.startswith(PACKAGE) else Path(name).expanduser()
     if path is None or not path.is_file():
-        where = "in no installed package" if path is None else "no file"
+        where = "in no installed package's files" if path is None else "no file"
         raise RobotError(
             f"{option}={name} is {where}. Give the path of a file, or package://PACKAGE/PATH of a package that pip or "
             "ROS has installed (ROS_PACKAGE_PATH)."
@@ -47,15 +47,21 @@ def read_urdf(path: Path) -> ET.Element:
             "`xacro FILE.xacro > FILE.urdf` makes one."
         )
     for link in robot.iterfind("link"):
+        if any(len(geometry) != 1 for geometry in link.iter("geometry")):
+            raise RobotError(
+                f"A <geometry> of link {link.get('name')} in {path} does not hold one shape: give it a box, a "
+                "cylinder, a sphere or a mesh, or take out its <visual> or <collision>."
+            )
         for mesh in link.iter("mesh"):
             mesh.set("filename", str(find_mesh(path, mesh.get("filename", ""), link.get("name", ""))))
         if link.find("collision") is None:
             for visual in link.findall("visual"):
                 link.append(_as_collision(visual))
     names = {link.get("name") for link in robot.iterfind("link")}
-    for joint in robot.iterfind("joint[@type='fixed']"):
-        if joint.get("name") in names:  # pinocchio can't tell the two apart
-            joint.set("name", f"{joint.get('name')}_joint")
+    named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
+    for element, key in named:
+        if element.get(key) in names:  # pinocchio can't tell the two apart
+            element.set(key, f"{element.get(key)}_joint")
     for joint in robot.iterfind("joint[@type='continuous']"):
         joint.set("type", "revolute")
         limit = joint.find("limit")

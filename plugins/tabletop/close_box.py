@@ -20,19 +20,17 @@ EASED, STRICT = 2.4, 2.6
 class CloseBox:
     """Close the box. relaxed: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
 
+    instructions = (
+        "close the box",
+        "shut the lid of the {colour} box",
+        "close the {colour} box's lid",
+        "swing the lid over so that the box is closed",
+        "please shut the box",
+    )
+    """Paraphrases; ``{colour}`` is the box's colour."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("close_box")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the box's colour."""
-        return (
-            "close the box",
-            "shut the lid of the {colour} box",
-            "close the {colour} box's lid",
-            "swing the lid over so that the box is closed",
-            "please shut the box",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -31,19 +31,17 @@ IMAGE_SIZE = 512
 class InsertBlock:
     """Put the ring over the named pillar. relaxed: it lies about the pillar's foot. strict: the same, and released."""
 
+    instructions = (
+        "put the ring on the {colour} pillar",
+        "slide the square ring over the {colour} peg",
+        "insert the ring onto the {colour} pillar",
+        "place the ring around the {colour} post",
+        "drop the ring over the {colour} pillar",
+    )
+    """Paraphrases; ``{colour}`` is the pillar's colour."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("insert_block")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the pillar's colour."""
-        return (
-            "put the ring on the {colour} pillar",
-            "slide the square ring over the {colour} peg",
-            "insert the ring onto the {colour} pillar",
-            "place the ring around the {colour} post",
-            "drop the ring over the {colour} pillar",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

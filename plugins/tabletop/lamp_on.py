@@ -40,6 +40,15 @@ class LampOn:
     relaxed: more than 3 mm. strict: more than 7.5 mm, of 10 mm.
     """
 
+    instructions = (
+        "turn on the lamp",
+        "press the {colour} button to switch the lamp on",
+        "push the {colour} button of the lamp",
+        "switch the light on by pressing the {colour} button",
+        "press the lamp's button",
+    )
+    """Paraphrases; ``{colour}`` is the button's colour."""
+
     def __init__(self, config: LampOnConfig) -> None:
         if not 0 < config.travel < config.height - BASE[2] or config.diameter <= 0 or config.stiffness <= 0:
             raise ConfigurationError(
@@ -48,17 +57,6 @@ class LampOn:
                 f"stiffness={config.stiffness}."
             )
         self._config = replace(config, diameter=config.diameter * config.factor("lamp_on"))
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the button's colour."""
-        return (
-            "turn on the lamp",
-            "press the {colour} button to switch the lamp on",
-            "push the {colour} button of the lamp",
-            "switch the light on by pressing the {colour} button",
-            "press the lamp's button",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

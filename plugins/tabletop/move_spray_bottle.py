@@ -31,19 +31,17 @@ class MoveSprayBottle:
     square's middle along both sides, let go of.
     """
 
+    instructions = (
+        "move the spray bottle to the {target} square",
+        "pick up the {colour} spray bottle and put it on the {target} square",
+        "place the {colour} bottle on the {target} patch",
+        "take the spray bottle and set it down on the {target} square",
+        "put the {colour} spray bottle onto the {target} target",
+    )
+    """Paraphrases; ``{colour}`` is the bottle's colour, ``{target}`` the square's."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("move_spray_bottle")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the bottle's colour, ``{target}`` the square's."""
-        return (
-            "move the spray bottle to the {target} square",
-            "pick up the {colour} spray bottle and put it on the {target} square",
-            "place the {colour} bottle on the {target} patch",
-            "take the spray bottle and set it down on the {target} square",
-            "put the {colour} spray bottle onto the {target} target",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

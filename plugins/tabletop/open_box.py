@@ -22,23 +22,21 @@ OPEN = np.pi / 2
 class OpenBox:
     """Open the box. relaxed: the lid was opened by more than a right angle at some time. strict: it still is."""
 
+    instructions = (
+        "open the box",
+        "open the lid of the {colour} box",
+        "lift the lid of the box until it stays open",
+        "swing the {colour} box's lid open",
+        "please open that box for me",
+    )
+    """Paraphrases; ``{colour}`` is the box's colour."""
+
     def __init__(self, config: OpenBoxConfig) -> None:
         if not 0.0 < config.swing <= TRAVEL:
             raise ConfigurationError(
                 f"task=open_box takes task.swing above 0 and up to {TRAVEL:.2f} rad, got {config.swing}."
             )
         self._scale, self._swing = config.factor("open_box"), config.swing
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the box's colour."""
-        return (
-            "open the box",
-            "open the lid of the {colour} box",
-            "lift the lid of the box until it stays open",
-            "swing the {colour} box's lid open",
-            "please open that box for me",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

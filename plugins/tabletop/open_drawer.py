@@ -35,19 +35,17 @@ and what room it needs over the table, metres.
 class OpenDrawer:
     """Open the drawer. relaxed: it was pulled out by more than 10 cm at some time. strict: it still is."""
 
+    instructions = (
+        "open the drawer",
+        "pull the {colour} drawer open",
+        "open the {colour} drawer by its handle",
+        "slide the drawer out of the cabinet",
+        "please pull the drawer open",
+    )
+    """Paraphrases; ``{colour}`` is the drawer's colour."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("open_drawer")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the drawer's colour."""
-        return (
-            "open the drawer",
-            "pull the {colour} drawer open",
-            "open the {colour} drawer by its handle",
-            "slide the drawer out of the cabinet",
-            "please pull the drawer open",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -44,26 +44,24 @@ class OpenJar:
     the painted patch beside the jars, let go of.
     """
 
+    instructions = (
+        "open the {colour} jar and put its lid on the {target} square",
+        "unscrew the lid of the {colour} jar and lay it on the {target} square",
+        "twist the lid off the {colour} jar and place it on the {target} square",
+        "take the lid off the {colour} jar and put it on the {target} square",
+        "unscrew the {colour} jar's lid and set it down on the {target} square",
+        "please open that {colour} jar for me and leave the lid on the {target} square",
+    )
+    """Paraphrases; ``{colour}`` is the jar's colour, ``{target}`` the patch's.
+
+    Each says where to put the lid: the strict rule requires it, and only the sentence says it.
+    """
+
     def __init__(self, config: OpenJarConfig) -> None:
         if not 0 < config.turn <= 180:
             raise ConfigurationError(f"task=open_jar needs task.turn in (0, 180] degrees, got {config.turn}.")
         self._scale = config.factor("open_jar")
         self._turn = float(np.deg2rad(config.turn))
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the jar's colour, ``{target}`` the patch's.
-
-        Each says where to put the lid: the strict rule requires it, and only the sentence says it.
-        """
-        return (
-            "open the {colour} jar and put its lid on the {target} square",
-            "unscrew the lid of the {colour} jar and lay it on the {target} square",
-            "twist the lid off the {colour} jar and place it on the {target} square",
-            "take the lid off the {colour} jar and put it on the {target} square",
-            "unscrew the {colour} jar's lid and set it down on the {target} square",
-            "please open that {colour} jar for me and leave the lid on the {target} square",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

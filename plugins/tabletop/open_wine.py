@@ -25,19 +25,17 @@ IMAGE_SIZE = 512
 class OpenWine:
     """Take the cap off the bottle. Both profiles: it was turned by 150 degrees, and has left its place."""
 
+    instructions = (
+        "open the wine bottle",
+        "unscrew the cap of the wine bottle",
+        "twist the cap off the bottle and lift it",
+        "take the yellow cap off the wine bottle",
+        "please uncap the wine",
+    )
+    """Paraphrases."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("open_wine")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases."""
-        return (
-            "open the wine bottle",
-            "unscrew the cap of the wine bottle",
-            "twist the cap off the bottle and lift it",
-            "take the yellow cap off the wine bottle",
-            "please uncap the wine",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -32,6 +32,16 @@ class PickAndLift:
     cube and some part of it is in the sensor's slab.
     """
 
+    instructions = (
+        "pick up the {colour} cube and lift it up",
+        "lift the {colour} block off the table",
+        "grab the {colour} cube and raise it into the air",
+        "take the {colour} block and hold it up high",
+        "could you pick up the {colour} cube, please?",
+        "grasp the cube that is {colour} and lift it up to the target height",
+    )
+    """Paraphrases; ``{colour}`` is the cube's colour."""
+
     def __init__(self, config: PickAndLiftConfig) -> None:
         if config.cubes < 1 or config.size <= 0 or config.mass <= 0:
             raise ConfigurationError(
@@ -39,18 +49,6 @@ class PickAndLift:
                 f"size={config.size}, mass={config.mass}."
             )
         self._config = replace(config, size=config.size * config.factor("pick_and_lift"))
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the cube's colour."""
-        return (
-            "pick up the {colour} cube and lift it up",
-            "lift the {colour} block off the table",
-            "grab the {colour} cube and raise it into the air",
-            "take the {colour} block and hold it up high",
-            "could you pick up the {colour} cube, please?",
-            "grasp the cube that is {colour} and lift it up to the target height",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -27,20 +27,18 @@ GAP = 0.10
 class PickupCup:
     """Pick up the cup of the named colour, beside another. Both profiles: held, and out of the volume it stood in."""
 
+    instructions = (
+        "pick up the {colour} cup",
+        "grab the {colour} mug and lift it",
+        "lift the {colour} cup off the table",
+        "take the {colour} cup by its rim and hold it up",
+        "please raise the {colour} mug",
+    )
+    """Paraphrases; ``{colour}`` is the cup's colour."""
+
     def __init__(self, config: ScaledConfig) -> None:
         scale = config.factor("pickup_cup")
         self._diameter, self._height = DIAMETER * scale, HEIGHT * scale
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the cup's colour."""
-        return (
-            "pick up the {colour} cup",
-            "grab the {colour} mug and lift it",
-            "lift the {colour} cup off the table",
-            "take the {colour} cup by its rim and hold it up",
-            "please raise the {colour} mug",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

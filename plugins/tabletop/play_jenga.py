@@ -37,19 +37,17 @@ class PlayJenga:
     released, while all others still stand in place.
     """
 
+    instructions = (
+        "pull the {colour} block out of the jenga tower and put it on the {target} circle",
+        "take the protruding {colour} brick out of the tower and lay it on the {target} circle",
+        "play jenga: remove the {colour} block without toppling the tower, and put it on the {target} circle",
+        "slide the {colour} block that sticks out of the stack out of it and onto the {target} circle",
+        "grab the {colour} jenga block, pull it out and set it down on the {target} circle",
+    )
+    """Paraphrases; ``{colour}`` is the loose brick's colour, ``{target}`` that of the circle beside the tower."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("play_jenga")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the loose brick's colour, ``{target}`` that of the circle beside the tower."""
-        return (
-            "pull the {colour} block out of the jenga tower and put it on the {target} circle",
-            "take the protruding {colour} brick out of the tower and lay it on the {target} circle",
-            "play jenga: remove the {colour} block without toppling the tower, and put it on the {target} circle",
-            "slide the {colour} block that sticks out of the stack out of it and onto the {target} circle",
-            "grab the {colour} jenga block, pull it out and set it down on the {target} circle",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -30,6 +30,15 @@ class PushBlock:
     overlaps a cube of 1 cm that stands at the target's centre.
     """
 
+    instructions = (
+        "push the {colour} block onto the {target} square",
+        "slide the {colour} cube to the {target} target",
+        "shove the {colour} block over to the {target} patch on the table",
+        "move the {colour} cube onto the {target} square by pushing it",
+        "without lifting it, push the {colour} block until it is on the {target} target",
+    )
+    """Paraphrases; ``{colour}`` is the block's colour, ``{target}`` the square's."""
+
     def __init__(self, config: PushBlockConfig) -> None:
         near, far = config.distance
         if min(config.size, config.mass, config.target, near) <= 0 or near > far:
@@ -38,17 +47,6 @@ class PushBlock:
                 f"size={config.size}, mass={config.mass}, target={config.target}, distance=({near}, {far})."
             )
         self._config = replace(config, size=config.size * config.factor("push_block"))
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the block's colour, ``{target}`` the square's."""
-        return (
-            "push the {colour} block onto the {target} square",
-            "slide the {colour} cube to the {target} target",
-            "shove the {colour} block over to the {target} patch on the table",
-            "move the {colour} cube onto the {target} square by pushing it",
-            "without lifting it, push the {colour} block until it is on the {target} target",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -26,19 +26,17 @@ TOUCHING = 0.005
 class PutBlock:
     """Put the block on the target. relaxed: it touches the target area. strict: its centre is within 1 cm²."""
 
+    instructions = (
+        "put the {colour} block on the {target} square",
+        "pick up the {colour} cube and place it on the {target} target",
+        "place the {colour} block onto the {target} patch on the table",
+        "set the {colour} cube down on the {target} square",
+        "could you put the {colour} cube on the {target} square?",
+    )
+    """Paraphrases; ``{colour}`` is the block's colour, ``{target}`` the square's."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._size = SIZE * config.factor("put_block")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the block's colour, ``{target}`` the square's."""
-        return (
-            "put the {colour} block on the {target} square",
-            "pick up the {colour} cube and place it on the {target} target",
-            "place the {colour} block onto the {target} patch on the table",
-            "set the {colour} cube down on the {target} square",
-            "could you put the {colour} cube on the {target} square?",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -34,19 +34,17 @@ class PutKnife:
     and it lies still.
     """
 
+    instructions = (
+        "put the knife on the chopping board",
+        "take the {colour} knife out of the block and lay it on the board",
+        "pull the knife from the knife block and place it on the cutting board",
+        "move the knife with the {colour} handle onto the chopping board",
+        "lay the knife down on the chopping board",
+    )
+    """Paraphrases; ``{colour}`` is the colour of the knife's grip."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("put_knife")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the colour of the knife's grip."""
-        return (
-            "put the knife on the chopping board",
-            "take the {colour} knife out of the block and lay it on the board",
-            "pull the knife from the knife block and place it on the cutting board",
-            "move the knife with the {colour} handle onto the chopping board",
-            "lay the knife down on the chopping board",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -37,22 +37,20 @@ MOST_SPAN = 0.074
 class SortMustard:
     """Put the mustard bottle into the tray. Both profiles: it rests in a volume of 10 cm over the tray."""
 
+    instructions = (
+        "put the mustard bottle in the tray",
+        "place the yellow mustard into the gray tray",
+        "pick up the yellow bottle and put it in the tray",
+        "sort the mustard into the tray",
+        "move the yellow mustard bottle into the tray, please",
+    )
+    """Paraphrases."""
+
     def __init__(self, config: ScaledConfig) -> None:
         scale = config.factor("sort_mustard")
         length, width, height = (scale * side for side in BOTTLE)
         self._bottle = (length, min(width, MOST_SPAN), height)
         self._shoulders = SHOULDERS * scale
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases."""
-        return (
-            "put the mustard bottle in the tray",
-            "place the yellow mustard into the gray tray",
-            "pick up the yellow bottle and put it in the tray",
-            "sort the mustard into the tray",
-            "move the yellow mustard bottle into the tray, please",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

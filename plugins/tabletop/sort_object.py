@@ -35,20 +35,18 @@ TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
 class SortObject:
     """Put each thing into the bin of its own colour. relaxed: all three are in. strict: and let go of, at rest."""
 
+    instructions = (
+        "sort the objects into the bins of the same colour",
+        "put every object into the bin that has its colour",
+        "put the {one} things in the {one} bin and the {other} things in the {other} bin",
+        "sort the {one} and {other} objects into the bins of their own colour",
+        "place each object in the box of matching colour",
+    )
+    """Paraphrases; ``{one}`` and ``{other}`` are the bins' colours."""
+
     def __init__(self, config: ScaledConfig) -> None:
         k = config.factor("sort_object")
         self._sizes = [np.array(size) * k for size in (CUBE, CAN, BAR)]
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{one}`` and ``{other}`` are the bins' colours."""
-        return (
-            "sort the objects into the bins of the same colour",
-            "put every object into the bin that has its colour",
-            "put the {one} things in the {one} bin and the {other} things in the {other} bin",
-            "sort the {one} and {other} objects into the bins of their own colour",
-            "place each object in the box of matching colour",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

@@ -28,19 +28,17 @@ STAND_RGB, SHAFT_RGB = (0.30, 0.30, 0.32), (0.75, 0.75, 0.75)
 class TakeUmbrella:
     """Take the umbrella out. Both profiles: no part of it is in the upper half of the stand any more."""
 
+    instructions = (
+        "take the umbrella out of the stand",
+        "pull the {colour} umbrella out of the umbrella stand",
+        "lift the umbrella out of its holder",
+        "remove the {colour} umbrella from the stand",
+        "grab the umbrella by its handle and pull it out",
+    )
+    """Paraphrases; ``{colour}`` is the umbrella's colour."""
+
     def __init__(self, config: ScaledConfig) -> None:
         self._scale = config.factor("take_umbrella")
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the umbrella's colour."""
-        return (
-            "take the umbrella out of the stand",
-            "pull the {colour} umbrella out of the umbrella stand",
-            "lift the umbrella out of its holder",
-            "remove the {colour} umbrella from the stand",
-            "grab the umbrella by its handle and pull it out",
-        )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None

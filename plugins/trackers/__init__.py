@@ -18,7 +18,7 @@ INSTALL = "pip install 'gvla2[track]'"
 class MLflowConfig(ComponentConfig):
     """Options of ``mlflow``: ``uri`` of a server, "" for the file ``outputs/mlflow.db``; the ``experiment``'s name.
 
-    ``files`` sends each episode's page, result and picture as well.
+    ``files`` sends each episode's page, result and picture as well; without a server they come into ``mlruns``.
     """
 
     uri: str = ""

@@ -188,6 +188,7 @@ def test_nothing_happens_before_reset(small):
         ({"task": "put_blok"}, UnknownComponentError, "Did you mean 'put_block'"),
         ({"robot": "sapien_pand"}, UnknownComponentError, "Did you mean 'sapien_panda'"),
         ({"robot": "piper"}, ConfigurationError, "takes a simulated robot"),
+        ({"cameras": "front"}, ConfigurationError, r"a list of names: \['front'\]"),
         ({"cameras": ["frnt"]}, ConfigurationError, "front, left_shoulder"),
         ({"task_options": {"scale": 2}}, ConfigurationError, "from 0.8 to 1.2"),
         ({"robot_options": {"imag_size": 8}}, ConfigurationError, "imag_size"),

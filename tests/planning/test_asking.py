@@ -50,7 +50,7 @@ def test_a_plan_passes_as_it_is(plan):
         (None, "NoneType, not a Plan"),
         ("go left", "str, not a Plan"),
         (Plan(None), "neither a trajectory nor an abstention"),
-        (Plan([GOOD]), "neither a trajectory"),
+        (Plan([GOOD]), "a trajectory that is list, not Trajectory"),
         (Plan(None, abstention="no"), "abstention 'no', which is not an Abstention"),
         (planned(), "without waypoints"),
         (planned(*[GOOD] * 10_000), "10000 waypoints; at most 20"),

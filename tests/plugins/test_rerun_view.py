@@ -120,4 +120,4 @@ def test_a_viewer_that_fails_is_left_and_told_of_once(tmp_path: Path, caplog: py
         tracking.episode(1, episode, tmp_path)
     assert viewer.shown == ["one"]
     (warning,) = caplog.messages
-    assert warning == "The viewer failed and is no longer used: ConnectionError: no window"
+    assert warning == "The view failed and is no longer used: ConnectionError: no window"

@@ -226,6 +226,21 @@ def test_arms_of_a_package_lift_a_cube(name):
 VISUAL = '<visual><geometry><mesh filename="package://six/none.stl"/></geometry></visual>'
 
 
+EMPTY = "<visual><geometry/></visual>"
+
+
+def test_a_joint_may_have_the_name_of_a_link(make):
+    plain, twin = (make_cell(make(text)) for text in (urdf(), urdf().replace('"j6"', '"link6"')))
+    np.testing.assert_allclose(twin.hand_from_tcp, plain.hand_from_tcp)
+    assert twin.arm.kinematics.joint_names[-1] == "link6_joint"
+
+
+@pytest.mark.parametrize("option", ["arm_stiffness", "arm_damping", "arm_force", "grip_force"])
+def test_forces_are_above_zero(make, option):
+    with pytest.raises(ConfigurationError, match=f"needs values above 0 for {option}=-1"):
+        ARM.build(make(**{option: -1.0}))
+
+
 @pytest.mark.parametrize(
     ("text", "changed", "told"),
     [
@@ -242,6 +257,9 @@ VISUAL = '<visual><geometry><mesh filename="package://six/none.stl"/></geometry>
         (None, {"base_position": [0.0]}, r"robot\.base_position=\[0\.0\] \(3 numbers\)"),
         (None, {"urdf": "nowhere.urdf"}, r"robot\.urdf=nowhere\.urdf is no file"),
         (None, {"urdf": "package://nobody/arm.urdf"}, "in no installed package"),
+        (None, {"tool_link": "base", "gripper_joints": []}, "No joint of six.urdf moves the tool's link 'base'"),
+        (None, {"gripper": "suction"}, r"gripper=suction is mounted .* \['finger_a_joint'\]: add .*_joints=\[\]"),
+        (urdf(extra=f'<link name="cap">{EMPTY}</link>'), {}, r"<geometry> of link cap in .*six\.urdf does not hold"),
         (None, {"urdf": "", "tool_link": ""}, r"needs robot\.urdf=\.\.\. and robot\.tool_link=.*your_arm\.md"),
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),
         (urdf(extra=f'<link name="cap">{VISUAL}</link>'), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),

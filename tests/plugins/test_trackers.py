@@ -135,6 +135,24 @@ def test_a_tracker_that_fails_is_told_of_once(tmp_path: Path, caplog: pytest.Log
     assert warning == "The tracker failed and is no longer used: ConnectionError: no route"
 
 
+def test_a_tracker_that_would_exit_is_named_and_cannot_write_to_the_terminal(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    class Exits(Failing):
+        def begin(self, run: TrackedRun) -> None:
+            raise SystemExit("\x1b[31m")
+
+    who = "The tracker 'mine' of plugin 'yours'"
+    with (
+        caplog.at_level(logging.WARNING),
+        Tracking(Exits(), {"seed": 1}, tmp_path, named=lambda kind: who),
+    ):
+        pass
+    (warning,) = caplog.messages
+    assert warning.startswith(f"{who} failed and is no longer used: RuntimeError: SystemExit(")
+    assert "\x1b" not in warning
+
+
 def test_the_numbers_of_an_episode():
     record = EpisodeRecord("e", "lift", "t", 0, {}, timings={"plan": 0.5, "execute": 2.0})
     assert measures_of(record) == {"seconds/plan": 0.5, "seconds/execute": 2.0, "seconds": 2.5, "attempts": 1}

@@ -185,6 +185,31 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
         job(CalibrateConfig(pairs=str(broken)), load_plugins(), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"pairs": None},
+            r"has a wrong part \(.*\)\. It needs intrinsics, serial and pairs",
+        ),
+        ({"pairs": [None]}, r"pair 0 has a wrong part .* base_from_tcp and camera_from_target"),
+        ({"pairs": [{}]}, r"pair 0 lacks 'base_from_tcp'"),
+        ({"intrinsics": [1, 2, 3]}, r"has a wrong part"),
+        ({"intrinsics": {}}, r"lacks 'fx'"),
+    ],
+)
+def test_what_a_recording_lacks_is_said(tmp_path: Path, changes, told):
+    path = recording(tmp_path, recorded(np.random.default_rng(2)))
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+    with pytest.raises(RobotError, match=told):
+        load_recording(path)
+
+
+def test_metres_are_asked_for():
+    with pytest.raises(RobotError, match=r"off by 2000\.0 mm .* with positions in metres"):
+        made(rmse=2.0)
+
+
 def test_options_are_checked(tmp_path: Path):
     path = recording(tmp_path, recorded(np.random.default_rng(2)))
     for changes, message in (

@@ -98,8 +98,8 @@ def touching_input(request: Any) -> Plan:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (lambda r: None, "must be Plan, got NoneType"),
-        (lambda r: Plan(None), "either a trajectory or an abstention"),
+        (lambda r: None, "NoneType, not a Plan"),
+        (lambda r: Plan(None), "neither a trajectory nor an abstention"),
         (
             lambda r: replace(lifting(INSIDE, INSIDE), abstention=Abstention("other", "no")),
             "either a trajectory or",
@@ -107,7 +107,7 @@ def touching_input(request: Any) -> Plan:
         (lambda r: Plan(None, abstention=Abstention("", "")), "needs a kind and a message"),
         (lambda r: lifting(INSIDE), "2 to 20 waypoints, got 1"),
         (lambda r: lifting(*[INSIDE] * 21), "got 21"),
-        (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "not finite"),
+        (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "not a tuple of three finite numbers"),
         (
             lambda r: Plan(Trajectory((Waypoint(INSIDE, 1.5, "a"), Waypoint(INSIDE, 0, "b")))),
             r"lie in \[0, 1\]",
@@ -116,7 +116,7 @@ def touching_input(request: Any) -> Plan:
         (lambda r: lifting(INSIDE, INSIDE, speed=0.0), "must be positive"),
         (lambda r: lifting(INSIDE, INSIDE, carries="ghost"), "ghost"),
         (lambda r: replace(lifting(INSIDE, INSIDE), roles={"theme": "ghost"}), "role 'theme' names 'ghost'"),
-        (lambda r: replace(lifting(INSIDE, INSIDE), parameters={"lift": float("inf")}), "'lift' is inf"),
+        (lambda r: replace(lifting(INSIDE, INSIDE), parameters={"lift": float("inf")}), "'lift': inf}, which is not a mapping from names to finite"),
         (lambda r: 1 / 0, "raised ZeroDivisionError"),
         (lambda r: lifting(INSIDE, INSIDE) if r.scene.objects else r.scene["red_cube"], "for an empty scene"),
         (touching_input, "read-only"),

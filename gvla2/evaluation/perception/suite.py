@@ -17,6 +17,7 @@ from gvla2.evaluation.perception.truth import Segmented, true_things
 from gvla2.evaluation.perception.twins import TwinTask, with_twins
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.geometry.views import Observation
+from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import RobotBackend
@@ -131,7 +132,7 @@ def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple
     """The scene; an empty one with the reason if the perceiver sees none."""
     workspace = bench.robot.arm.workspace
     try:
-        return bench.perceiver.perceive(observation, instruction, workspace), ""
+        return perceive(bench.perceiver, observation, instruction, workspace, "The perceiver"), ""
     except PerceptionError as error:
         return Scene((), 0.0, workspace), f"Nothing was perceived: {error}"
 

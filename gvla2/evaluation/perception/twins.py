@@ -15,12 +15,7 @@ class TwinTask:
     """Implements :class:`gvla2.robot.task.Task`: another task whose named thing has twins (see :func:`with_twins`)."""
 
     def __init__(self, task: Task) -> None:
-        self._task = task
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The task's own."""
-        return self._task.instructions
+        self._task, self.instructions = task, task.instructions
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
