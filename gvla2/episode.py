@@ -18,15 +18,11 @@ import numpy as np
 
 from gvla2.errors import (
     Gvla2Error,
-    PerceptionError,
-    PlannerTimeoutError,
-    PlanningError,
     SimulationError,
     kept_alive,
 )
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
-from gvla2.language.failures import ModelUnavailableError
 from gvla2.loop.advice import with_sound_effects
 from gvla2.loop.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
 from gvla2.loop.consulting import Asked, Consultation
@@ -39,6 +35,7 @@ from gvla2.loop.continuing import (
     words_of_part,
 )
 from gvla2.loop.evidence import RobotEvidence
+from gvla2.loop.failures import ABANDONED, VOID, failure_of
 from gvla2.loop.lessons import memory_task, transcript
 from gvla2.loop.listener import EpisodeListener, SilentListener
 from gvla2.loop.refine import GeometryParts, refine_scene
@@ -60,21 +57,6 @@ from gvla2.skills.table import STANDARD
 
 if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
-
-ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
-"""Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
-
-PLANNING: tuple[Stage, ...] = ("plan", "check")
-"""The stages at which nothing but the planner, its fallback and the skills that they call can crash."""
-
-VOID = "simulation"
-"""The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
-
-
-def planner_crashed(record: EpisodeRecord) -> bool:
-    """Whether the episode ended in a crash of its planner: whoever compares planners counts it as a failure."""
-    failure = record.failure
-    return failure is not None and failure.kind == "crashed" and failure.stage in PLANNING
 
 
 @dataclass(frozen=True)
@@ -131,7 +113,8 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     """Run one episode and return its record, whose ``failure`` says where and why it ended early, if so.
 
     Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
-    failures of a kind in :data:`ABANDONED` (the listener has then seen the record) and raised again.
+    failures of a kind in :data:`~gvla2.loop.failures.ABANDONED` (the listener has then seen the record) and raised
+    again.
     """
     record = EpisodeRecord(
         episode_id=request.source or f"{parts.choices.get('task') or 'episode'}/seed-{request.seed}",
@@ -249,18 +232,8 @@ def _run_stage(
             record = stopped.record
             raise stopped.__cause__ or stopped from None
         return ended(record)
-    except PerceptionError as error:
-        return ended(replace(record, failure=Failure(stage, "perception", str(error))))
-    except PlannerTimeoutError as error:
-        return ended(replace(record, failure=Failure(stage, "timeout", str(error))))
-    except PlanningError as error:
-        return ended(replace(record, failure=Failure(stage, "invalid_plan", str(error))))
-    except SimulationError as error:
-        return ended(replace(record, failure=Failure(stage, VOID, str(error))))
-    except ModelUnavailableError as error:
-        return ended(replace(record, failure=Failure(stage, "unavailable", str(error))))
     except Gvla2Error as error:
-        return ended(replace(record, failure=Failure(stage, "error", str(error))))
+        return ended(replace(record, failure=failure_of(stage, error)))
     except KeyboardInterrupt:
         ended(replace(record, failure=Failure(stage, "interrupted", "Stopped by the user.")))
         raise

@@ -193,7 +193,10 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
             ["planner.lift_hight=1"],
             "No option 'lift_hight' of 'planner' (skill). Did you mean 'lift_height'?",
         ),
-        (["memory=none", "memory.bank=x"], "'memory' (none). awm, governed, reasoning_bank, semantic, synapse have it;"),
+        (
+            ["memory=none", "memory.bank=x"],
+            "'memory' (none). awm, governed, reasoning_bank, semantic, synapse have it;",
+        ),
         (["planner=0.5"], "No planner named '0.5'. Available: "),
         (["seed=1", "planner=7"], "No planner named '7'. Available: "),
         (["sed=3"], "No option 'sed'. Did you mean 'seed'?"),

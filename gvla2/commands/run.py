@@ -136,7 +136,7 @@ def run_episodes(
     otherwise the crash is raised.
     """
     from gvla2.commands.tracking import Tracking
-    from gvla2.episode import ABANDONED, planner_crashed
+    from gvla2.loop.failures import ABANDONED, planner_crashed
     from gvla2.record.files import write_text
     from gvla2.record.overview import write_summary
     from gvla2.record.progress import Progress

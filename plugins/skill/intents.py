@@ -71,16 +71,12 @@ def combine(intents: Sequence[Intent]) -> Intent:
         skill = "place"  # "get it out of the stack and onto the tray"
     amount = next((i.amount for i in reversed(intents) if i.amount is not None), None)
     direction = next((i.direction for i in reversed(intents) if i.direction is not None), None)
-    aims = [(i.relation, i.goal) for i in intents if names(i.goal)]
-    apart = any(_refined(a, b) is None for (_, a), (_, b) in pairwise(aims) if a and b)
-    measured = {i.direction for i in intents if i.amount is not None or not aims} | (
-        {(0.0, 0.0)} if aims else set()
-    )
-    ways = (measured - {None}, {i.amount for i in intents} - {None})
-    if apart or max(map(len, ways)) > 1:
-        return replace(
-            acting[0], trouble="it gives several directions, lengths or places; ask for one at a time"
-        )
+    aims = [i.goal for i in intents if names(i.goal)]
+    ways = {i.direction for i in intents if i.direction and (i.amount is not None or not aims)}
+    apart = any(_refined(a, b) is None for a, b in pairwise(aims))
+    if apart or len(ways) + bool(aims) > 1 or len({i.amount for i in intents} - {None}) > 1:
+        ask = "ask for one at a time"
+        return replace(acting[0], trouble=f"it gives several directions, lengths or places; {ask}")
     asked = skill or acting[0].skill
     whole = Intent(asked, acting[0].verb, theme, aim.goal, aim.relation, amount, direction)
     if not skill:

@@ -127,11 +127,8 @@ def _aimed(intent: Intent) -> Intent | None:
     theme = replace(intent.theme, landmark=None)
     if relation == "from" and intent.skill in ("place", "push") and intent.amount is not None:
         return replace(intent, theme=theme, goal=goal, relation="beside")  # "10 cm away from the cup"
-    if (
-        intent.skill != "pick"
-        or (intent.theme.stands and intent.verb != "want")
-        or relation not in ("on", "in", "to")
-    ):
+    stands = intent.theme.stands and intent.verb != "want"
+    if stands or intent.skill != "pick" or relation not in ("on", "in", "to"):
         return None
     if not (goal.noun or goal.colour or goal.unknown):
         return None  # "on its left side"
@@ -175,8 +172,6 @@ def _apart(text: str, denied: Intent, intent: Intent) -> bool:
     unread = denied.theme is not None and denied.theme.unknown
     if unread or denied.verb == "move" or lexicon.LETTING & {*text.split()}:
         return False
-    worked = (*lexicon.WORKED, "push")  # "open the drawer without pulling"
-    asked = (
-        MOVING if intent.skill in MOVING else worked if intent.skill in lexicon.WORKED else (intent.skill,)
-    )
+    asked: tuple[str, ...] = MOVING if intent.skill in MOVING else (intent.skill,)
+    asked += (*lexicon.WORKED, "push") if intent.skill in lexicon.WORKED else ()  # "open it without pulling"
     return denied.skill in STANDARD and denied.skill not in asked
