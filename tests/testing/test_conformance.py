@@ -116,7 +116,10 @@ def touching_input(request: Any) -> Plan:
         (lambda r: lifting(INSIDE, INSIDE, speed=0.0), "must be positive"),
         (lambda r: lifting(INSIDE, INSIDE, carries="ghost"), "ghost"),
         (lambda r: replace(lifting(INSIDE, INSIDE), roles={"theme": "ghost"}), "role 'theme' names 'ghost'"),
-        (lambda r: replace(lifting(INSIDE, INSIDE), parameters={"lift": float("inf")}), "'lift': inf}, which is not a mapping from names to finite"),
+        (
+            lambda r: replace(lifting(INSIDE, INSIDE), parameters={"lift": float("inf")}),
+            "'lift': inf}, which is not a mapping from names to finite",
+        ),
         (lambda r: 1 / 0, "raised ZeroDivisionError"),
         (lambda r: lifting(INSIDE, INSIDE) if r.scene.objects else r.scene["red_cube"], "for an empty scene"),
         (touching_input, "read-only"),
