@@ -217,21 +217,17 @@ def test_another_object_than_the_masks_show_is_refused(tmp_path: Path):
 def test_a_prior_that_can_use_no_view_is_a_warning(
     tmp_path: Path, registry: Registry, capsys: pytest.CaptureFixture[str], depth: float | None, why: str
 ):
-    bare = [
-        replace(view, depth=None if depth is None else np.full(view.image.shape[:2], depth, np.float32))
-        for view in seen(mallet(), 2, 64)
-    ]
-    write_plain(tmp_path / "views", Views(tuple(bare)))
-    record = reconstruct(
-        composed(f"views={tmp_path / 'views'}", "prior=depth", "quiet=false"), registry, tmp_path / "out"
-    )
-    (stage,) = [stage for stage in record.result.stages if stage.stage == "prior"]
-    assert stage.status == "rejected"
+    views = seen(mallet(), 2, 64)
+    shown = [None if depth is None else np.full(view.image.shape[:2], depth, np.float32) for view in views]
+    bare = Views(tuple(replace(view, depth=depths) for view, depths in zip(views, shown, strict=True)))
+    write_plain(tmp_path / "views", bare)
+    config = composed(f"views={tmp_path / 'views'}", "prior=depth", "quiet=false")
+    record = reconstruct(config, registry, tmp_path / "out")
+    stage = next(stage for stage in record.result.stages if stage.stage == "prior")
     told = f"prior=depth can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z"
-    assert told in stage.reason
+    assert stage.status == "rejected" and told in stage.reason  # noqa: PT018
     assert told in (tmp_path / "out" / "index.html").read_text()
-    out = capsys.readouterr()
-    assert "prior=depth can use no view" in out.out + out.err
+    assert "prior=depth can use no view" in "".join(capsys.readouterr())
 
 
 def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):
