@@ -87,7 +87,7 @@ def test_rows_formats_and_resuming(
     run_bench(config, catalog, tmp_path / "third")
     assert {row["run"] for row in rows_of(tmp_path / "third")} == {3}
 
-    report = ReportConfig(suite="memory", results=config.results, formats=["markdown"])
+    report = ReportConfig(suite="memory", results=ResultsConfig(config.results.url), formats=["markdown"])
     assert make_report(report, catalog, tmp_path / "report") == len(rows)
     text = (tmp_path / "report" / "report.md").read_text()
     places = [text.index(title) for title in ("Recall, end to end", "Start of a bank", "Evidence")]

@@ -94,7 +94,7 @@ HOOK = "@hookimpl\ndef {}({}):\n    {}\n"
             "failed: ValueError: oh",
         ),
         (HOOK.format("gvla2_planners", "", "raise SystemExit"), "gvla2_planners", "failed: SystemExit"),
-        (HOOK.format("gvla2_planners", "", "return None"), "gvla2_planners", "TypeError: 'NoneType'"),
+        (HOOK.format("gvla2_planners", "", "return None"), "gvla2_planners", "returned None, not a list"),
         (HOOK.format("gvla2_planners", "", "return [3]"), "gvla2_planners", "3, which is not a Component"),
         (HOOK.format("gvla2_planners", "", "yield Made"), "gvla2_planners", "not a Component"),
         (

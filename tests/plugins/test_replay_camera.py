@@ -208,7 +208,7 @@ SPOILT = {
     ),
     "no array": (lambda f: (f / "001.depth.npy").write_bytes(b"x"), "001.depth.npy is not a readable array"),
     "no calibration": (lambda f: (f / "camera.json").unlink(), "is not a recording"),
-    "half a calibration": (rewritten(rmse=None), "incomplete or damaged"),
+    "half a calibration": (rewritten(rmse=None), "has a wrong part"),
     "a mirror": (rewritten(T_base_camera=np.diag([1.0, 1, -1, 1]).tolist()), "mirrored"),
     "inexact": (rewritten(rmse=0.006), "off by 6.0 mm"),
     "another convention": (rewritten(convention="y up"), "a different convention"),

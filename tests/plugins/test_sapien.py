@@ -126,7 +126,7 @@ def test_a_simulation_that_blows_up_is_noticed_and_the_next_one_is_clean(panda):
     assert panda._world.time < 0.1  # broken off at once
     panda._world._robot.set_qpos(np.full(9, np.nan, dtype=np.float32))
     drive.hold()
-    for look in (panda.observe, panda.judge):
+    for look in (panda.observe, panda.success_check):
         with pytest.raises(RobotError, match="blown up"):
             look()
     panda.reset(TASKS["pick_and_lift"], 0)
