@@ -138,7 +138,7 @@ class Canvas:
 
     def picture(self) -> Image.Image:
         """The annotated picture, RGB."""
-        smooth = self._layer.resize(self.size, Image.Resampling.LANCZOS)
+        smooth = self._layer.reduce(_SMOOTH)
         result = Image.alpha_composite(self._picture.convert("RGBA"), smooth)
         pen = ImageDraw.Draw(result, "RGBA")
         for text, at in self._digits:

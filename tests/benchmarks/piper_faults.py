@@ -1,6 +1,6 @@
 """Fault injection on the Piper's virtual bus, and the jitter of its control loop.
 
-    python tests/benchmarks/piper_faults.py [--times 100] [--workers 6] [--jitter 60] [--seed 0] [--only FAULT]
+    python -m tests.benchmarks.piper_faults [--times 100] [--workers 6] [--jitter 60] [--seed 0] [--only FAULT]
 
 Each fault comes at a random instant of a motion. Every trial must end in a hold (or a refusal before motion) within
 150 ms of detection, with no frame that stops, resets or disables, and with a complete log. Exit status 1 otherwise.
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2_plugins.piper.trials import FAULTS, OTHERS, FaultTrial, TrialBench, interrupted, loop_ticks
+from tests.plugins.piper_trials import FAULTS, OTHERS, FaultTrial, TrialBench, interrupted, loop_ticks
 
 CHANNEL = "239.74.163.91"
 BATCH = 20

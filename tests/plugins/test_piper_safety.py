@@ -22,8 +22,8 @@ from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SafetyStopError
 from gvla2_plugins.piper.scenery import Scenery
-from gvla2_plugins.piper.trials import FAULTS, TrialBench, interrupted, judge_frames
 from gvla2_plugins.piper.virtual_arm import Faults, VirtualArm
+from tests.plugins.piper_trials import FAULTS, TrialBench, interrupted, judge_frames
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 NUMBERS = itertools.count()

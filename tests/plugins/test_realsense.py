@@ -17,7 +17,7 @@ from gvla2_plugins import realsense
 from gvla2_plugins.realsense import RealsenseConfig, attached
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.library import load, version
-from gvla2_plugins.realsense.software import Optics, SoftwareCamera
+from tests.plugins.software_camera import Optics, SoftwareCamera
 
 POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
 

@@ -17,9 +17,9 @@ from gvla2_plugins.piper.watch import WatchLimits
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.record import main as record_main
-from gvla2_plugins.realsense.software import Optics, SoftwareCamera
 from gvla2_plugins.replay_camera import ReplayConfig
 from gvla2_plugins.replay_camera.camera import ReplayCamera
+from tests.plugins.software_camera import Optics, SoftwareCamera
 
 
 @pytest.fixture

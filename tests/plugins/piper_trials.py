@@ -1,6 +1,6 @@
 """Fault injection: an armed virtual arm is moved, something breaks at a random instant, and the result is judged.
 
-Used by the tests and by ``tests/benchmarks/piper_faults.py``; it uses the same link, gate, loop, driver and executor as
+Used by the tests and by ``tests.benchmarks.piper_faults``; it uses the same link, gate, loop, driver and executor as
 a run.
 """
 
@@ -266,7 +266,7 @@ class _Blind:
 
 _CHILD = """
 import sys
-from gvla2_plugins.piper.trials import swing
+from tests.plugins.piper_trials import swing
 swing(*sys.argv[1:])
 """
 
@@ -335,6 +335,7 @@ def interrupted(folder: Path, seed: int, channel: str) -> FaultTrial:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            cwd=Path(__file__).parents[2],
         )
         assert child.stdout is not None
         if child.stdout.readline().strip() != "moving":
