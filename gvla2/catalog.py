@@ -175,7 +175,11 @@ class Registry:
         try:
             typed = OmegaConf.to_object(OmegaConf.merge(structured(component), given))
         except OmegaConfBaseException as error:
-            raise ConfigurationError(f"The {kind} '{name}' is configured wrongly: {error}") from error
+            known = ", ".join(field.name for field in dataclasses.fields(component.config)[1:])
+            raise ConfigurationError(
+                f"The {kind} '{name}' is configured wrongly: {str(error).partition(chr(10))[0]}. "
+                f"Its options: {known or 'none'}."
+            ) from error
         assert isinstance(typed, ComponentConfig)
         return typed, component
 

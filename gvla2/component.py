@@ -38,7 +38,8 @@ def described(options: ComponentConfig, name: str = "", only: Collection[str] = 
     for field in fields(options):
         usual = field.default if field.default_factory is MISSING else field.default_factory()
         value = getattr(options, field.name)
-        if field.name != "name" and value != usual and (not only or field.name in only):
+        same = value == usual or (isinstance(usual, tuple) and value == list(usual))  # as composed
+        if field.name != "name" and not same and (not only or field.name in only):
             changed.append(f"{field.name}={value}")
     name = name or options.name
     return f"{name} ({', '.join(changed)})" if changed else name

@@ -47,7 +47,7 @@ from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
-from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
+from gvla2.robot.backend import ExecutionListener, Moment, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.noise_options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -254,7 +254,7 @@ def _observe(
     record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     if record.attempts or record.parts:
-        moving = ExecutionListener(listener.frame)
+        moving = ExecutionListener(listener.frame, moment=_moment_of(listener))
         trouble = (
             clear_the_view(parts.robot, record.parts[-1], moving)
             if record.parts
@@ -262,6 +262,11 @@ def _observe(
         )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     return replace(record, observation=_look(parts, request, 2 * _looks(record)))
+
+
+def _moment_of(listener: EpisodeListener) -> Callable[[Moment], None]:
+    """What the listener does with the robot's state at each frame; nothing if it does not ask for it."""
+    return listener.moment if isinstance(listener, MotionListener) else lambda moment: None
 
 
 def _look(parts: Parts, request: EpisodeRequest, number: int) -> Observation:
@@ -319,9 +324,7 @@ def _execute(
     assert record.plan.trajectory is not None
     assert record.scene is not None
     done: list[WaypointReport] = []
-    heard = ExecutionListener(
-        listener.frame, done.append, *([listener.moment] if isinstance(listener, MotionListener) else [])
-    )
+    heard = ExecutionListener(listener.frame, done.append, _moment_of(listener))
     try:
         with kept_alive():
             report = parts.robot.execute(record.plan.trajectory, record.scene, heard)

@@ -279,6 +279,20 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     assert record.failure is None
 
 
+def test_every_frame_of_a_wish_in_parts_has_its_moment(parts_of):
+    class Both(Listener):
+        moments = 0
+
+        def moment(self, moment):
+            self.moments += 1
+
+    listener = Both()
+    sentence = "put the blue cube on the green cube, then lift the purple cube"
+    record = run_episode(parts_of("memory=none"), EpisodeRequest(seed=0, instruction=sentence), listener)
+    assert record.parts, record.plan
+    assert listener.frames == listener.moments > 20
+
+
 def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_path):
     path = tmp_path / "broken.db"
     path.write_bytes(b"this is no database" * 100)

@@ -14,20 +14,21 @@ from gvla2.gym.actions import JointDeltas
 from gvla2.gym.env import TaskEnv
 from gvla2.gym.joint_stepping import RATE
 from gvla2.record.files import make_folder, write_json
-from gvla2.record.motion import Motion
+from gvla2.record.motion import SMALLEST, Motion
 from gvla2.robot.backend import Moment
 
 Step = dict[str, Any]
 
 
 class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[np.float32]]):
-    """Stores every episode in a folder of its own below ``folder``, which must be empty or missing.
+    """Stores every episode in a folder of its own below ``folder``, which must be empty or missing; environments that
+    begin together may share it.
 
     One frame per step, and one at the start: the first camera's picture, the measured joints and opening. With
     ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is stored when it ends,
     or is left by :meth:`reset` or :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded.
     The film needs the extra ``[export]``. Raises :class:`ConfigurationError` for an environment that is not gvla2's or
-    shows no images, and :class:`OutputError` for a folder that is not empty.
+    shows no images, or images too small for a film, and :class:`OutputError` for a folder that is not empty.
     """
 
     def __init__(self, env: gymnasium.Env[Step, NDArray[np.float32]], folder: str | Path) -> None:
@@ -35,11 +36,17 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         if not isinstance(env.unwrapped, TaskEnv) or not env.unwrapped.shows_pictures:
             raise ConfigurationError("Only gvla2's own environments, with obs_mode='rgbd', can be recorded.")
         self._task = env.unwrapped
+        shape = env.unwrapped.observation_space["rgb"].shape or ()
+        if min(shape[1:3]) < SMALLEST:
+            raise ConfigurationError(
+                f"Pictures of {shape[2]} x {shape[1]} pixels cannot be filmed: use image_size={SMALLEST} or more."
+            )
         self._folder = make_folder(Path(folder))
         if any(self._folder.iterdir()):
             raise OutputError(f"The folder '{folder}' is not empty: name a new one for these rollouts.")
         self._period = 1.0 / RATE if isinstance(self._task.actions, JointDeltas) else 1.0
         self._episodes = 0
+        self._place = self._folder
         self._steps = 0
         self._motion: Motion | None = None
         self._told: dict[str, Any] = {}
@@ -48,17 +55,29 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         """Begin the next episode; one that did not end is kept as it is."""
         self._keep()
         seen, info = self.env.reset(**given)
-        place = make_folder(self._folder / f"{self._episodes:06d}")
-        self._motion, self._steps = Motion(place), 0
+        self._place = self._claimed()
+        self._motion, self._steps = Motion(self._place), 0
         self._told = {
-            "episode": f"rollout-{self._episodes:06d}",
+            "episode": f"rollout-{self._place.name}",
             "instruction": info["instruction"],
             "robot": self._task.robot_name,
             "success": False,
         }
-        self._episodes += 1
         self._note(seen)
         return seen, info
+
+    def _claimed(self) -> Path:
+        """A new folder under the next free number; no other environment gets it."""
+        while True:
+            place = self._folder / f"{self._episodes:06d}"
+            self._episodes += 1
+            try:
+                place.mkdir()
+            except FileExistsError:
+                continue
+            except OSError as error:
+                raise OutputError(f"Cannot make the folder {place}: {error}.") from error
+            return place
 
     def step(self, action: NDArray[np.float32]) -> tuple[Step, float, bool, bool, dict[str, Any]]:
         """A step of the environment, and its frame."""
@@ -87,5 +106,5 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         """Close the film; last of all the result, which makes the folder an episode's."""
         if self._motion is not None:
             self._motion.finish()
-            write_json(self._folder / f"{self._episodes - 1:06d}" / "result.json", self._told)
+            write_json(self._place / "result.json", self._told)
             self._motion = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -92,13 +92,21 @@ def plain(value: object) -> Any:
 class FolderRecorder:
     """The folder of a run: ``config.yaml`` immediately, and ``notes`` on what could not be made.
 
-    ``config`` is the composed configuration as text. Raises :class:`~gvla2.errors.OutputError` when the folder cannot
-    be written to.
+    ``config`` is the composed configuration as text. Of an earlier run in the folder the files named in ``WRITTEN`` are
+    removed: what this run does not get to must not look like its own. Raises :class:`~gvla2.errors.OutputError` if the
+    folder cannot be written to.
     """
+
+    WRITTEN: Collection[str] = ()
 
     def __init__(self, folder: Path, config: str) -> None:
         self.folder, self.config = make_folder(folder), config
         self.notes: list[str] = []
+        try:
+            for name in self.WRITTEN:
+                (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"Cannot remove {folder / name} of an earlier run: {error}.") from error
         write_text(folder / "config.yaml", config)
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:

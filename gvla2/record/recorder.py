@@ -21,7 +21,7 @@ from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import contact_sheet_of
 from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
-from gvla2.record.motion import FILM, Motion
+from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
@@ -43,6 +43,13 @@ class RunRecorder(FolderRecorder):
     error. Pictures are made beside the run, on another core; :meth:`finish` waits for them.
     Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
     """
+
+    WRITTEN = (
+        "result.json",
+        *STAGE_FILES,
+        *(shown.file for shown in SHOWN.values() if shown.file),
+        *("views.npz", "scene.glb", "episode.gif", FILM, STATES, "index.html"),
+    )
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
         super().__init__(folder, config_yaml)

@@ -12,11 +12,12 @@ from gvla2.geometry.transform import FloatArray
 @dataclass(frozen=True)
 class DriverState:
     """The present measurement: ``joints`` (dof,) of the arm without fingers, radians; ``gripper_width`` between the
-    fingers, metres.
+    fingers, metres; ``time`` of the robot's own clock, seconds, simulated or not, None if it has none.
     """
 
     joints: FloatArray
     gripper_width: float
+    time: float | None = None
 
 
 @dataclass(frozen=True)

@@ -94,13 +94,14 @@ class _Run:
         self.opening = 1.0  # commanded, in [0, 1]
         self.closed_at = np.eye(4)  # tool pose at which the fingers last closed
         self.now = _begun(0, next(iter(trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, "")))
+        self.began: float | None = None  # the robot's clock when it set out for this waypoint
 
     def through(self) -> ExecutionReport:
         """All waypoints, to the end or the first abort."""
         try:
             self._start()
             for index, waypoint in enumerate(self.trajectory):
-                self.now = _begun(index, waypoint)
+                self.now, self.began = _begun(index, waypoint), None
                 self._carry_out(waypoint)
                 self._report()
         except _Abort as abort:
@@ -133,6 +134,7 @@ class _Run:
         samples = self._plan(waypoint, state, pose)
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
         self._know(motion_seconds=(len(samples) - 1) * options.dt)
+        self.began = self._measure().time
         moved = self._follow(waypoint, samples)
         self._moved(moved)
         state = self._measure()
@@ -242,6 +244,8 @@ class _Run:
 
     def _report(self, abort: AbortCode = "", message: str = "") -> None:
         x, y, z = self.arm.forward(self.last.joints)[:3, 3].tolist()
+        if self.began is not None and self.last.time is not None and self.last.time > self.began:
+            self._know(motion_seconds=self.last.time - self.began)
         self._know(
             reached=(x, y, z),
             error=math.dist((x, y, z), self.now.target),

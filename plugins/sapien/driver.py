@@ -14,13 +14,16 @@ from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.world import World
 
 WATCH_EVERY = 4
-"""Physics steps between looks at contacts, sanity and the film: 60 a second at 240 steps."""
+"""Physics steps between looks at contacts and sanity: 60 a second at 240 steps."""
 
 SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
 """A motion is over at this joint error (rad) and speed (rad/s), or after this long."""
 
-GRIP_SECONDS, STILL_SPEED, STILL_SECONDS = 3.0, 1e-3, 0.1
-"""Gripping is over when the fingers are slower than this (m/s) for this long, or after three seconds."""
+GRIP_SECONDS, STILL, STILL_SECONDS = 3.0, 1e-4, 0.1
+"""Gripping is over when the width changed by less than this (metres) in this long, or after three seconds.
+
+The speed that the engine gives for a squeezed finger does not tell: it stays at centimetres a second.
+"""
 
 STOPPED_SHORT, PRESSING = 0.002, 0.2
 """Fingers hold something when they stop this far short of their target (metres), both pressing (newtons)."""
@@ -32,7 +35,7 @@ FELT_STEPS = 4
 
 
 class SapienDriver:
-    """Advances a :class:`World`, and takes a picture by ``film`` every ``1 / fps`` s of its time."""
+    """Advances a :class:`World`, and takes a picture by ``film`` every ``1 / video_fps`` s, in whole physics steps."""
 
     def __init__(
         self,
@@ -43,7 +46,7 @@ class SapienDriver:
     ) -> None:
         self._world, self._config, self._max_width = world, config, max_width
         self._film = film
-        self._next_picture = world.time
+        self._filmed_every = max(1, round(world.rate / config.video_fps))
         self._steps = 0
         self._touched: set[str] = set()
         self._diverged = False
@@ -53,7 +56,7 @@ class SapienDriver:
 
     def state(self) -> DriverState:
         """The measured state, now."""
-        return DriverState(self._world.joints, self._world.gripper_width)
+        return DriverState(self._world.joints, self._world.gripper_width, self._world.time)
 
     def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
         """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
@@ -101,10 +104,11 @@ class SapienDriver:
         for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
             self._world.drive_fingers(float(start + share * (goal - start)))
             self._advance()
-        still = 0
+        widths: deque[float] = deque(maxlen=self._count(STILL_SECONDS))
         for _ in range(self._count(GRIP_SECONDS)):
-            still = still + 1 if self._world.finger_speed < STILL_SPEED else 0
-            if self._diverged or still >= self._count(STILL_SECONDS):
+            widths.append(self._world.gripper_width)
+            still = len(widths) == widths.maxlen and max(widths) - min(widths) < STILL
+            if self._diverged or still:
                 break
             self._advance()
         self._watch()
@@ -134,7 +138,7 @@ class SapienDriver:
             return  # blown up: nothing is left to hold, and the next reset builds a new world
         self._world.drive_arm(joints, np.zeros(len(joints)))
         for _ in range(self._count(seconds)):
-            self._world.step()
+            self._advance()
 
     def _resample(self, samples: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
         """Targets (S, dof) and speeds (S, dof), one a physics step, linear between samples."""
@@ -168,15 +172,22 @@ class SapienDriver:
             self._stopped = self._stop(target, self._world.joints, felt)
         if self._steps % WATCH_EVERY == 0:
             self._watch()
+        if (self._world.steps - 1) % self._filmed_every == 0:
+            self._shoot()
 
     def _watch(self) -> None:
         self._diverged = self._diverged or not self._world.sane()
         if self._diverged:
             return
         self._touched |= self._world.touching_links()
-        if self._film is not None and self._world.time >= self._next_picture:
-            self._next_picture = self._world.time + 1.0 / self._config.video_fps
-            self._film()
+
+    def _shoot(self) -> None:
+        """A frame of the film; one that raises is the last, since the arm must still be held."""
+        if (film := self._film) is None or not self._world.sane():
+            return
+        self._film = None
+        film()
+        self._film = film
 
     def _slow(self) -> bool:
         return bool(np.abs(self._world.joint_speeds).max() < SETTLED_SPEED)

@@ -45,7 +45,7 @@ class World:
     def __init__(self, config: SapienArmConfig, cell: Workcell, layout: Layout) -> None:
         sapien = import_sapien()
         self.rate = config.physics_rate
-        self.time = 0.0
+        self.steps = 0
         self._system = sapien.physx.PhysxCpuSystem()
         self._scene = sapien.Scene([self._system])
         self._scene.timestep = 1.0 / self.rate
@@ -118,7 +118,7 @@ class World:
     def step(self) -> None:
         """One step of physics."""
         self._system.step()
-        self.time += 1.0 / self.rate
+        self.steps += 1
         if self.suction is not None:
             self.suction.watch()
         for name, (articulation, index) in self._bodies.joints.items():
@@ -164,6 +164,11 @@ class World:
         return np.asarray(self._robot.qpos[self._arm], dtype=np.float64)
 
     @property
+    def time(self) -> float:
+        """Simulated seconds since the scene had settled."""
+        return self.steps / self.rate
+
+    @property
     def joint_speeds(self) -> FloatArray:
         """(dof,) rad/s."""
         return np.asarray(self._robot.qvel[self._arm], dtype=np.float64)
@@ -175,11 +180,6 @@ class World:
             return self.suction.width
         travel = (self._robot.qpos[self._fingers] - self._closed) * np.sign(self._opening)
         return float(self._cell.gap + travel.sum())
-
-    @property
-    def finger_speed(self) -> float:
-        """Of the faster finger, m/s."""
-        return float(np.abs(self._robot.qvel[self._fingers]).max(initial=0.0))
 
     def place_arm(self, joints: FloatArray, width: float) -> None:
         """Put the arm at rest at joints (dof,) radians, its fingers ``width`` metres apart."""

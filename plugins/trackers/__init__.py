@@ -28,14 +28,15 @@ class MLflowConfig(ComponentConfig):
 
 @dataclass
 class WandbConfig(ComponentConfig):
-    """Options of ``wandb``: ``project`` and ``entity`` ("" for your own); ``mode`` is online, offline or disabled.
+    """Options of ``wandb``: ``project`` and ``entity`` ("" for your own); ``mode`` is online, offline or disabled, ""
+    for what ``WANDB_MODE`` says.
 
     ``files`` sends each episode's page, result and picture as well.
     """
 
     project: str = "gvla2"
     entity: str = ""
-    mode: str = "online"
+    mode: str = ""
     files: bool = True
 
 

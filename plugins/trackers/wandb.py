@@ -30,7 +30,7 @@ class WandbTracker:
             name=run.name,
             dir=str(run.folder),
             config=dict(run.config),
-            mode=self._config.mode,  # type: ignore[arg-type]
+            mode=self._config.mode or None,  # type: ignore[arg-type]
             reinit="create_new",
             settings=wandb.Settings(silent=True),
         )

@@ -285,3 +285,20 @@ def test_a_listener_that_raises_stops_the_arm(panda):
         panda.execute(plan, empty_scene(panda), ExecutionListener(frame=stop))
     assert np.abs(panda._world.joint_speeds).max() < 0.02
     assert panda.observe() is not None
+
+
+@pytest.mark.parametrize(("asked", "fps"), [(5.0, 5.0), (20.0, 20.0), (25.0, 24.0)])
+def test_frames_are_evenly_spaced_over_motions_and_grips(asked, fps):
+    """25 frames a second are 24: a period is a whole number of the 240 steps of physics."""
+    panda = gvla2_robots()[0].build(SapienPandaConfig(video_fps=asked, video_size=32))
+    panda.reset(None, 0)
+    times = []
+    heard = ExecutionListener(moment=lambda moment: times.append(moment.time))
+    for height in (1.0, 0.9):  # two executions of one episode
+        plan = Trajectory((Waypoint((0.35, 0.1, height), 1.0, "a"), Waypoint((0.35, 0.1, height), 0.0, "b")))
+        report = panda.execute(plan, empty_scene(panda), heard)
+        assert report.completed, report.abort
+    np.testing.assert_allclose(np.diff(times), 1.0 / fps)
+    assert times[-1] > panda._world.time - 1.0 / fps
+    # Both close on nothing, for .8 s and until they are still, and it is counted.
+    assert 0.8 < report.waypoints[1].motion_seconds < 1.2

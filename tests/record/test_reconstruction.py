@@ -336,7 +336,7 @@ def test_an_unchanged_object_says_so(record):
 def test_what_was_not_taken_over_is_named(record):
     stages = (StageReport("axis", "rejected", "no"), StageReport("fusion", "fallback", "no"))
     told = replace(record, result=replace(record.result, stages=stages))
-    assert "Not taken over: axis, fusion;" in Page(render_reconstruction(told, ReconstructionPictures())).text
+    assert "Rejected: axis, fusion;" in Page(render_reconstruction(told, ReconstructionPictures())).text
     idle = BranchResult(*(record.result.g0,) * 4, (StageReport("prior", "skipped", "none"),))
     page = Page(render_reconstruction(replace(record, result=idle), ReconstructionPictures()))
     assert "No stage had anything to do." in page.text

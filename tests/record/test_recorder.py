@@ -118,6 +118,18 @@ def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
     assert (tmp_path / "plan.png").read_bytes() != before[1]
 
 
+def test_nothing_of_an_earlier_run_in_the_folder_looks_like_this_ones(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
+) -> None:
+    run(RunRecorder(tmp_path, "x: 1\n"), episode())
+    (tmp_path / "mine.txt").touch()
+    assert {"report.json", "after.png", "scene.glb"} <= {path.name for path in tmp_path.iterdir()}
+    RunRecorder(tmp_path, "x: 2\n").finish(abstained)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert "mine.txt" in left
+    assert not left & {"report.json", "trajectory.json", "after.png", "episode.gif", "motion.npz"}
+
+
 def test_failed_and_abstained_runs_leave_a_page(
     tmp_path: Path, failed_at: Callable[[str], EpisodeRecord], abstained: EpisodeRecord
 ) -> None:
