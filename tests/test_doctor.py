@@ -134,8 +134,11 @@ def test_two_versions_of_cv2_are_a_warning(
 
 def test_a_component_that_cannot_be_built_fails():
     answer = {"memory": {"name": "governed", "error": "the database is locked", "seconds": 0.1}}
-    (check,) = checkup.components("run", answer)
+    (check,) = checkup.components("memory", answer)
     assert (check.name, check.status, check.found) == ("memory governed", "fail", "the database is locked")
+    assert "memory.url=" in check.advice
+    (check,) = checkup.components("run", answer)
+    assert check.status == "warn", "a run goes on without memory"
     (check,) = checkup.components("run", {"crash": "exit status -11"})
     assert check.status == "fail"
 

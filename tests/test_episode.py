@@ -309,6 +309,11 @@ def crash(*_):
     raise RuntimeError("a mistake of its own")
 
 
+def test_a_camera_that_the_robot_would_not_use_is_refused(parts_of):
+    with pytest.raises(ConfigurationError, match=r"camera=replay does nothing with robot=sapien_panda.*piper"):
+        parts_of("camera=replay", "camera.path=nowhere")
+
+
 def test_a_perceiver_that_gives_no_scene_is_named(parts_of):
     parts = parts_of("memory=none")
     blind = Wrapped(parts.perceiver, perceive=lambda *_: None)

@@ -1,7 +1,9 @@
 """What can be asked of `gvla2 reconstruct`, and what cannot."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
@@ -9,9 +11,13 @@ from omegaconf import OmegaConf
 from gvla2.catalog import Registry
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, branch_options, spec_of
-from gvla2.errors import ConfigurationError
+from gvla2.commands.reconstruct_inputs import read_inputs
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.views import Views
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.branch import BranchOptions
+from gvla2.testing.inputs import views as table_views
 
 
 @pytest.fixture(autouse=True)
@@ -60,3 +66,17 @@ def test_what_is_no_view_spec(value: object):
 def test_values_that_cannot_be_are_refused(word: str, message: str):
     with pytest.raises(ConfigurationError, match=message):
         composed(word)
+
+
+def test_an_origin_far_away_is_refused(tmp_path: Path):
+    """As in geodesy, where 32-bit numbers have steps of decimetres."""
+    away = np.array([5e5, 4.2e6, 0.0])
+    moved = []
+    for view in table_views():
+        pose = view.camera.world_from_camera.copy()
+        pose[:3, 3] += away
+        mask = np.ones(view.image.shape[:2], np.float32)
+        moved.append(replace(view, mask=mask, camera=replace(view.camera, world_from_camera=pose)))
+    write_views(tmp_path, Views(tuple(moved)))
+    with pytest.raises(GeometryError, match=r"4\.23e\+06 from the world's origin.*put the origin near"):
+        read_inputs(composed(f"views={tmp_path}"))

@@ -24,6 +24,7 @@ from gvla2.catalog import Registry
 from gvla2.commands.completion import hydra_application
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import PRIMARY
+from gvla2.discovery import DISABLE_VARIABLE
 from gvla2.kinds import chosen_kinds
 
 PROBE_SECONDS = 90
@@ -131,7 +132,9 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
             except HydraException as error:
                 if isinstance(error, MissingConfigException):
                     blamed.add((error.missing_cfg_file or "").partition("/")[0])
+                skipped = os.environ.get(DISABLE_VARIABLE)
                 advice = "Repair or reinstall the plugin that offers it; see the plugins below."
+                advice = f"Unset {DISABLE_VARIABLE}, which skips {skipped}." if skipped else advice
                 checks.append(
                     Check(f"configuration {name}", "fail", explain(error, registry), advice, (name,))
                 )
@@ -187,8 +190,14 @@ def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
     for kind, built in answer.items():
         label = f"{kind} {built['name']}"
         if built["error"]:
+            # A run goes on without memory, and says so.
+            status = "warn" if kind == "memory" and name == "run" else "fail"
             advice = f"`gvla2 plugins {kind}` lists what else there is."
-            yield Check(label, "fail", built["error"], advice, (name,))
+            if kind == "memory":
+                advice = (
+                    "Move the file away or make it writable, or name another bank: memory.url=sqlite:///FILE"
+                )
+            yield Check(label, status, built["error"], advice, (name,))
         else:
             yield Check(label, "ok", f"built in {built['seconds']} s")
 

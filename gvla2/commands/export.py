@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
@@ -93,14 +93,29 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     succeeded = told.get("verdict") == "verified_success" if judged is None else judged
     if only == "success" and not succeeded:
         return "not succeeded"
-    if not ((folder / FILM).is_file() and (folder / STATES).is_file()):
-        return "without a film"
+    for name, what in ((FILM, "without a film"), (STATES, "without states")):
+        if not (folder / name).is_file():
+            return what
     if len(told.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
     with np.load(folder / STATES) as kept:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
         fps = float(kept["fps"])
-    return Demonstration(states, fps, folder / FILM, told["instruction"], str(told["robot"]))
+    return Demonstration(
+        states, fps, folder / FILM, told["instruction"], str(told["robot"]), _source(folder, told)
+    )
+
+
+def _source(folder: Path, told: Mapping[str, Any]) -> str:
+    """The arm's file, and the camera that filmed it."""
+    from omegaconf import OmegaConf
+
+    config = folder / "config.yaml"
+    options: Any = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+    robot = options.get("robot") or told.get("robot_options") or {}
+    cameras = list(robot.get("cameras") or ())
+    named = {"urdf": robot.get("urdf"), "camera": cameras[0] if cameras else ""}
+    return ", ".join(f"{name} {what}" for name, what in named.items() if what)
 
 
 def _understood(argv: Sequence[str]) -> tuple[list[Path], Path, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import signal
 import socket
 import sys
@@ -39,6 +40,7 @@ JobFunction = Callable[[Any, Registry, Path], object]
 
 log = logging.getLogger(__name__)
 RAY_ADDRESS = "hydra.launcher.ray.init.address="
+SLURM = "hydra/launcher=submitit_slurm"
 
 
 class HydraTask:
@@ -235,7 +237,15 @@ def report(error: Exception, registry: Registry | None = None) -> int:
 
 
 def _silent_cluster(argv: Sequence[str]) -> str:
-    """The message when a Ray cluster does not answer at its address, "" otherwise: Ray itself waits for minutes."""
+    """The message when a Ray cluster does not answer at its address, or Slurm is not there; "" otherwise.
+
+    Ray itself waits for minutes, and submitit ends in a traceback.
+    """
+    if SLURM in argv and shutil.which("srun") is None:
+        return (
+            f"{SLURM} needs Slurm's `srun`, which this machine has not: start it on a node of the cluster, or try the "
+            "sweep with hydra/launcher=submitit_local."
+        )
     given = next((word for word in reversed(argv) if word.startswith(RAY_ADDRESS)), "")
     host, _, port = given.removeprefix(RAY_ADDRESS).rpartition(":")
     if not host or not port.isdigit():  # "auto", "ray://...", nothing

@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 
 from gvla2.catalog import Offer, Registry, load_plugins
 from gvla2.commands.tables import console, row, table
+from gvla2.component import ComponentConfig
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.fitness import structured
@@ -169,8 +170,9 @@ def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
     rows = options(offer.component.config)
     needs = ", ".join(offer.component.needs)
     out.print(f"\n[bold]{kind}={name}[/bold]{'  needs ' + needs if needs else ''}")
-    described = inspect.getdoc(offer.component.config) or ""
-    if described and not described.startswith(f"{offer.component.config.__name__}("):  # dataclass's own words
+    config = offer.component.config
+    described = "" if config is ComponentConfig else inspect.getdoc(config) or ""
+    if described and not described.startswith(f"{config.__name__}("):  # dataclass's own words
         out.print(printable(described), style="dim", markup=False)
     if not rows:
         out.print("no options", style="dim")

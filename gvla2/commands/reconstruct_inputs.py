@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from gvla2.commands.reconstruct import NO_TARGETS, ReconstructConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.evaluation.gso_truth import true_mesh
@@ -20,6 +22,8 @@ from gvla2.reconstruction.support import mask_support
 
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
+FARTHEST = 1e4
+"""Most that cameras may lie from the world's origin, in their distance from one another."""
 GSO_TRUTH = Path("meshes") / "model.obj"
 
 
@@ -71,6 +75,13 @@ def _masked(views: Views, folder: Path) -> Views:
         )
     if not any(view.mask is not None and (view.mask > 0.5).any() for view in views):
         raise GeometryError(f"{folder}: all {len(views)} masks are empty, so no view shows the object.")
+    places = np.array([view.camera.world_from_camera[:3, 3] for view in views])
+    far, wide = float(np.linalg.norm(places, axis=1).max()), float(np.linalg.norm(np.ptp(places, axis=0)))
+    if wide > 0 and far > FARTHEST * wide:
+        raise GeometryError(
+            f"{folder}: the cameras lie {far:.4g} from the world's origin and {wide:.4g} from one another. Files of "
+            "32-bit numbers cannot tell an object's points apart there: put the origin near the object."
+        )
     return views
 
 

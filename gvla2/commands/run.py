@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.errors import Gvla2Error
+from gvla2.catalog import nothing_in
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -216,6 +217,7 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
     from gvla2.episode import Parts
     from gvla2.loop.refine import GeometryParts
 
+    _check_camera(config, registry)
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:
@@ -230,6 +232,19 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
         language=built.get("language"),
         plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
+
+
+def _check_camera(config: object, registry: Registry) -> None:
+    """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
+    if nothing_in(config, "camera"):
+        return
+    camera, robot = (registry.configure(config, kind)[0].name for kind in ("camera", "robot"))
+    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
+    if robot not in takers:
+        raise ConfigurationError(
+            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
+            f"{', '.join(takers) or 'none is installed'}."
+        )
 
 
 def crashed_component(parts: Parts, error: BaseException) -> str:

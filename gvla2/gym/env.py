@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Literal, get_args
 
 import gymnasium
@@ -107,6 +108,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
                 f"cameras of its own and a success check."
             )
+        self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
         self._robot, self._task, self._profile = built["robot"], built["task"], profile

@@ -61,6 +61,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
             "episode": f"rollout-{self._place.name}",
             "instruction": info["instruction"],
             "robot": self._task.robot_name,
+            "robot_options": dict(self._task.robot_options),
             "success": False,
         }
         self._note(seen)

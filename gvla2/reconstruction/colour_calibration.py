@@ -31,12 +31,12 @@ def calibrate_colours(
     if thing.gaussians is None:
         return thing, StageReport("appearance", "skipped", "There are no Gaussians to render.")
     shots = [(view, *renderer.render(thing.gaussians, view.camera)) for view in views]
-    before = float(np.nanmean([_error(*shot) for shot in shots]))
     fits = [fit_affine(rendered, view.image, _solid(view, alpha)) for view, rendered, alpha in shots]
     clear = [(fit.gain, fit.bias) for fit in fits if not fit.reason]
     if not clear:
         reason = "No view shows enough of the object to compare colours."
         return thing, StageReport("appearance", "skipped", reason)
+    before = float(np.nanmean([_error(*shot) for shot in shots]))
     gain, bias = np.median(clear, axis=0)
     # A picture of solid things takes the affine as its Gaussians do: what cannot gain so is not rendered again.
     after = float(np.nanmean([_error(view, gain * image + bias, alpha) for view, image, alpha in shots]))

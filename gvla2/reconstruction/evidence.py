@@ -25,7 +25,8 @@ LEAST_COVERAGE = 0.05
 """Least share of the masks' pixels that must have depth."""
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
-OFF_SCALE = 0.1
+OFF_SCALE, OFF_ALONE = 0.1, 1.0
+"""Depth whose scale the masks put this far from 1, up or down, may be in another unit; by the deep hull of one view."""
 """Difference from 1 above which the factor between a prior's depth and the masks is told."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
@@ -95,7 +96,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         right = "how right its depth is cannot be told from one"
     told = f"{int(usable.sum())} of {len(views)} views used, {right}."
     scale = float(np.median(rough[usable]))
-    if abs(scale - 1) > OFF_SCALE:
+    if max(scale, 1 / scale) - 1 > (OFF_SCALE if usable.sum() > 1 else OFF_ALONE):
         told += f" The masks fit its depth times {scale:.3g}: is it in metres?"
     return DepthEvidence(
         believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), told

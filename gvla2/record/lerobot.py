@@ -34,13 +34,16 @@ _FILES_A_CHUNK = 1000
 
 @dataclass(frozen=True)
 class Demonstration:
-    """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence."""
+    """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
+    ``robot`` by name, and ``source``, what else tells one arm or camera from another.
+    """
 
     states: NDArray[np.float32]
     fps: float
     film: Path
     task: str
     robot: str
+    source: str = ""
 
     @property
     def actions(self) -> NDArray[np.float32]:
@@ -59,7 +62,10 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
     if folder.exists() and any(folder.iterdir()):
         raise Gvla2Error(f"The folder '{folder}' is not empty: name a new one with to=FOLDER.")
     films = [_frames(episode.film) for episode in episodes]
-    kinds = {(e.robot, e.fps, e.states.shape[1], f.shape[1:3]) for e, f in zip(episodes, films, strict=True)}
+    kinds = {
+        (", ".join(filter(None, (e.robot, e.source))), e.fps, e.states.shape[1], f.shape[1:3])
+        for e, f in zip(episodes, films, strict=True)
+    }
     if len(kinds) > 1:
         told = "; ".join(
             f"{robot}, {fps:g} Hz, {n} numbers, {h}x{w}" for robot, fps, n, (h, w) in sorted(kinds)

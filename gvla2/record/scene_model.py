@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.glb import to_y_up
+from gvla2.geometry.gltf import pack, unpack
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.planning.findings import CheckReport
@@ -57,7 +58,17 @@ def scene_glb(record: EpisodeRecord) -> bytes:
         _add_path(model, record, record.plan.trajectory, scene.table_height)
     for geometry in model.geometry.values():
         geometry.apply_transform(rigid(to_y_up(np.eye(3)).T))
-    return bytes(model.export(file_type="glb"))
+    return _matte(model.export(file_type="glb"))
+
+
+def _matte(content: bytes) -> bytes:
+    """The GLB file with a dull material: what has none counts as bare metal, and is nearly black in most viewers."""
+    document, binary = unpack(content)
+    document["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}]
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            primitive["material"] = 0
+    return pack(document, binary)
 
 
 def cloud(

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 
 @dataclass
 class FilePriorConfig(ComponentConfig):
-    """Options of the ``file`` prior."""
+    """Options of the ``file`` prior: ``path`` is the .npz file, required; one file serves one set of views.
+
+    Its arrays, for S views: ``depth`` (S, h, w) along each camera's z, or ``point_map`` (S, h, w, 3) with
+    ``world_from_camera`` (S, 4, 4); optional ``confidence`` (S, h, w) and ``names`` (S,) of the views.
+    """
 
     path: str = ""
-    """The .npz file, as described above; required. One file serves one set of views."""
 
 
 def _build(config: FilePriorConfig) -> GeometryPrior:

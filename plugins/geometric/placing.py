@@ -104,7 +104,7 @@ def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> C
     """The thing's centre in the goal's footprint; half a width outside, it only touches the goal."""
     outside = outside_footprint(thing.centre, goal_now(case, goal))
     if outside <= case.config.margin:
-        return CriterionScore(1.0, f"{thing.label} lies within {goal.label}.")
+        return CriterionScore(1.0, f"{thing.label} lies on or in {goal.label}.")
     score = max(0.0, 0.45 * (1 - outside / reach))
     return CriterionScore(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
 

@@ -88,6 +88,9 @@ def test_a_single_view_is_believed(views):
     found = gather(estimate(one), ViewSet(one))
     assert error(found.depth, one) < 0.5
     assert found.told == "1 of 1 views used, how right its depth is cannot be told from one."
+    deep = replace(estimate(one), depth=1.2 * estimate(one).depth)  # the hull of one view is deep
+    assert "in metres" not in gather(deep, ViewSet(one)).told
+    assert "in metres" in gather(replace(deep, depth=1000 * deep.depth), ViewSet(one)).told
 
 
 def test_depth_in_another_unit_is_told(views):

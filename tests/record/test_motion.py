@@ -133,6 +133,11 @@ def test_what_one_data_set_cannot_hold_is_told(tmp_path: Path):
         write_dataset(tmp_path / "a", [one])
     with pytest.raises(Gvla2Error, match=r"not several: .*4 numbers.*8 numbers"):
         write_dataset(tmp_path / "set", [one, demonstration(tmp_path / "b", dof=7)])
+    for source in ("urdf ur10.urdf, camera front", "urdf ur5.urdf, camera wrist"):
+        one = replace(one, source="urdf ur5.urdf, camera front")
+        other = replace(demonstration(tmp_path / source), source=source)
+        with pytest.raises(Gvla2Error, match=f"not several: .*{source}"):
+            write_dataset(tmp_path / "set", [one, other])
     with pytest.raises(Gvla2Error, match="7 frames for 6 states"):
         write_dataset(tmp_path / "set", [replace(one, states=one.states[1:])])
     assert not (tmp_path / "set").exists()
