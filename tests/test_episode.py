@@ -12,6 +12,7 @@ import pytest
 from gvla2.commands.config_errors import explain
 from gvla2.commands.run import build_parts, run_episodes
 from gvla2.episode import EpisodeRequest, SilentListener, run_episode
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
@@ -310,7 +311,9 @@ def crash(*_):
 
 
 def test_a_camera_that_the_robot_would_not_use_is_refused(parts_of):
-    with pytest.raises(ConfigurationError, match=r"camera=replay does nothing with robot=sapien_panda.*piper"):
+    with pytest.raises(
+        ConfigurationError, match=r"camera=replay does nothing with robot=sapien_panda.*piper"
+    ):
         parts_of("camera=replay", "camera.path=nowhere")
 
 
