@@ -49,6 +49,9 @@ NEEDED = {
 """Modules that the default run imports: the distribution of each, what it is for, and how to get it."""
 
 
+Status = Literal["ok", "warn", "slow", "fail"]
+
+
 @dataclass(frozen=True)
 class Check:
     """One finding. A ``fail`` breaks the ``commands`` (their default runs), a ``warn`` something else.
@@ -59,7 +62,7 @@ class Check:
     """
 
     name: str
-    status: Literal["ok", "warn", "slow", "fail"]
+    status: Status
     found: str
     advice: str = ""
     commands: tuple[str, ...] = ()
@@ -191,7 +194,7 @@ def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
         label = f"{kind} {built['name']}"
         if built["error"]:
             # A run goes on without memory, and says so.
-            status = "warn" if kind == "memory" and name == "run" else "fail"
+            status: Status = "warn" if kind == "memory" and name == "run" else "fail"
             advice = f"`gvla2 plugins {kind}` lists what else there is."
             if kind == "memory":
                 advice = (

@@ -36,10 +36,11 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         if not isinstance(env.unwrapped, TaskEnv) or not env.unwrapped.shows_pictures:
             raise ConfigurationError("Only gvla2's own environments, with obs_mode='rgbd', can be recorded.")
         self._task = env.unwrapped
-        shape = env.unwrapped.observation_space["rgb"].shape or ()
-        if min(shape[1:3]) < SMALLEST:
+        space: Any = env.unwrapped.observation_space
+        height, width = space["rgb"].shape[1:3]
+        if min(height, width) < SMALLEST:
             raise ConfigurationError(
-                f"Pictures of {shape[2]} x {shape[1]} pixels cannot be filmed: use image_size={SMALLEST} or more."
+                f"Pictures of {width} x {height} pixels cannot be filmed: use image_size={SMALLEST} or more."
             )
         self._folder = make_folder(Path(folder))
         if any(self._folder.iterdir()):
