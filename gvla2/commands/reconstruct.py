@@ -91,7 +91,7 @@ class ReconstructConfig:
         if self.size is not None and self.size < 8:
             raise ConfigurationError(f"size is {self.size}; views need at least 8 pixels.")
         if not 2 <= self.frames <= 120:
-            raise ConfigurationError(f"frames is {self.frames}; a turntable has 2 to 120.")
+            raise ConfigurationError(f"frames is {self.frames}; the page's turntable has 2 to 120.")
 
 
 def spec_of(option: str, value: Any) -> str | None:

@@ -22,6 +22,8 @@ from gvla2.writing import write_whole
 
 LARGEST_RMSE = 0.005
 """Metres; a calibration worse than that is refused."""
+ODD = 5.0
+"""A pair whose residual is so many times the median one is named."""
 
 CONVENTION = "T_a_b maps points of b into a; metres; camera x right, y down, z forward, right-handed"
 
@@ -70,9 +72,10 @@ class Calibration:
         object.__setattr__(self, "transform", matrix)
         if not 0 <= self.rmse <= LARGEST_RMSE:
             raise RobotError(
-                f"The calibration of camera '{self.serial}' is off by {1e3 * self.rmse:.1f} mm (RMSE); at most "
-                f"{1e3 * LARGEST_RMSE:.0f} mm are accepted. Calibrate again, "
-                f"{'with stiller and sharper pictures' if not self.rmse > 1.0 else 'with positions in metres'}."
+                f"The calibration of camera '{self.serial}' leaves residuals of {1e3 * self.rmse:.1f} mm (RMSE); at "
+                f"most {1e3 * LARGEST_RMSE:.0f} mm are accepted.{_odd_pairs(self.residuals)} Check that positions are "
+                "in metres and poses the right way round (base from hand, camera from board); then calibrate again, with "
+                "stiller and sharper pictures."
             )
 
     def save(self, path: Path) -> None:
@@ -178,3 +181,12 @@ def _read(path: Path, what: str) -> dict[str, Any]:
     if not isinstance(body, dict):
         raise RobotError(f"The {what} {path} must be one JSON object.")
     return body
+
+
+def _odd_pairs(residuals: tuple[float, ...]) -> str:
+    """Which pose pairs, from 0, disagree with the rest: residuals (metres) far above the median."""
+    if len(residuals) < 3:
+        return ""
+    usual = sorted(residuals)[len(residuals) // 2]
+    odd = [str(k) for k, each in enumerate(residuals) if each > ODD * usual]
+    return f" Pairs that disagree with the rest: {', '.join(odd)}." if odd else ""

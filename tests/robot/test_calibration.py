@@ -205,9 +205,12 @@ def test_what_a_recording_lacks_is_said(tmp_path: Path, changes, told):
         load_recording(path)
 
 
-def test_metres_are_asked_for():
-    with pytest.raises(RobotError, match=r"off by 2000\.0 mm .* with positions in metres"):
-        made(rmse=2.0)
+def test_what_may_be_wrong_is_said():
+    with pytest.raises(RobotError, match=r"residuals of 2000\.0 mm .* positions are in metres") as refused:
+        made(rmse=2.0, residuals=(0.002, 0.003, 0.002))
+    assert "disagree" not in str(refused.value)
+    with pytest.raises(RobotError, match=r"Pairs that disagree with the rest: 1, 4\."):
+        made(rmse=0.05, residuals=(0.002, 0.11, 0.002, 0.001, 0.1))
 
 
 def test_options_are_checked(tmp_path: Path):
