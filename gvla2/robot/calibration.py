@@ -74,8 +74,8 @@ class Calibration:
             raise RobotError(
                 f"The calibration of camera '{self.serial}' leaves residuals of {1e3 * self.rmse:.1f} mm (RMSE); at "
                 f"most {1e3 * LARGEST_RMSE:.0f} mm are accepted.{_odd_pairs(self.residuals)} Check that positions are "
-                "in metres and poses the right way round (base from hand, camera from board); then calibrate again, with "
-                "stiller and sharper pictures."
+                "in metres and poses the right way round (base from hand, camera from board); then calibrate again, "
+                "with stiller and sharper pictures."
             )
 
     def save(self, path: Path) -> None:
