@@ -195,6 +195,10 @@ def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: 
         ("gvla2 memory ", ["list", "as-of", "--help"], ["bank="]),
         ("gvla2 memory ex", ["export"], ["list"]),
         ("gvla2 memory list ba", ["bank="], ["list"]),
+        ("gvla2 memory search ", ["bank=", "limit="], ["agent=", "experiment=", "data="]),
+        ("gvla2 run exp", [], ["experiment="]),
+        ("gvla2 bench ro", ["robot"], ["memory"]),
+        ("gvla2 bench robot exp", ["experiment=", "exploration="], ["robot"]),
         ("gvla2 memory search cup bank=x embedder=", ["embedder=static"], []),
     ],
 )

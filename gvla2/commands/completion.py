@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from importlib import import_module
@@ -68,7 +69,14 @@ def complete(line: str) -> list[str]:
     if command in PRIMARY:
         if last.startswith("-"):
             return [flag for flag in _HYDRA_FLAGS if flag.startswith(last)]
-        return _overrides(command, words[1:])
+        own = words[1:]
+        if command == "bench":  # a suite first, then overrides
+            from gvla2.commands.bench import SUITES
+
+            if len(own) == 1:
+                return [name for name in SUITES if name.startswith(last)] + _overrides(command, own)
+            own = [f"suite={own[0]}" if own[0] in SUITES else own[0], *own[1:]]
+        return _overrides(command, own)
     if command in COMMANDS:
         offered: list[str] = import_module(f"gvla2.commands.{command}").complete(words[1:])
         return [word for word in offered if word.startswith(last)]
@@ -79,6 +87,7 @@ def _overrides(command: str, words: list[str]) -> list[str]:
     """Hydra's completion of the last of ``words``; the others are overrides and flags already given."""
     from hydra.errors import HydraException
     from hydra.plugins.completion_plugin import DefaultCompletionPlugin
+    from hydra.types import RunMode
 
     from gvla2.catalog import load_plugins
 
@@ -89,7 +98,13 @@ def _overrides(command: str, words: list[str]) -> list[str]:
         with contextlib.suppress(HydraException, SystemExit), contextlib.redirect_stderr(io.StringIO()):
             offered = completer._query(config_name=command, line=" ".join(words))
             # A component's name cannot be set: the choice `planner=skill` fills it in.
-            return [word for word in offered if word not in {f"{group}.name=" for group in registry.groups}]
+            offered = [
+                word for word in offered if word not in {f"{group}.name=" for group in registry.groups}
+            ]
+            # Hydra offers every command's groups.
+            composed = application.compose_config(command, [], RunMode.RUN)
+            known = {*composed, *composed.hydra.runtime.choices}
+            return [word for word in offered if re.split(r"[=./]", word.lstrip("+~"))[0] in known]
     return []
 
 
