@@ -160,8 +160,7 @@ class Registry:
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
         """The typed options that ``root`` holds for ``kind``, and the component they configure."""
         own = self.kind_of(kind).name
-        node = self._choice(root, kind)
-        name = node if isinstance(node, str) else _name_in(node)
+        node, name = self._choice(root, kind), self.chosen(root, kind)
         if not name:
             raise ConfigurationError(f"The configuration chooses no {kind}. Choose one with {kind}=NAME.")
         component = self.get(own, name)
@@ -183,15 +182,18 @@ class Registry:
         assert isinstance(typed, ComponentConfig)
         return typed, component
 
+    def chosen(self, root: object, kind: str) -> str:
+        """The name that ``root`` chooses for ``kind``; "" for none at all."""
+        node = self._choice(root, kind)
+        return node if isinstance(node, str) else _name_in(node)
+
     def _choice(self, root: object, kind: str) -> Any:
         """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
         node = _node(root, kind)
         return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
 
     def _chooses_none(self, root: object, kind: str) -> bool:
-        node = self._choice(root, kind)
-        own = self.kinds.get(kind)
-        name = node if isinstance(node, str) else _name_in(node)
+        own, name = self.kinds.get(kind), self.chosen(root, kind)
         return own is not None and own.default == name == NONE and NONE not in self._offers[kind]
 
 

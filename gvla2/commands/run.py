@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.catalog import nothing_in
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.kinds import NONE
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -236,11 +236,9 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
 
 def _check_camera(config: object, registry: Registry) -> None:
     """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
-    if nothing_in(config, "camera"):
-        return
-    camera, robot = (registry.configure(config, kind)[0].name for kind in ("camera", "robot"))
+    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
     takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if robot not in takers:
+    if camera not in ("", NONE) and robot not in takers:
         raise ConfigurationError(
             f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
             f"{', '.join(takers) or 'none is installed'}."
