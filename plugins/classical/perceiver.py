@@ -25,6 +25,7 @@ from gvla2_plugins.classical.cases import join_fronts, join_lids
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import TableFrame, usable_frames
+from gvla2_plugins.classical.layers import NEAR, settle_layers
 from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.regions import find_patches, unlike_table
@@ -100,17 +101,21 @@ class ClassicalPerceiver:
             inside = [np.logical_and.reduce(np.moveaxis(np.abs(f.points) < room, -1, 0)) for f in frames]
             above = [frame.points[..., 2] > rise for frame in frames]
         raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
+        # The height of a speck is not believed.
         flat = [
-            near & ~high & (frame.points[..., 2] >= -rise)
-            for frame, near, high in zip(frames, inside, above, strict=True)
+            near & ~up & (frame.points[..., 2] >= -rise) & (frame.points[..., 2] < NEAR[1] * rise)
+            for frame, near, up in zip(frames, inside, raised, strict=True)
         ]
         different = [unlike_table(f, mask) for f, mask in zip(frames, flat, strict=True)]
+        reach = 0.004 + 1.5 * noise
+        layer = rise, noise, reach, config.jump, config.colour_step, config.min_points
+        raised, different = settle_layers(frames, raised, different, *layer)
+        flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
         things: list[Thing] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
-            reach = 0.004 + 1.5 * noise
             labels = join_across_views(pixels, pieces, reach=reach)
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
             labels = join_in_bodies(pixels, labels, bodies)

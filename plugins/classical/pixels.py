@@ -62,11 +62,11 @@ def choose(
     return Pixels(view, row, column, np.concatenate(points), rgb, appearance_of(rgb), maps)
 
 
-def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray) -> FloatArray:
-    """(N, 3) points where the pixels' rays cross z = 0 of the frame's frame."""
+def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray, height: float = 0.0) -> FloatArray:
+    """(N, 3) points where the pixels' rays cross z = ``height`` of the frame's frame."""
     rays = frame.rays[rows, columns]
     slope = np.where(np.abs(rays[:, 2]) > 1e-6, rays[:, 2], np.nan)
-    return np.asarray(frame.origin - rays * (frame.origin[2] / slope)[:, None])
+    return np.asarray(frame.origin + rays * ((height - frame.origin[2]) / slope)[:, None])
 
 
 def appearance_of(rgb: FloatArray) -> FloatArray:

@@ -1,9 +1,18 @@
-"""Rules of the classical perceiver, each on what it was made for: sides that nothing shows, thin boards, tilted tables."""
+"""Rules of the classical perceiver, each on what it was made for: hidden sides, thin boards, tilted tables, glass."""
 
 import numpy as np
 import pytest
 
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Scene
+from gvla2_plugins.classical import ClassicalConfig
+from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 from gvla2_plugins.classical.solids import box_distance, fit_solid
+from tests.benchmarks.perception import WORKSPACE, put, render
+
+
+def perceive(observation: Observation) -> Scene:
+    return ClassicalPerceiver(ClassicalConfig()).perceive(observation, "", WORKSPACE)
 
 
 def test_a_side_that_nothing_shows_stays_where_the_seen_points_end():
@@ -22,3 +31,17 @@ def test_a_side_that_nothing_shows_stays_where_the_seen_points_end():
         start = [0.001, 0.0, 0.01, 0.059, 0.0605, 0.0305, -0.03]
         fit = fit_solid(box_distance, start, seen, free, hold=(-1,), limits=limits)
         assert fit.parameters[3] == pytest.approx(side, abs=0.003)
+
+
+@pytest.mark.parametrize("height", [0.003, 0.004, 0.0045, 0.006])
+def test_a_thin_board_is_one_thing_as_large_as_it_is(height: float):
+    """About the least height that counts noise puts each pixel on either side of it."""
+    board = put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")
+    cube = put("box", (0.05, 0.05, 0.05), (0.32, -0.11), 0.7, "red", bottom=height)
+    coaster = put("cylinder", (0.1, 0.1, height), (0.3, 0.2), 0.0, "blue")
+    scene = perceive(render([board, cube, coaster], noise=0.001, robot=[]))
+    assert sorted(o.colour for o in scene.objects) == ["blue", "green", "red"]
+    for truth in (board, cube, coaster):
+        found = next(o for o in scene.objects if o.colour == truth.colour)
+        assert np.linalg.norm(found.centre - truth.centre) < 0.003
+        assert np.abs(found.extents - truth.size).max() < 0.004
