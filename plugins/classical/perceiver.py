@@ -58,7 +58,7 @@ class ClassicalPerceiver:
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
 
-        Raises :class:`PerceptionError` when no camera delivers depth, or no level plane is found.
+        Raises :class:`PerceptionError` when no camera delivers depth, or no plane is found that is level to 15 degrees.
         """
         del instruction  # what was asked must not change what is seen
         config = self._config
