@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import TableFrame, usable_frames
 from gvla2_plugins.classical.layers import NEAR, settle_layers
 from gvla2_plugins.classical.naming import described
+from gvla2_plugins.classical.overlaps import join_overlapping
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.regions import find_patches, unlike_table
 from gvla2_plugins.classical.things import Thing
@@ -122,9 +124,12 @@ class ClassicalPerceiver:
             grain = max(map(_grain, frames, flat))
             rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
             labels[rough] = -1
-            bodies[~rough] = -1
-            things = assemble(frames, pixels, labels, bodies, config.min_points, config.gap, hand)
-            things = put_together(pixels, things, WHOLES)
+            fine = np.where(rough, bodies, -1)
+            things = assemble(frames, pixels, labels, fine, config.min_points, config.gap, hand)
+            overlapping = partial(
+                join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap
+            )
+            things = put_together(pixels, things, (*WHOLES, overlapping))
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(
