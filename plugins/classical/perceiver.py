@@ -27,6 +27,7 @@ from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import TableFrame, usable_frames
 from gvla2_plugins.classical.layers import NEAR, settle_layers
+from gvla2_plugins.classical.lost import lost_places
 from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.overlaps import join_overlapping
 from gvla2_plugins.classical.pixels import Pixels, choose
@@ -80,7 +81,7 @@ class ClassicalPerceiver:
         height = table.height_at(float(middle[0]), float(middle[1]))
         # The table's frame has its origin under the middle of the workspace.
         room = np.array([*(high - middle)[:2] + BORDER, high[2] - height])
-        pixels, things, painted, patches = self._find(frames, table.noise, room, hand)
+        pixels, things, painted, patches, places = self._find(frames, table.noise, room, hand)
         objects = described(pixels, things, "thing") + described(painted, patches, "patch")
         back = invert_rigid(table_from_world)
         world = [
@@ -90,13 +91,14 @@ class ClassicalPerceiver:
         inside = over_workspace(world, workspace)
         if lost := len(world) - len(inside):
             notes.append(f"{lost} thing(s) beside the workspace were left out.")
+        notes += _lost_notes([transform_points(back, place) for place in places], workspace)
         notes += _carried_notes(things, new_ids(inside))
         scene = Scene(numbered(inside), height, workspace, "classical", tuple(notes))
         return labelled(scene, observation, self._labellers)
 
     def _find(
         self, frames: Sequence[TableFrame], noise: float, room: FloatArray, hand: FloatArray
-    ) -> tuple[Pixels, list[Thing], Pixels, list[Thing]]:
+    ) -> tuple[Pixels, list[Thing], Pixels, list[Thing], list[FloatArray]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
         with np.errstate(invalid="ignore"):
@@ -139,7 +141,7 @@ class ClassicalPerceiver:
         patches = [
             p for p in patches if not any(t.hollow and t.covers(p.centre[None, :2])[0] for t in things)
         ]
-        return pixels, things, painted, patches
+        return pixels, things, painted, patches, lost_places(frames, flat)
 
 
 def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
@@ -148,6 +150,16 @@ def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
     both = flat[:, :-1] & flat[:, 1:]
     step = np.linalg.norm(image[:, :-1][both] - image[:, 1:][both], axis=1)
     return float(np.percentile(np.append(step, 0.0), 75.0)) / 255.0
+
+
+def _lost_notes(places: Sequence[FloatArray], workspace: Box) -> list[str]:
+    """Where in the workspace something may stand that no depth shows; places (3,) in the world, metres."""
+    inside = [p for p in places if ((p > workspace.low) & (p < workspace.high))[:2].all()]
+    return [
+        f"No depth was measured about x={p[0]:.2f}, y={p[1]:.2f} with the table all around: something of glass or "
+        "metal may stand there that is not among the objects."
+        for p in inside
+    ]
 
 
 def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:
