@@ -55,7 +55,7 @@ def choose(
     for index, spot, start, end in zip(maps, spots, starts, starts[1:], strict=False):
         index[spot] = np.arange(start, end)
     shown = list(zip(frames, spots, strict=True))
-    points = [plane_crossings(frame, *at) if on_plane else frame.points[at] for frame, at in shown]
+    points = [plane_crossings(frame, at[0], at[1]) if on_plane else frame.points[at] for frame, at in shown]
     rgb = np.concatenate([frame.image[at] for frame, at in shown]) / 255.0
     view = np.repeat(np.arange(len(spots)), np.diff(starts))
     row, column = np.concatenate(spots, axis=1)
