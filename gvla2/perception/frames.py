@@ -25,7 +25,11 @@ DARK = 4
 HYPOTHESES, SAMPLE, SEED = 128, 3000, 0
 LEAST_POINTS, LEAST_SHARE = 200, 0.1
 """Least points in the workspace, and least share of them on one level plane, for a table."""
+NO_ROOM = 50.0
+"""Metres from the workspace where nothing is measured: depth in millimetres lies there."""
 MOST_TILT = np.deg2rad(15.0)
+SLICED = 2.0
+"""A steep plane with so many times the points of the widest level one is what the table is."""
 MOST_CORRECTION = 0.015
 """Largest error of a camera at the table, metres; beyond it, it sees another surface."""
 
@@ -136,13 +140,19 @@ def _near(points: FloatArray, workspace: Box) -> FloatArray:
 
 def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
     """The widest nearly level plane under the workspace in points (N, 3) of some views: RANSAC over triples, then
-    least squares over the plane's own points. Raises :class:`PerceptionError` where there is none.
+    least squares over the plane's own points. Raises :class:`PerceptionError` where there is none, or where the widest
+    plane is tilted by more than 15 degrees.
     """
-    points = _near(np.concatenate(clouds), workspace)
+    measured = np.concatenate(clouds)
+    points = _near(measured, workspace)
     if len(points) < LEAST_POINTS:
+        away = measured - 0.5 * (workspace.low + workspace.high)
+        far = float(np.median(np.linalg.norm(away, axis=1))) if len(away) else 0.0
+        units = " Is the depth in metres?" if far > NO_ROOM else ""
         raise PerceptionError(
             f"Only {len(points)} of the measured points lie in the workspace {workspace.low} to {workspace.high}; "
-            "a table top needs hundreds. Check the cameras' poses and the workspace."
+            f"a table top needs hundreds. Most are about {far:.3g} m away from its middle.{units} Check the cameras' "
+            "poses and the workspace."
         )
     rng = np.random.default_rng(SEED)
     sample = points[rng.integers(0, len(points), SAMPLE)]
@@ -150,11 +160,15 @@ def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     length = np.linalg.norm(normals, axis=1)
     level = (np.abs(normals[:, 2]) >= np.cos(MOST_TILT) * length) & (length > 1e-4)
+    steep = ~level & (length > 1e-4)
+    tilted, corners = normals[steep] / length[steep, None], triples[steep, 0]
     normals = normals[level] / length[level, None] * np.sign(normals[level, 2:])
     anchors = np.concatenate([triples[level, 0], sample[:64]])
     normals = np.concatenate([normals, np.tile([0.0, 0.0, 1.0], (64, 1))])
     offsets = np.einsum("ij,ij->i", normals, anchors)
-    best = int(np.argmax((np.abs(sample @ normals.T - offsets) < 0.006).sum(axis=0)))
+    held = _held(sample, normals, offsets)
+    best = int(np.argmax(held))
+    _check_tilt(tilted, _held(sample, tilted, np.einsum("ij,ij->i", tilted, corners)), int(held[best]))
     normal, offset = _settled(points, normals[best], float(offsets[best]), 0.008)
     residual = np.abs(points @ normal - offset)
     own = residual < 0.008
@@ -163,6 +177,23 @@ def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
             f"No level plane lies under the workspace: the best holds {int(own.sum())} of {len(points)} points."
         )
     return TablePlane(normal, offset, 1.4826 * float(np.median(residual[own])))
+
+
+def _held(points: FloatArray, normals: FloatArray, offsets: FloatArray) -> NDArray[np.int64]:
+    """(P,) how many of points (N, 3) lie on each plane ``normals`` (P, 3) . x = ``offsets`` (P,)."""
+    return np.asarray((np.abs(points @ normals.T - offsets) < 0.006).sum(axis=0))
+
+
+def _check_tilt(normals: FloatArray, held: NDArray[np.int64], level: int) -> None:
+    """Raise :class:`PerceptionError` if one of the steep planes ``normals`` (P, 3), which hold ``held`` (P,) points, is
+    much wider than the widest ``level`` one: that one would be a slice of it.
+    """
+    if held.max(initial=0) > SLICED * level:
+        tilt = np.rad2deg(np.arccos(abs(normals[int(np.argmax(held)), 2])))
+        raise PerceptionError(
+            f"The widest plane under the workspace is tilted by {tilt:.0f} degrees; a table's top may be tilted by "
+            f"{np.rad2deg(MOST_TILT):.0f}. Check the cameras' poses: the z axis of their world must point up."
+        )
 
 
 def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float) -> tuple[FloatArray, float]:

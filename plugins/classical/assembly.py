@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike, groups
 from gvla2_plugins.classical.frames import IntArray, TableFrame, seen_through
 from gvla2_plugins.classical.leaning import leaning_plate
-from gvla2_plugins.classical.levels import split_by_height
+from gvla2_plugins.classical.levels import split_by_height, split_by_top
 from gvla2_plugins.classical.outline import opened
 from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
@@ -106,13 +106,24 @@ def _take_apart(
         return [thing]
     if (plate := leaning_plate(thing)) is not None:
         return [plate]
-    cuts = split_by_height(thing.points, max(12, min_points // 2))
-    if len(cuts) < 2:
-        return [thing]
-    parts = _absorb(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
-    weight = np.array([len(p.members) for p in parts], dtype=np.float64)
-    better = float(weight @ [p.agreement for p in parts]) / weight.sum()
-    return parts if better > thing.agreement + 0.05 else [thing]
+    least = max(12, min_points // 2)
+    for split, fits in ((split_by_top, _side_by_side), (split_by_height, lambda _: True)):
+        cuts = split(thing.points, least)
+        if len(cuts) < 2:
+            continue
+        parts = _absorb(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
+        weight = np.array([len(p.members) for p in parts], dtype=np.float64)
+        better = float(weight @ [p.agreement for p in parts]) / weight.sum()
+        if better > thing.agreement + 0.05 and fits(parts):
+            return parts
+    return [thing]
+
+
+def _side_by_side(parts: Sequence[Thing]) -> bool:
+    """Whether each part is a solid of its own and none is over another: a post stands on its foot, not beside it."""
+    explained = all(p.kind != "other" and p.agreement >= GOOD and not p.floating for p in parts)
+    over = any(p.covers(q.centre[None, :2])[0] for p in parts for q in parts if p is not q)
+    return explained and not over
 
 
 def rest_on_each_other(things: Sequence[Thing], hand: FloatArray) -> list[Thing]:

@@ -28,8 +28,8 @@ class TableFrame:
 
     ``image`` (H, W, 3) uint8; ``depth`` (H, W) metres, NaN where nothing is known or where the robot is;
     ``rays`` (H, W, 3) directions whose multiple by depth, added to ``origin`` (3,), is the seen point; ``points``
-    (H, W, 3), NaN where depth is. All in the frame of ``frame_from_world`` (4, 4): the world at first, the table
-    (its top at z = 0) later.
+    (H, W, 3), NaN where depth is; ``lost`` (H, W) where no depth was measured, away from the robot. All in the frame
+    of ``frame_from_world`` (4, 4): the world at first, the table (its top at z = 0) later.
     """
 
     camera: Camera
@@ -38,6 +38,7 @@ class TableFrame:
     origin: FloatArray
     rays: FloatArray
     points: FloatArray
+    lost: NDArray[np.bool_]
     frame_from_world: FloatArray
 
     def moved(self, to_from_here: FloatArray) -> TableFrame:
@@ -74,6 +75,7 @@ def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple
         robot = np.asarray(cv2.dilate(robot, np.ones((3, 3)), iterations=robot_margin))
         depth[robot > 0] = np.nan
         depth = filled(depth, view.image, robot == 0)
+        lost = np.isnan(depth) & (robot == 0)
         depth[_support(depth) < least] = np.nan
         if reason := why_not(view, depth):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
@@ -84,7 +86,7 @@ def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple
         grainy = np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
         if grainy:  # less of the sensor's noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
-        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, np.eye(4)))
+        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, lost, np.eye(4)))
     if not frames:
         raise PerceptionError(
             "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."

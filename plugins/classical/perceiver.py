@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,10 @@ from gvla2_plugins.classical.cases import join_fronts, join_lids
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import TableFrame, usable_frames
+from gvla2_plugins.classical.layers import NEAR, settle_layers
+from gvla2_plugins.classical.lost import lost_places
 from gvla2_plugins.classical.naming import described
+from gvla2_plugins.classical.overlaps import join_overlapping
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.regions import find_patches, unlike_table
 from gvla2_plugins.classical.things import Thing
@@ -57,7 +61,7 @@ class ClassicalPerceiver:
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
 
-        Raises :class:`PerceptionError` when no camera delivers depth, or no level plane is found.
+        Raises :class:`PerceptionError` when no camera delivers depth, or no plane is found that is level to 15 degrees.
         """
         del instruction  # what was asked must not change what is seen
         config = self._config
@@ -77,7 +81,7 @@ class ClassicalPerceiver:
         height = table.height_at(float(middle[0]), float(middle[1]))
         # The table's frame has its origin under the middle of the workspace.
         room = np.array([*(high - middle)[:2] + BORDER, high[2] - height])
-        pixels, things, painted, patches = self._find(frames, table.noise, room, hand)
+        pixels, things, painted, patches, places = self._find(frames, table.noise, room, hand)
         objects = described(pixels, things, "thing") + described(painted, patches, "patch")
         back = invert_rigid(table_from_world)
         world = [
@@ -87,39 +91,47 @@ class ClassicalPerceiver:
         inside = over_workspace(world, workspace)
         if lost := len(world) - len(inside):
             notes.append(f"{lost} thing(s) beside the workspace were left out.")
+        notes += _lost_notes([transform_points(back, place) for place in places], workspace)
         notes += _carried_notes(things, new_ids(inside))
         scene = Scene(numbered(inside), height, workspace, "classical", tuple(notes))
         return labelled(scene, observation, self._labellers)
 
     def _find(
         self, frames: Sequence[TableFrame], noise: float, room: FloatArray, hand: FloatArray
-    ) -> tuple[Pixels, list[Thing], Pixels, list[Thing]]:
+    ) -> tuple[Pixels, list[Thing], Pixels, list[Thing], list[FloatArray]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
         with np.errstate(invalid="ignore"):
             inside = [np.logical_and.reduce(np.moveaxis(np.abs(f.points) < room, -1, 0)) for f in frames]
             above = [frame.points[..., 2] > rise for frame in frames]
         raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
+        # The height of a speck is not believed.
         flat = [
-            near & ~high & (frame.points[..., 2] >= -rise)
-            for frame, near, high in zip(frames, inside, above, strict=True)
+            near & ~up & (frame.points[..., 2] >= -rise) & (frame.points[..., 2] < NEAR[1] * rise)
+            for frame, near, up in zip(frames, inside, raised, strict=True)
         ]
         different = [unlike_table(f, mask) for f, mask in zip(frames, flat, strict=True)]
+        reach = 0.004 + 1.5 * noise
+        layer = rise, noise, reach, config.jump, config.colour_step, config.min_points
+        raised, different = settle_layers(frames, raised, different, *layer)
+        flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
         things: list[Thing] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
-            reach = 0.004 + 1.5 * noise
             labels = join_across_views(pixels, pieces, reach=reach)
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
             labels = join_in_bodies(pixels, labels, bodies)
             grain = max(map(_grain, frames, flat))
             rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
             labels[rough] = -1
-            bodies[~rough] = -1
-            things = assemble(frames, pixels, labels, bodies, config.min_points, config.gap, hand)
-            things = put_together(pixels, things, WHOLES)
+            fine = np.where(rough, bodies, -1)
+            things = assemble(frames, pixels, labels, fine, config.min_points, config.gap, hand)
+            overlapping = partial(
+                join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap
+            )
+            things = put_together(pixels, things, (*WHOLES, overlapping))
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(
@@ -129,7 +141,7 @@ class ClassicalPerceiver:
         patches = [
             p for p in patches if not any(t.hollow and t.covers(p.centre[None, :2])[0] for t in things)
         ]
-        return pixels, things, painted, patches
+        return pixels, things, painted, patches, lost_places(frames, flat)
 
 
 def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
@@ -138,6 +150,16 @@ def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
     both = flat[:, :-1] & flat[:, 1:]
     step = np.linalg.norm(image[:, :-1][both] - image[:, 1:][both], axis=1)
     return float(np.percentile(np.append(step, 0.0), 75.0)) / 255.0
+
+
+def _lost_notes(places: Sequence[FloatArray], workspace: Box) -> list[str]:
+    """Where in the workspace something may stand that no depth shows; places (3,) in the world, metres."""
+    inside = [p for p in places if ((p > workspace.low) & (p < workspace.high))[:2].all()]
+    return [
+        f"No depth was measured about x={p[0]:.2f}, y={p[1]:.2f} with the table all around: something of glass or "
+        "metal may stand there that is not among the objects."
+        for p in inside
+    ]
 
 
 def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:

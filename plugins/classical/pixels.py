@@ -55,18 +55,18 @@ def choose(
     for index, spot, start, end in zip(maps, spots, starts, starts[1:], strict=False):
         index[spot] = np.arange(start, end)
     shown = list(zip(frames, spots, strict=True))
-    points = [plane_crossings(frame, *at) if on_plane else frame.points[at] for frame, at in shown]
+    points = [plane_crossings(frame, at[0], at[1]) if on_plane else frame.points[at] for frame, at in shown]
     rgb = np.concatenate([frame.image[at] for frame, at in shown]) / 255.0
     view = np.repeat(np.arange(len(spots)), np.diff(starts))
     row, column = np.concatenate(spots, axis=1)
     return Pixels(view, row, column, np.concatenate(points), rgb, appearance_of(rgb), maps)
 
 
-def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray) -> FloatArray:
-    """(N, 3) points where the pixels' rays cross z = 0 of the frame's frame."""
+def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray, height: float = 0.0) -> FloatArray:
+    """(N, 3) points where the pixels' rays cross z = ``height`` of the frame's frame."""
     rays = frame.rays[rows, columns]
     slope = np.where(np.abs(rays[:, 2]) > 1e-6, rays[:, 2], np.nan)
-    return np.asarray(frame.origin - rays * (frame.origin[2] / slope)[:, None])
+    return np.asarray(frame.origin + rays * ((height - frame.origin[2]) / slope)[:, None])
 
 
 def appearance_of(rgb: FloatArray) -> FloatArray:

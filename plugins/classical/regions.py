@@ -6,21 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from gvla2.perception.clusters import without_specks
 from gvla2_plugins.classical.clusters import groups, join_across_views, pieces_in_views
+from gvla2_plugins.classical.footprints import footprint_of
 from gvla2_plugins.classical.frames import IntArray, TableFrame
-from gvla2_plugins.classical.pixels import Pixels, appearance_of, choose, plane_crossings
-from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
+from gvla2_plugins.classical.pixels import Pixels, appearance_of, choose
+from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing, upright_rectangle
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
 ONE_PAINT = 12.0  # patches of one paint differ by less, in look
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
-# Metres and radians about the rectangle of the points, for a fit of one.
-ROOM = np.array([0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0])
 PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
@@ -72,37 +70,13 @@ def find_patches(
 def _fit(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
 ) -> Thing:
-    points = pixels.points[members]
-    outside = [np.zeros((0, 3))]
-    for number, (frame, mask) in enumerate(zip(frames, bare, strict=True)):
-        mine = members[pixels.view[members] == number]
-        own = np.zeros(mask.shape, dtype=bool)
-        own[pixels.row[mine], pixels.column[mine]] = True
-        rows, columns = np.nonzero(binary_dilation(own, iterations=2) & mask & ~own)
-        outside.append(plane_crossings(frame, rows, columns))
-    beside = evenly(np.concatenate(outside), 700)
-    yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
-    seen = evenly(points, 700)
-    # Of no height that counts: a slab and a drum from far below to far above.
-    slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
-    drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
-    fits = []
-    for distance, start in ((box_distance, slab), (cylinder_distance, drum)):
-        room = ROOM[: len(start)]
-        limits = start - room, start + room
-        fitted = fit_solid(
-            distance, start, seen, beside, hold=(-2, -1), limits=limits, filled=True, tolerance=0.004
-        )
-        fits.append(fitted)
-    square, disc = fits
-    is_round = disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min()
-    if is_round:
-        cx, cy, width = disc.parameters[:3]
-        yaw, depth, noun = 0.0, width, "circle"
-    else:
-        cx, cy, yaw, width, depth = square.parameters[:5]
+    outline = footprint_of(frames, pixels, members, bare)
+    (width, depth), yaw = outline.lengths, outline.yaw
+    noun = "circle"
+    if not outline.round:
         yaw, width, depth = upright_rectangle(yaw, width, depth)
         noun = "square" if depth > 0.85 * width else "patch"
-    centre, extents = np.array([cx, cy, 0.5 * PAINT]), np.array([width, depth, PAINT])
-    agreement = (disc if is_round else square).agreement
-    return Thing("region", members, points, centre, yaw, extents, agreement, noun=noun)
+    centre, extents = np.array([*outline.middle, 0.5 * PAINT]), np.array([width, depth, PAINT])
+    return Thing(
+        "region", members, pixels.points[members], centre, yaw, extents, outline.agreement, noun=noun
+    )

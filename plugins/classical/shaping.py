@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
+from gvla2_plugins.classical.footprints import footprint_of
 from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.outline import (
     completed,
@@ -41,6 +42,7 @@ CLEARLY = 0.1  # more of agreement
 RIM = 0.006  # metres: a wall is no thinner
 SQUARE = 1.35  # length over breadth of what may be round
 UPRIGHT = 0.5  # of the length of what is seen: a thing that is lower shows its top, and so its outline
+SHEET = 0.008  # metres: what is no higher is fitted by its outline
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
     "box": box_distance,
@@ -98,6 +100,8 @@ def shape_thing(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray,
     """The solid that explains the pixels ``members`` (N,) best, standing on the table unless it is seen to hang."""
     evidence = _gather(frames, pixels, members, gap)
     fits = _fits(evidence)
+    if not evidence.floating and fits["box"].parameters[5] < SHEET:
+        return _sheet(frames, pixels, members, evidence, float(fits["box"].parameters[5]))
     kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
     nowhere = np.zeros(3)
@@ -112,6 +116,29 @@ def shape_thing(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray,
         lengths = np.maximum(lengths, THIN)
         thing = _posed(thing, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
     return completed(frames, pixels, thing)
+
+
+def _sheet(
+    frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, evidence: FitEvidence, top: float
+) -> Thing:
+    """The thing as one so flat, ``top`` metres, that no free point beside it tells its outline: the table does."""
+    table = [at < 0 for at in pixels.maps]
+    outline = footprint_of(frames, pixels, members, table, 0.5 * top)
+    nowhere = np.zeros(3)
+    thing = Thing(
+        "box",
+        members,
+        pixels.points[members],
+        nowhere,
+        0.0,
+        nowhere,
+        outline.agreement,
+        lowest=evidence.lowest,
+    )
+    heights = (max(top, THIN), 0.0)
+    if outline.round:
+        return _posed(thing, "cylinder", [*outline.middle, outline.lengths[0], *heights])
+    return _posed(thing, "box", [*outline.middle, outline.yaw, *outline.lengths, *heights])
 
 
 def _hollow(frames: Sequence[TableFrame], evidence: FitEvidence, thing: Thing, fit: SolidFit) -> Thing | None:

@@ -23,6 +23,7 @@ Distance = Callable[[FloatArray, FloatArray], FloatArray]
 SCALE = 0.003  # metres: a point further off belongs ever more to something else
 STEPS = 16  # of a fit
 STEP = 1e-5  # of parameters, for derivatives
+STAY = 0.003  # metres of error per metre that a parameter leaves its start: it decides only where nothing else does
 
 
 def _join(*planes: FloatArray) -> FloatArray:
@@ -85,7 +86,8 @@ def fit_solid(
     slack: float = 0.0,
     tolerance: float = 0.005,
 ) -> SolidFit:
-    """Robust least squares from ``start`` (P,).
+    """Robust least squares from ``start`` (P,), where a parameter stays of which no point tells anything: how far a
+    box reaches behind a side that another thing hides.
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
     that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of
@@ -96,19 +98,22 @@ def fit_solid(
     moving = np.delete(np.arange(len(parameters)), list(hold))
     rays = np.zeros((0, 1, 3)) if rays is None else rays
     counts = (len(surface), len(free), len(rays))
-    share = np.repeat([1.0 / max(1, count) for count in counts], counts)
+    share = np.repeat([*(1.0 / max(1, count) for count in counts), 1.0], [*counts, len(moving)])
     points = np.concatenate([surface, free, rays.reshape(-1, 3)])
     first_free, first_ray = counts[0], counts[0] + counts[1]
 
     def errors(values: FloatArray) -> FloatArray:
-        """(B, N + M + R) errors of candidates with the moving parameters (B, P')."""
+        """(B, N + M + R + P') errors of candidates with the moving parameters (B, P')."""
         candidates = np.tile(parameters, (len(values), 1))
         candidates[:, moving] = values
         value = distance(candidates, points)
         seen, outside = value[:, :first_free], value[:, first_free:first_ray]
         reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
         seen = np.maximum(seen - slack, 0.0) if filled else seen
-        return np.asarray(np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1))
+        left = STAY * (values - parameters[moving])
+        return np.asarray(
+            np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0), left], axis=1)
+        )
 
     def jacobian(at: FloatArray) -> FloatArray:
         steps_aside = np.vstack([at, at + STEP * np.eye(len(at))])
@@ -132,8 +137,8 @@ def fit_solid(
         ftol=1e-3,
         max_nfev=STEPS,
     )
-    parameters[moving] = found.x
     error = errors(found.x[None])[0]
+    parameters[moving] = found.x
     on = np.abs(error[:first_free]) < tolerance
     inside = error[first_free:first_ray] < -tolerance
     intrusion = float(inside.mean()) if len(free) else 0.0

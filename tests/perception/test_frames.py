@@ -46,7 +46,13 @@ def test_a_camera_without_depth_is_left_out_and_named(world, two):
 
 @pytest.mark.parametrize(
     ("broken", "said"),
-    [("blind", "No view can be used"), ("away", "hundreds"), ("empty", "low must be below high")],
+    [
+        ("blind", "No view can be used"),
+        ("away", "hundreds"),
+        ("millimetres", "depth in metres"),
+        ("tilted", "tilted by 30 degrees"),
+        ("empty", "low must be below high"),
+    ],
 )
 def test_what_cannot_be_perceived_is_said(world, two, broken, said):
     views, workspace = two.observation.views, world.WORKSPACE
@@ -54,6 +60,19 @@ def test_what_cannot_be_perceived_is_said(world, two, broken, said):
         views = Views(tuple(replace(v, depth=None) for v in views))
     elif broken == "away":
         workspace = Box(workspace.low + 5, workspace.high + 5)
+    elif broken == "millimetres":
+        views = Views(tuple(replace(v, depth=1000.0 * v.depth) for v in views))
+    elif broken == "tilted":
+        c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+        middle = 0.5 * (workspace.low + workspace.high) * [1, 1, 0] + [0, 0, world.TABLE]
+        turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+        tilt = rigid(turn, middle - turn @ middle)
+        views = Views(
+            tuple(
+                replace(v, camera=replace(v.camera, world_from_camera=tilt @ v.camera.world_from_camera))
+                for v in views
+            )
+        )
     else:
         workspace = Box(workspace.high, workspace.low)
     with pytest.raises(PerceptionError, match=said):
