@@ -21,6 +21,10 @@ SHARED = 0.5  # of the smaller solid that is within the other, where both cannot
 FLUSH = 0.003  # metres: paint stands off by less
 ON_IT = 0.9  # share of a piece's points that are on another's solid, where it is paint
 SCRAP = 0.01  # of another piece's pixels: fewer that hang in the air are of it
+ABOVE, SEAM = (
+    0.6,
+    0.003,
+)  # share of a piece's points that are so many metres above another, which is under it then
 STEPS = np.linspace(-0.4, 0.4, 5)  # of a solid's extents, where it is looked at
 
 
@@ -38,6 +42,7 @@ def join_overlapping(
     for a, b in combinations(range(len(left)), 2):
         one, other = draft.things[left[a]], draft.things[left[b]]
         stands = left[a] == draft.carrier(left[b]) or left[b] == draft.carrier(left[a])
+        stands = stands or _is_above(one, other) or _is_above(other, one)
         if body[a] == body[b] >= 0 and not stands and any(rule(one, other) for rule in RULES):
             pairs.append((a, b))
     wholes = components(len(left), np.array(pairs, dtype=np.int64).reshape(-1, 2))
@@ -81,6 +86,14 @@ def _is_paint(one: Thing, other: Thing) -> bool:
         return False
     on_it = (np.abs(large.local(small.points)) < 0.5 * large.extents + FLUSH).all(axis=1)
     return bool(on_it.mean() > ON_IT)
+
+
+def _is_above(upper: Thing, lower: Thing) -> bool:
+    """Whether one lies on the other, as a lid on a jar, though a few pixels of each are taken to be of the other."""
+    up, low = upper.points[:, 2], lower.points[:, 2]
+    over = float((up > np.percentile(low, 99.0) + SEAM).mean()) > ABOVE
+    bulky = min(*upper.extents, *lower.extents) > BULKY  # a print on a side is not under the top
+    return over or bool(bulky and np.percentile(up, 5.0) > np.percentile(low, 90.0))
 
 
 def _is_scrap(one: Thing, other: Thing) -> bool:
