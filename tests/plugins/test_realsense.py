@@ -252,7 +252,7 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
     ("change", "told"),
     [
         ({"T_base_camera": np.diag([1.0, 1, -1, 1]).tolist()}, "mirrored"),
-        ({"rmse": 0.0061}, "off by 6.1 mm"),
+        ({"rmse": 0.0061}, "residuals of 6.1 mm"),
         ({"serial": None}, "for camera 'None'"),
     ],
 )

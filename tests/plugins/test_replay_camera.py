@@ -210,7 +210,7 @@ SPOILT = {
     "no calibration": (lambda f: (f / "camera.json").unlink(), "is not a recording"),
     "half a calibration": (rewritten(rmse=None), "has a wrong part"),
     "a mirror": (rewritten(T_base_camera=np.diag([1.0, 1, -1, 1]).tolist()), "mirrored"),
-    "inexact": (rewritten(rmse=0.006), "off by 6.0 mm"),
+    "inexact": (rewritten(rmse=0.006), "residuals of 6.0 mm"),
     "another convention": (rewritten(convention="y up"), "a different convention"),
     "a scale of nothing": (rewritten(depth_scale=0), "depth_scale is 0"),
     "a scale of words": (rewritten(depth_scale="mm"), "depth_scale is 'mm'"),

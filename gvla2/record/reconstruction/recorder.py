@@ -30,8 +30,6 @@ class ReconstructionRecorder(FolderRecorder):
     :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then complete or unchanged.
     """
 
-    WRITTEN = (RESULT, PLY, GLB, TURNTABLE, PAGE)
-
     def geometry(self, thing: Reconstruction) -> None:
         """``result.ply`` and ``result.glb``, as far as available."""
         if thing.gaussians is not None:
