@@ -105,15 +105,22 @@ class ClassicalPerceiver:
             inside = [np.logical_and.reduce(np.moveaxis(np.abs(f.points) < room, -1, 0)) for f in frames]
             above = [frame.points[..., 2] > rise for frame in frames]
         raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
-        # The height of a speck is not believed.
         flat = [
-            near & ~up & (frame.points[..., 2] >= -rise) & (frame.points[..., 2] < NEAR[1] * rise)
-            for frame, near, up in zip(frames, inside, raised, strict=True)
+            near & ~high & (frame.points[..., 2] >= -rise)
+            for frame, near, high in zip(frames, inside, above, strict=True)
         ]
-        different = [unlike_table(f, mask) for f, mask in zip(frames, flat, strict=True)]
+        # The height of a speck is not believed: it may be of a layer, but is no paint on its own.
+        specks = [
+            near & high & ~up & (frame.points[..., 2] < NEAR[1] * rise)
+            for frame, near, high, up in zip(frames, inside, above, raised, strict=True)
+        ]
+        different = [
+            unlike_table(f, mask | speck) for f, mask, speck in zip(frames, flat, specks, strict=True)
+        ]
         reach = 0.004 + 1.5 * noise
         layer = rise, noise, reach, config.jump, config.colour_step, config.min_points
         raised, different = settle_layers(frames, raised, different, *layer)
+        different = [paint & ~speck for paint, speck in zip(different, specks, strict=True)]
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
