@@ -49,6 +49,7 @@ NEEDED = {
 """Modules that the default run imports: the distribution of each, what it is for, and how to get it."""
 
 
+MEMORY_ADVICE = "Move the file away or make it writable, or name another bank: memory.url=sqlite:///FILE"
 Status = Literal["ok", "warn", "slow", "fail"]
 
 
@@ -135,9 +136,9 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
             except HydraException as error:
                 if isinstance(error, MissingConfigException):
                     blamed.add((error.missing_cfg_file or "").partition("/")[0])
-                skipped = os.environ.get(DISABLE_VARIABLE)
                 advice = "Repair or reinstall the plugin that offers it; see the plugins below."
-                advice = f"Unset {DISABLE_VARIABLE}, which skips {skipped}." if skipped else advice
+                if skipped := os.environ.get(DISABLE_VARIABLE):
+                    advice = f"Unset {DISABLE_VARIABLE}, which skips {skipped}."
                 checks.append(
                     Check(f"configuration {name}", "fail", explain(error, registry), advice, (name,))
                 )
@@ -195,11 +196,9 @@ def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
         if built["error"]:
             # A run goes on without memory, and says so.
             status: Status = "warn" if kind == "memory" and name == "run" else "fail"
-            advice = f"`gvla2 plugins {kind}` lists what else there is."
-            if kind == "memory":
-                advice = (
-                    "Move the file away or make it writable, or name another bank: memory.url=sqlite:///FILE"
-                )
+            advice = (
+                MEMORY_ADVICE if kind == "memory" else f"`gvla2 plugins {kind}` lists what else there is."
+            )
             yield Check(label, status, built["error"], advice, (name,))
         else:
             yield Check(label, "ok", f"built in {built['seconds']} s")

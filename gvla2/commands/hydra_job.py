@@ -101,7 +101,7 @@ def launch(
     or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM. Error messages are added to
     ``errors`` too. ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
-    for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_silent_cluster(argv), 1)):
+    for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_absent_cluster(argv), 1)):
         if advice:
             print(f"gvla2: {printable(advice)}", file=sys.stderr)
             return status
@@ -236,7 +236,7 @@ def report(error: Exception, registry: Registry | None = None) -> int:
     return 1
 
 
-def _silent_cluster(argv: Sequence[str]) -> str:
+def _absent_cluster(argv: Sequence[str]) -> str:
     """The message when a Ray cluster does not answer at its address, or Slurm is not there; "" otherwise.
 
     Ray itself waits for minutes, and submitit ends in a traceback.

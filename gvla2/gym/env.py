@@ -108,6 +108,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
                 f"cameras of its own and a success check."
             )
+        # As composed: what was recorded of two arms of one robot's name is told apart by them.
         self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)

@@ -26,8 +26,8 @@ LEAST_COVERAGE = 0.05
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
 OFF_SCALE, OFF_ALONE = 0.1, 1.0
-"""Depth whose scale the masks put this far from 1, up or down, may be in another unit; by the deep hull of one view."""
-"""Difference from 1 above which the factor between a prior's depth and the masks is told."""
+"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is told: several views, and
+one view alone, whose hull is deep."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5

@@ -21,10 +21,8 @@ SHARED = 0.5  # of the smaller solid that is within the other, where both cannot
 FLUSH = 0.003  # metres: paint stands off by less
 ON_IT = 0.9  # share of a piece's points that are on another's solid, where it is paint
 SCRAP = 0.01  # of another piece's pixels: fewer that hang in the air are of it
-ABOVE, SEAM = (
-    0.6,
-    0.003,
-)  # share of a piece's points that are so many metres above another, which is under it then
+SEAM = 0.003  # metres: a point that is so much higher than another piece is above it
+ABOVE = 0.6  # share of a piece's points above another, which is under it then
 STEPS = np.linspace(-0.4, 0.4, 5)  # of a solid's extents, where it is looked at
 
 
