@@ -294,7 +294,8 @@ def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     assert record.observation is not None
     assert record.scene is not None
     scene, sentence = refine_scene(record.scene, record.observation, record.instruction, parts.geometry)
-    return replace(record, scene=read_only(scene), refinement=sentence)
+    refined = record.scene if scene is record.scene else read_only(scene)
+    return replace(record, scene=refined, refinement=sentence)
 
 
 def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:

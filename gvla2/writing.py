@@ -1,4 +1,4 @@
-"""Atomic writing of files, and the folder for caches."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -42,12 +42,3 @@ def _mode_of_new_files() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask
-
-
-def cache_folder() -> Path:
-    """Where rendered views, weights and decompositions are kept: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache."""
-    own = os.environ.get("GVLA2_CACHE")
-    if own:
-        return Path(own).expanduser()
-    shared = os.environ.get("XDG_CACHE_HOME")
-    return (Path(shared) if shared else Path.home() / ".cache") / "gvla2"

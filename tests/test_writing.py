@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import OutputError
-from gvla2.writing import cache_folder, write_whole
+from gvla2.writing import write_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -38,11 +38,3 @@ def test_what_was_there_survives_a_failure(tmp_path: Path) -> None:
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="missing"):
         write_whole(tmp_path / "missing" / "a", b"")
-
-
-def test_cache_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("GVLA2_CACHE", str(tmp_path / "cache"))
-    assert cache_folder() == tmp_path / "cache"
-    monkeypatch.delenv("GVLA2_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert cache_folder() == tmp_path / "xdg" / "gvla2"

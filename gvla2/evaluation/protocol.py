@@ -9,21 +9,18 @@ object's name. Rendered views are cached on disk under a hash of the visible con
 from __future__ import annotations
 
 import hashlib
-import io
-import logging
 import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gvla2.errors import OutputError
+from gvla2.caching import cache_folder, cached_arrays
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.textured_mesh import read_textured_mesh
-from gvla2.geometry.transform import look_along
+from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View, Views
-from gvla2.writing import cache_folder, write_whole
 
 VERSION = "gso30-views-2"
 """Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""
@@ -35,8 +32,6 @@ FOCAL = 35 / 32
 SIZE = 256
 SAMPLES = 4
 """Rays along a pixel's side: 512 x 512 with 2 x 2 rays, averaged to 256 x 256."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -91,45 +86,15 @@ def object_views(
     used = (*INPUTS, *TARGETS)
     cameras = protocol_cameras(name, size)
     chosen = [cameras[index] for index in used]
-    folder = (cache_folder() if cache is None else cache) / "views"
     key = f"{VERSION}|{name}|{size}|{samples}|{textured.content_hash()}"
-    entry = folder / f"{_file_name(name)}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
-    views = _read_entry(entry, chosen)
-    if views is None:
-        views = tuple(textured_view(textured, camera, samples) for camera in chosen)
-        _write_entry(entry, views)
+
+    def rendered() -> dict[str, FloatArray]:
+        made = [textured_view(textured, camera, samples) for camera in chosen]
+        return {part: np.stack([getattr(view, part) for view in made]) for part in ("image", "depth", "mask")}
+
+    folder = (cache_folder() if cache is None else cache) / "views"
+    stored = cached_arrays(folder, key, rendered, compressed=True)
+    rows = zip(chosen, stored["image"], stored["depth"], stored["mask"], strict=True)
+    views = tuple(View(*row) for row in rows)
     split = len(INPUTS)
     return ObjectViews(name, Views(views[:split]), Views(views[split:]), textured.mesh)
-
-
-def _file_name(name: str) -> str:
-    return "".join(letter if letter.isalnum() else "_" for letter in name)[:60]
-
-
-def _write_entry(entry: Path, views: tuple[View, ...]) -> None:
-    buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        image=np.stack([view.image for view in views]),
-        alpha=np.stack([view.mask for view in views if view.mask is not None]),
-        depth=np.stack([view.depth for view in views if view.depth is not None]),
-    )
-    try:
-        entry.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(entry, buffer.getvalue())
-    except (OSError, OutputError) as error:
-        log.warning("The rendered views could not be cached in %s: %s", entry.parent, error)
-
-
-def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
-    """The entry's views; None when it is absent or damaged."""
-    if not entry.is_file():
-        return None
-    try:
-        # Read whole first: numpy leaves a damaged file open.
-        with np.load(io.BytesIO(entry.read_bytes()), allow_pickle=False) as stored:
-            image, alpha, depth = (stored[key] for key in ("image", "alpha", "depth"))
-        return tuple(View(*row) for row in zip(cameras, image, depth, alpha, strict=True))
-    except Exception as error:  # a damaged archive can raise anything
-        log.warning("The cached views %s are damaged (%s) and are remade.", entry, error)
-        return None

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.distance import pdist
 
+from gvla2.caching import cache_folder, cached_arrays
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.textures import sampled_surface
@@ -111,13 +113,7 @@ def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
 
 def read_scan(name: str, path: Path) -> KnownScan:
     """One scan, prepared or from the cache."""
-    kept = _cache_file(path)
-    try:
-        with np.load(kept) as stored:
-            arrays = {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, KeyError, EOFError):
-        arrays = _prepared(path)
-        _keep(kept, arrays)
+    arrays = cached_arrays(cache_folder() / "scans", _content(path), partial(_prepared, path))
     return KnownScan(
         name, str(path), arrays["points"], arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
         float(arrays["scale"]), cKDTree(arrays["points"]), appearance(arrays["rgb"]),
@@ -163,8 +159,8 @@ def resting_turns(points: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
-def _cache_file(path: Path) -> Path:
-    """The cache file for these contents; textures beside a mesh count as its contents."""
+def _content(path: Path) -> str:
+    """The digest of a file's contents; textures beside a mesh count as its contents."""
     digest = hashlib.sha256(f"{VERSION} {POINTS} {path.suffix}".encode())
     beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() in (".mtl", ".png", ".jpg", ".jpeg"))
     for file in (path, *(beside if path.suffix.lower() == ".obj" else ())):
@@ -172,19 +168,7 @@ def _cache_file(path: Path) -> Path:
             digest.update(file.read_bytes())
         except OSError as error:
             raise GeometryError(f"Cannot read {file}: {error}") from error
-    home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    return home / "gvla2" / "scans" / f"{digest.hexdigest()[:32]}.npz"
-
-
-def _keep(kept: Path, arrays: dict[str, FloatArray]) -> None:
-    """Written atomically; a cache that cannot be written is not used."""
-    aside = kept.with_name(f"{kept.stem}.{os.getpid()}.npz")
-    try:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(aside, allow_pickle=False, **arrays)
-        aside.replace(kept)
-    except OSError:
-        aside.unlink(missing_ok=True)
+    return digest.hexdigest()
 
 
 def check_names(scans: Sequence[KnownScan]) -> None:

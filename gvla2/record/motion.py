@@ -7,7 +7,9 @@ makes training data sets from both.
 from __future__ import annotations
 
 import io
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +23,15 @@ FILM, STATES = "episode.mp4", "motion.npz"
 DEFAULT_FPS = 5.0
 SMALLEST = 16
 """Least side of a film in pixels: encoders refuse smaller ones."""
+AHEAD = 30
+"""Frames that may wait for the encoder."""
 
 
 class Motion:
-    """Writes the film while the robot moves; :meth:`finish` closes it and writes the states."""
+    """Writes the film while the robot moves, in a thread of its own: an encoder takes 0.3 s to start.
+
+    :meth:`finish` closes it and writes the states.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -32,6 +39,8 @@ class Motion:
         self._writer: Generator[None, bytes | None, None] | None = None
         self._first: NDArray[np.uint8] | None = None  # waits for the second, whose time gives the rate
         self._frames = 0
+        self._studio = ThreadPoolExecutor(1, "film")
+        self._awaited: deque[Future[None]] = deque()
 
     def moment(self, moment: Moment) -> None:
         """The state at the next frame."""
@@ -47,9 +56,8 @@ class Motion:
             self._first = even
             return
         if self._frames == 2:
-            self._open(self._first)
-        if self._writer is not None:
-            self._writer.send(even.tobytes())
+            self._later(self._open, self._first, self.fps)
+        self._later(self._send, even)
 
     @property
     def fps(self) -> float:
@@ -61,9 +69,14 @@ class Motion:
 
     def finish(self) -> None:
         """Close the film, and write the states where each frame has one; safe to call twice."""
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        try:
+            while self._awaited:
+                self._awaited.popleft().result()
+        finally:
+            self._studio.shutdown(cancel_futures=True)
+            if self._writer is not None:
+                self._writer.close()
+                self._writer = None
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
             np.savez_compressed(
@@ -75,7 +88,16 @@ class Motion:
             )
             write_bytes(self._folder / STATES, stream.getvalue())
 
-    def _open(self, first: NDArray[np.uint8]) -> None:
+    def _later(self, act: Callable[..., None], *inputs: Any) -> None:
+        self._awaited.append(self._studio.submit(act, *inputs))
+        while self._awaited and (self._awaited[0].done() or len(self._awaited) > AHEAD):
+            self._awaited.popleft().result()
+
+    def _send(self, image: NDArray[np.uint8]) -> None:
+        if self._writer is not None:
+            self._writer.send(image.tobytes())
+
+    def _open(self, first: NDArray[np.uint8], fps: float) -> None:
         try:
             import imageio_ffmpeg
         except ImportError:
@@ -83,12 +105,14 @@ class Motion:
         made: Any = imageio_ffmpeg.write_frames(
             str(self._folder / FILM),
             (first.shape[1], first.shape[0]),
-            fps=self.fps,
+            fps=fps,
+            # Unnamed, the codec is looked for by encoding something; the library's own ffmpeg has this one.
+            codec="libx264" if Path(imageio_ffmpeg.get_ffmpeg_exe()).parent.name == "binaries" else None,
             quality=7,
             macro_block_size=2,
-            output_params=["-movflags", "+faststart"],
+            output_params=["-preset", "veryfast", "-movflags", "+faststart"],
             ffmpeg_log_level="error",
         )
         made.send(None)
-        made.send(first.tobytes())
         self._writer = made
+        self._send(first)

@@ -80,6 +80,8 @@ def place(
     cx, cy = near.centre
     best, best_cost = Rect(cx, cy, cx + width, cy + height), float("inf")
     for ring in range(4):
+        if 0.15 * ring * width * height >= best_cost:
+            break  # nothing further out is better
         away = gap + ring * (height + gap)
         columns = (cx - width / 2, near.x0 - away - width, near.x1 + away)
         rows = (near.y0 - away - height, near.y1 + away, cy - height / 2)

@@ -6,12 +6,13 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.caching import cache_folder
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2_plugins.embedders.bert import Encoder
 
@@ -38,21 +39,14 @@ class MiniLMEmbedder:
         if batch < 1:
             raise ConfigurationError(f"The minilm embedder needs batch >= 1, got {batch}.")
         folder = model_folder() if folder is None else folder
+        check(folder)
         try:
-            from safetensors.numpy import load_file
             from tokenizers import Tokenizer
         except ImportError as error:
-            check(folder)
             raise _missing("tokenizers") from error
-        with ThreadPoolExecutor(1) as pool:
-            checked = pool.submit(check, folder)  # as long as reading them: on another core
-            try:
-                tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
-                weights = load_file(folder / "model.safetensors")
-                config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
-            finally:
-                checked.result()
-        self._batch, self._tokenizer = batch, tokenizer
+        weights = mapped(folder / "model.safetensors")
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        self._batch, self._tokenizer = batch, Tokenizer.from_file(str(folder / "tokenizer.json"))
         self._tokenizer.enable_truncation(MAX_TOKENS)
         self._tokenizer.no_padding()
         self._encoder = Encoder(weights, config["num_attention_heads"], config["layer_norm_eps"])
@@ -96,8 +90,27 @@ def model_folder() -> Path:
     return Path(next(iter(found.submodule_search_locations))) / "model"
 
 
+def mapped(path: Path) -> dict[str, NDArray[np.float32]]:
+    """The float32 arrays of a safetensors file by name, read-only; only what is used is read from the disk."""
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        header = json.loads(file.read(length))
+    data = np.asarray(np.memmap(path, np.uint8, "r", offset=8 + length))
+    return {
+        name: data[slice(*entry["data_offsets"])].view("<f4").reshape(entry["shape"])
+        for name, entry in header.items()
+        if name != "__metadata__" and entry["dtype"] == "F32"
+    }
+
+
 def check(folder: Path) -> None:
-    """Raise :class:`~gvla2.errors.ConfigurationError` unless the files are the known ones, byte for byte."""
+    """Raise :class:`~gvla2.errors.ConfigurationError` unless the files are the known ones, byte for byte.
+
+    Files that were, and have not been written since, are not read again: it takes longer than a search of memory.
+    """
+    known_once = cache_folder() / "checked" / f"minilm-{_state(folder)}"
+    if known_once.exists():
+        return
     for name, known in DIGESTS.items():
         try:
             with (folder / name).open("rb") as file:
@@ -112,6 +125,19 @@ def check(folder: Path) -> None:
                 f"The minilm embedder found a different '{name}' in '{folder}' (SHA-256 {digest[:12]}..., known is "
                 f"{known[:12]}...): its vectors would not fit stored ones. Reinstall 'gvla2[embed]'."
             )
+    with suppress(OSError):
+        known_once.parent.mkdir(parents=True, exist_ok=True)
+        known_once.touch()
+
+
+def _state(folder: Path) -> str:
+    """Changes whenever one of the files is written."""
+    told = [str(folder.absolute()), *DIGESTS.values()]
+    for name in DIGESTS:
+        with suppress(OSError):
+            stat = (folder / name).stat()
+            told.append(f"{name} {stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns} {stat.st_ino}")
+    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:32]
 
 
 def _missing(package: str) -> MissingDependencyError:

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from gvla2.caching import cache_folder
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language.failures import ModelUnavailableError
 
@@ -73,7 +74,9 @@ class LlamaServer:
             "host": platform.node(),  # machines may share a home folder
         }
         which = hashlib.sha256(json.dumps(self._options, sort_keys=True).encode()).hexdigest()[:16]
-        self._folder = (Path(config.folder).expanduser() if config.folder else _cache()) / which
+        self._folder = (
+            Path(config.folder).expanduser() if config.folder else cache_folder() / "llama_cpp"
+        ) / which
         self._turn = threading.Lock()
         self._using = False
 
@@ -190,7 +193,3 @@ def _listens(url: str) -> bool:
     except OSError:
         return False
     return True
-
-
-def _cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gvla2" / "llama_cpp"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +14,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from gvla2.caching import cache_folder, cached_arrays
 from gvla2.errors import RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
@@ -25,6 +27,8 @@ CELL = 0.004
 the white ones show through, and cast hardly faster."""
 
 _SEGMENTS = 48
+_COLLADA_VERSION = 1
+"""Changes whenever a thinned mesh would: it is part of the cache's keys."""
 
 
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
@@ -66,10 +70,10 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
 @lru_cache(maxsize=64)
 def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
     """A file's triangles; COLLADA with colours of its own, others in ``rgb``."""
+    if path.suffix.lower() == ".dae":
+        return _thinned_collada(path) if thinned else read_collada(path)
     if thinned:
         return thin(_read_mesh(path, rgb, False), CELL)
-    if path.suffix.lower() == ".dae":
-        return read_collada(path)
     try:
         if path.suffix.lower()[1:] not in trimesh.available_formats():
             raise ValueError("a file of another kind")
@@ -82,6 +86,14 @@ def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh
     if not len(faces):
         raise RobotError(f"The mesh {path} has no triangles: it is empty, or damaged.")
     return PaintedMesh(np.asarray(mesh.vertices), faces, np.tile(rgb, (len(faces), 1)))
+
+
+def _thinned_collada(path: Path) -> PaintedMesh:
+    """From the cache where it was read before: its numbers are text, which takes 0.2 s for an arm."""
+    key = f"{_COLLADA_VERSION} {CELL} {hashlib.sha256(path.read_bytes()).hexdigest()}"
+    return PaintedMesh(
+        **cached_arrays(cache_folder() / "looks", key, lambda: vars(thin(read_collada(path), CELL)))
+    )
 
 
 def body_surface(body: Body) -> Surface:

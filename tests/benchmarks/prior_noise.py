@@ -15,12 +15,12 @@ import time
 
 import numpy as np
 
+from gvla2.caching import cache_folder
 from gvla2.evaluation.datasets import open_dataset
 from gvla2.evaluation.metrics import Truth, cd_surface
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, mesh_of
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2.writing import cache_folder
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor
 
 CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
