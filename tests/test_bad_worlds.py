@@ -20,6 +20,7 @@ from gvla2.geometry.views import Views
 from gvla2.hydra_bridge import register
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.noise_options import DepthNoise
+from tests.quick import QUICK
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
             "collision", "not_achieved", "goal_not_reached", "rejected", "simulation"}  # fmt: skip
@@ -235,8 +236,7 @@ def test_a_run_of_several_goes_on_after_an_explosion(registry, compose_run, tmp_
 
     monkeypatch.setattr(SapienDriver, "follow", explosive)
     out = tmp_path / "out"
-    small = ("robot.image_size=160", "robot.video_fps=2", "robot.video_size=16")
-    share = run_episodes(compose_run("memory=none", "episodes=2", *small), registry, out)
+    share = run_episodes(compose_run("memory=none", "episodes=2", *QUICK), registry, out)
     told = json.loads((out / "result.json").read_text())
     first, second = told["rows"]
     assert first["failure"]["kind"] == "simulation"

@@ -18,6 +18,7 @@ from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect
 from gvla2.robot.task import Body, Joint
+from tests.quick import QUICK
 
 ORDER = (
     "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn",
@@ -25,7 +26,12 @@ ORDER = (
 )  # fmt: skip
 
 
-SMALL = ("robot.image_size=160", "robot.video_size=16")
+# By its own eyes, where what is seen matters.
+SEEN = (
+    "perceiver=classical",
+    "robot.image_size=160",
+    "robot.cameras=[front,left_shoulder,right_shoulder,wrist]",
+)
 
 
 class Listener(SilentListener):
@@ -45,7 +51,7 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(*overrides):
-        parts = build_parts(compose_run(*SMALL, *overrides), registry)
+        parts = build_parts(compose_run(*QUICK, *overrides), registry)
         opened.extend((parts.robot, parts.memory))
         return parts
 
@@ -66,7 +72,7 @@ class Wrapped:
 
 
 def test_an_episode_goes_through_every_stage_and_learns(parts_of):
-    parts, listener = parts_of(), Listener()
+    parts, listener = parts_of(*SEEN), Listener()
     record = run_episode(parts, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
     assert record.failure is None, record.failure
@@ -128,7 +134,7 @@ class _Renaming:
 
 @pytest.mark.parametrize("task", ["pick_and_lift", "push_block", "lamp_on"])
 def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
-    parts = parts_of(f"task={task}", "memory=none")
+    parts = parts_of(*SEEN, f"task={task}", "memory=none")
     plain = run_episode(parts, EpisodeRequest(seed=3))
     blind = replace(parts, task=Renamed(parts.task), choices={**parts.choices, "task": "anything"})
     renamed = run_episode(blind, EpisodeRequest(seed=3))
@@ -166,7 +172,7 @@ def broken_views(observation, change):
     ids=["NaN depth", "no depth", "black and empty"],
 )
 def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
-    parts = parts_of("memory=none")
+    parts = parts_of(*SEEN, "memory=none")
     robot = Wrapped(parts.robot, observe=lambda: broken_views(parts.robot.observe(), change))
     record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1))
     assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
@@ -242,7 +248,7 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(error) as caught:
-        run_episodes(compose_run(*SMALL), registry, tmp_path / "out")
+        run_episodes(compose_run(*QUICK), registry, tmp_path / "out")
     assert explain(caught.value) == f"{told}. The planner 'skill' of plugin 'skill' crashed."
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
     assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {told}"
@@ -250,7 +256,7 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
 
 def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
     out = tmp_path / "out"
-    share = run_episodes(compose_run("episodes=2", "instruction=sing a song", *SMALL), registry, out)
+    share = run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
     told = json.loads((out / "result.json").read_text())
     assert (told["episodes"], told["success_share"]) == (2, share)
     assert [row["seed"] for row in told["rows"]] == [0, 1]
@@ -318,7 +324,7 @@ def test_a_camera_that_the_robot_would_not_use_is_refused(parts_of):
 
 
 def test_a_perceiver_that_gives_no_scene_is_named(parts_of):
-    parts = parts_of("memory=none")
+    parts = parts_of(*SEEN, "memory=none")
     blind = Wrapped(parts.perceiver, perceive=lambda *_: None)
     record = run_episode(replace(parts, perceiver=blind), EpisodeRequest(seed=1))
     assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
@@ -388,7 +394,7 @@ def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, told)
 
 
 def test_the_same_seed_twice_is_the_same_episode(parts_of):
-    parts = parts_of("memory=none")
+    parts = parts_of(*SEEN, "memory=none")
     first, second = (run_episode(parts, EpisodeRequest(seed=5)) for _ in range(2))
     assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
     np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,17 +78,14 @@ class Camera:
 
     def pixel_centres(self) -> FloatArray:
         """(height, width, 2) pixel centres as (u, v)."""
-        u, v = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        return np.stack([u, v], axis=-1)
+        return _centres(self.width, self.height)
 
     def rays(self) -> tuple[FloatArray, FloatArray]:
         """World rays of all pixel centres: origin (3,) and directions (height, width, 3) with camera z = 1.
 
         A direction times a depth, added to the origin, is the back-projected point.
         """
-        pixels = self.pixel_centres()
-        homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
-        local = homogeneous @ np.linalg.inv(self.K).T
+        local = _rays_before(self.K.tobytes(), self.width, self.height)
         return self.position, local @ self.world_from_camera[:3, :3].T
 
     def backproject(self, depth: FloatArray) -> FloatArray:
@@ -99,3 +97,16 @@ class Camera:
             )
         origin, directions = self.rays()
         return origin + directions * depth[..., None]
+
+
+def _centres(width: int, height: int) -> FloatArray:
+    u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return np.stack([u, v], axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _rays_before(K: bytes, width: int, height: int) -> FloatArray:
+    """(height, width, 3) :meth:`Camera.rays` in the camera's frame; a scene's cameras mostly have one K."""
+    pixels = _centres(width, height)
+    homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
+    return np.asarray(homogeneous @ np.linalg.inv(np.frombuffer(K).reshape(3, 3)).T)

@@ -27,7 +27,7 @@ BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; 
 BESIDE = 0.05  # metres about the workspace
 OFF_TABLE = 0.012  # metres above the table from which a point belongs to a thing
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
-MOST_TABLE, MOST_THINGS, MOST_CLOUD = 300, 700, 12_000  # points of one camera
+MOST_PLANE, MOST_TABLE, MOST_THINGS, MOST_CLOUD = 5000, 300, 700, 12_000  # points of one camera
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
 
 
@@ -63,7 +63,8 @@ def agreed(views: Views, workspace: Box) -> Views:
     clouds = [_points(view) for view in views]
     if sum(bool(np.isfinite(cloud).any()) for cloud in clouds) < 2:
         return views
-    table = find_table([cloud[np.isfinite(cloud[..., 2])] for cloud in clouds], workspace)
+    sparse = [cloud[::2, ::2] for cloud in clouds]
+    table = find_table([cloud[np.isfinite(cloud[..., 2])] for cloud in sparse], workspace)
     table_from_world = table.frame(workspace)
     half = 0.5 * (workspace.high - workspace.low)[:2] + BESIDE
     clouds = [transform_points(table_from_world, cloud) for cloud in clouds]
@@ -100,7 +101,7 @@ def _table(points: FloatArray, half: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore"):
         table = points[_inside(points, half) & (np.abs(points[..., 2]) < BAND)]
     if len(table) > 100:
-        normal, at = _plane(table)
+        normal, at = _plane(table[:: max(1, len(table) // MOST_PLANE)])
         table = table[np.abs((table - at) @ normal) < 0.3 * BAND]
     return table[:: max(1, len(table) // MOST_TABLE)]
 

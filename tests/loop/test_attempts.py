@@ -15,8 +15,9 @@ from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.trajectory import Trajectory
+from tests.quick import QUICK
 
-SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2")
+SMALL = (*QUICK, "robot.video_fps=2")
 
 
 class Listener(SilentListener):
@@ -79,7 +80,8 @@ def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
     ]  # fmt: skip
     assert all(r.success_check is None for r in listener.records[:-1])
     # The arm went home in between, its hand open, and looked anew.
-    np.testing.assert_allclose(record.observation.joints, parts.robot.arm.home, atol=0.02)
+    home = parts.robot.arm.forward(parts.robot.arm.home)
+    np.testing.assert_allclose(record.observation.world_from_tcp, home, atol=0.02)
     assert record.observation.gripper > 0.95
     assert "Earlier in this episode, attempt 1 (pick) failed" in clumsy.requests[1].advice.text
     # Both were learnt: the failure's lesson beside those of the success.

@@ -11,8 +11,9 @@ from gvla2.language import MalformedAnswerError, ModelUnavailableError
 from gvla2.loop.telling import told_of
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
+from tests.quick import QUICK
 
-SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=1", "memory=none")
+SMALL = (*QUICK, "robot.video_fps=1", "memory=none")
 TALK = ({"role": "assistant", "content": "I cannot"},)
 
 

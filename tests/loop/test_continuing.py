@@ -18,8 +18,9 @@ from gvla2.planning.programs import Program
 from gvla2.record.recorder import RunRecorder
 from gvla2.record.wording import headline
 from gvla2.skills.carry_out import carry_out
+from tests.quick import QUICK
 
-SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2", "task=pick_and_lift")
+SMALL = (*QUICK, "robot.video_fps=2", "task=pick_and_lift")
 PART = ["observe", "perceive", "reconstruct", "plan", "check", "execute", "verify"]
 LEFT = (0.0, 1.0)
 
