@@ -198,6 +198,8 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
             "'memory' (none). awm, governed, reasoning_bank, semantic, synapse have it;",
         ),
         (["planner=0.5"], "No planner named '0.5'. Available: "),
+        (["depth_noise=1"], "No depth_noise named '1'. Available: gaussian, l515, none, realistic."),
+        (["task=[nowhere]"], "No task named 'nowhere'. Available: close_box, "),
         (["seed=1", "planner=7"], "No planner named '7'. Available: "),
         (["sed=3"], "No option 'sed'. Did you mean 'seed'?"),
         (["image_size=64"], "No option 'image_size'. Did you mean 'robot.image_size'?"),
@@ -250,6 +252,11 @@ def test_an_unforeseen_error_shows_its_traceback(folder: Path, capsys: pytest.Ca
     assert "Traceback" in err
     assert err.endswith("gvla2: ZeroDivisionError: by nothing\n")
     assert "HYDRA_FULL_ERROR" not in os.environ
+
+
+def test_a_list_where_one_is_chosen_is_told_from_a_sweep(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert launch("run", job, ["task=[put_block,push_block]"]) == 2
+    assert "a sweep takes several: -m task=put_block,push_block" in capsys.readouterr().err
 
 
 def test_an_interrupt_and_wrong_usage_have_their_status(folder: Path):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from hydra.errors import (
@@ -21,6 +23,7 @@ from omegaconf.errors import (
 )
 
 from gvla2.catalog import Registry
+from gvla2.commands.primary import CONFIG_MODULE
 from gvla2.discovery import closest, describe
 from gvla2.errors import Gvla2Error, UnknownComponentError
 
@@ -56,13 +59,21 @@ def unreadable_choice(
         return None
     for override in overrides:
         kind, _, values = override.lstrip("+").partition("=")
-        if kind not in registry.groups:
-            continue
-        offered = registry.components(kind)
+        offered = _offered(kind, registry)
         for value in values.split(","):  # a sweep has several
-            if value not in offered:
-                return UnknownComponentError(kind, value, offered, registry.broken_note(kind))
+            if offered and value not in offered:
+                note = registry.broken_note(kind) if kind in registry.groups else ""
+                return UnknownComponentError(kind, value, offered, note)
     return None
+
+
+def _offered(group: str, registry: Registry | None) -> list[str]:
+    """The choices of a kind, or of a group that is files; none for what is no group."""
+    if registry is not None and group in registry.groups:
+        return list(registry.components(group))
+    folder = files(CONFIG_MODULE) / group
+    found = [Path(file.name) for file in folder.iterdir()] if folder.is_dir() else []
+    return sorted(file.stem for file in found if file.suffix == ".yaml")
 
 
 def _missing_choice(error: MissingConfigException, registry: Registry | None) -> str:
@@ -71,7 +82,7 @@ def _missing_choice(error: MissingConfigException, registry: Registry | None) ->
         return str(error)
     name = name.removesuffix(".yaml")
     note = registry.broken_note(group) if registry is not None and group in registry.groups else ""
-    return str(UnknownComponentError(group, name, error.options or (), note))
+    return str(UnknownComponentError(group, name, error.options or _offered(group, registry), note))
 
 
 def _unreadable(error: OverrideParseException) -> str:

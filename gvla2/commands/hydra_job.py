@@ -101,7 +101,8 @@ def launch(
     or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM. Error messages are added to
     ``errors`` too. ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
-    for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_absent_cluster(argv), 1)):
+    wrong = _sweep_shown(argv) or dashed_option(argv) or _several_chosen(argv)
+    for advice, status in ((wrong, 2), (_absent_cluster(argv), 1)):
         if advice:
             print(f"gvla2: {printable(advice)}", file=sys.stderr)
             return status
@@ -168,9 +169,8 @@ def _once(job: HydraTask, config_name: str, argv: Sequence[str], whole: Callable
         try:
             GlobalHydra.instance().hydra.run(config_name, job, list(argv))  # type: ignore[union-attr]
             return
-        except (
-            AssertionError
-        ):  # Hydra's answer to any other mode than that of one job; jobs raise JobFailedError
+        # Hydra's answer to any other mode than that of one job; jobs raise JobFailedError.
+        except AssertionError:
             pass
     whole()
 
@@ -180,6 +180,15 @@ def _sweep_shown(argv: Sequence[str]) -> str:
     showing = {"-c", "--cfg", "-i", "--info"} & {word.partition("=")[0] for word in argv}
     if showing and {"-m", "--multirun"} & set(argv):
         return "--cfg and --info show one job: omit -m, and give each option one value."
+    return ""
+
+
+def _several_chosen(argv: Sequence[str]) -> str:
+    """The message for ``task=[a,b]``, of which Hydra would mix the options; "" otherwise."""
+    for word in argv:
+        kind, _, value = word.partition("=")
+        if kind in (*KINDS, *SLOTS) and value.startswith("[") and "," in value:
+            return f"{kind} takes one name, not a list; a sweep takes several: -m {kind}={value.strip('[]')}"
     return ""
 
 

@@ -66,11 +66,11 @@ def in_sweep() -> bool:
 
 
 def job_label() -> str:
-    """The job's name on the terminal: its number and overrides; "" outside a sweep."""
+    """The job's name on the terminal: its number and overrides, as they were typed; "" outside a sweep."""
     if not in_sweep():
         return ""
-    job = HydraConfig.get().job
-    return f"[{job.num}: {job.override_dirname}]"
+    hydra = HydraConfig.get()
+    return f"[{hydra.job.num}: {', '.join(hydra.overrides.task)}]"
 
 
 def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:

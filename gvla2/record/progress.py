@@ -35,7 +35,7 @@ class Progress:
     def __init__(self, quiet: bool = False, console: Console | None = None, label: str = "") -> None:
         self._console = console or Console(stderr=True, highlight=False)
         self._quiet, self._gone = quiet, False
-        self._label = f"{self._printable(label, 100)} " if label else ""
+        self._label = f"{self._printable(label, 48)} " if label else ""
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._status: Status | None = None
         self._began = time.monotonic()
