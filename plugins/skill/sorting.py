@@ -51,6 +51,8 @@ def sorting(sentence: str, scene: Scene) -> list[Pair] | Abstention | None:
         if not alike:
             where = read_phrase(segment[at + len(phrase_at(segment, at, INTO).split()) :])
             goal = ground(where, replace(scene, objects=tuple(containers)))
+            if isinstance(goal, Abstention) and where.noun in ("container", "tray"):  # a flat bin is a tray
+                goal = ground(replace(where, noun="object"), replace(scene, objects=tuple(containers)))
         if isinstance(goal, Abstention):
             return goal if ground(where, scene) == goal else None
         chosen = _chosen(segment[:at], things)

@@ -221,6 +221,17 @@ def test_which_thing_goes_where(arm, sentence, right):
     assert {thing.id: container.id for thing, container in pairs} == right
 
 
+def test_a_flat_bin_may_be_called_a_tray(arm):
+    trays = tuple(replace(each, label=each.label.replace("bin", "tray")) for each in BINS)
+    sentence = "put the red things in the red bin and the blue things in the blue bin"
+    pairs = sorting(sentence, Scene((*trays, *LOOSE), TABLE, arm.workspace))
+    assert {thing.id: container.id for thing, container in pairs} == RIGHT
+    assert not isinstance(
+        sorting(sentence.replace("blue bin", "green bin"), Scene((*trays, *LOOSE), TABLE, arm.workspace)),
+        list,
+    )
+
+
 @pytest.mark.parametrize(
     "sentence", ["put the red cube in the red bin", "lift the cubes", "push the red cube to the blue bin"]
 )
