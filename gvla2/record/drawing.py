@@ -48,7 +48,11 @@ def css_colour(colour: Colour) -> str:
 
 
 def png(image: Image.Image) -> bytes:
-    """The picture, RGB, as a PNG file's bytes; other threads run meanwhile."""
+    """The picture as a PNG file's bytes; while one in RGB is encoded, other threads run."""
+    if image.mode != "RGB":
+        stream = io.BytesIO()
+        image.save(stream, format="PNG")
+        return stream.getvalue()
     done, data = cv2.imencode(".png", np.asarray(image)[..., ::-1], (cv2.IMWRITE_PNG_COMPRESSION, 4))
     if not done:
         raise ValueError(f"A picture of {image.width} x {image.height} pixels can't be encoded.")
