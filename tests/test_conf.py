@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from gvla2.catalog import Registry
 from gvla2.commands.hydra_job import launch
@@ -26,10 +28,16 @@ from gvla2.robot.noise_options import DepthNoise
 CONF = Path(__file__).parents[1] / "conf"
 
 
-def composed(*overrides: str) -> RunConfig:
+@cache
+def _composition(command: str, *overrides: str) -> DictConfig:
+    """Composed once: Hydra needs a sixth of a second."""
     with initialize_config_module("gvla2.conf", version_base="1.3"):
-        config = OmegaConf.to_object(compose("run", overrides=list(overrides)))
-    assert isinstance(config, RunConfig)
+        return compose(command, overrides=list(overrides))
+
+
+def composed(*overrides: str, command: str = "run") -> Any:
+    config = OmegaConf.to_object(_composition(command, *overrides))  # a new object each time
+    assert isinstance(config, PRIMARY[command])
     return config
 
 
@@ -40,22 +48,29 @@ def _registered(registry: Registry) -> None:
 
 @pytest.mark.parametrize("name", PRIMARY)
 def test_every_primary_configuration_composes(name: str):
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        config = compose(name)
-    assert isinstance(OmegaConf.to_object(config), PRIMARY[name])
+    composed(command=name)
 
 
 def test_every_file_of_conf_is_a_choice_that_composes():
     files = sorted(p.relative_to(CONF).with_suffix("") for p in CONF.rglob("*.yaml"))
-    groups = [p for p in files if len(p.parts) > 1]
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
-    for choice in groups:
-        suite = "\nsuite: " in (CONF / choice).with_suffix(".yaml").read_text()
-        of_bench = choice.parts[0] == "data" or (choice.parts[0] == "experiment" and suite)
-        command, plus = ("bench", "") if of_bench else ("run", "+" if choice.parts[0] == "experiment" else "")
-        with initialize_config_module("gvla2.conf", version_base="1.3"):
-            config = compose(command, overrides=[f"{plus}{choice.parent.as_posix()}={choice.name}"])
-        assert isinstance(OmegaConf.to_object(config), PRIMARY[command])
+    names: dict[str, dict[str, list[str]]] = {"run": {}, "bench": {}}
+    for choice in (p for p in files if len(p.parts) > 1):
+        group = choice.parent.as_posix()
+        suite = group == "experiment" and "\nsuite: " in (CONF / choice).with_suffix(".yaml").read_text()
+        command = "bench" if suite or group == "data" else "run"
+        names[command].setdefault(
+            "+experiment" if (command, group) == ("run", "experiment") else group, []
+        ).append(choice.name)
+    assert sum(len(some) for groups in names.values() for some in groups.values()) == len(files) - len(
+        PRIMARY
+    )
+    for experiment in names["run"].pop("+experiment"):
+        composed(f"+experiment={experiment}")
+    for command, groups in names.items():
+        for row in range(max(map(len, groups.values()))):  # one choice of every group at a time
+            chosen = {group: some[row % len(some)] for group, some in groups.items()}
+            composed(*(f"{group}={name}" for group, name in chosen.items()), command=command)
 
 
 PLANNERS = ("skill", "code_policies", "agent3d", "voxposer", "hamster", "robopoint")
