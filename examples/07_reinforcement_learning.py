@@ -63,8 +63,8 @@ def main():
     torch.set_num_threads(1)  # the network is small: more threads wait for one another
     envs = make_vec_env(Reach, n_envs=2, seed=0)
     model = PPO(
-        "MlpPolicy", envs, n_steps=512, batch_size=256, gamma=0.9, learning_rate=1e-3, seed=0, device="cpu",
-        policy_kwargs={"log_std_init": -1.0},
+        "MlpPolicy", envs, n_steps=min(512, steps // 2), batch_size=min(256, steps), gamma=0.9, learning_rate=1e-3,
+        seed=0, device="cpu", policy_kwargs={"log_std_init": -1.0},
     )  # fmt: skip
     rng = np.random.default_rng(0)
     share = share_reached(lambda seen: rng.uniform(-1, 1, 7), episodes)

@@ -1,3 +1,6 @@
-"""Overrides of a run for tests in which nothing depends on what is seen: the true scene, one small camera."""
+"""Overrides of an episode for tests that ask neither what is seen nor what is shown."""
 
-QUICK = ("perceiver=oracle", "robot.image_size=32", "robot.video_size=16", "robot.cameras=[front]")
+BLINK = ("robot.image_size=32", "robot.video_size=16", "robot.cameras=[front]")
+"""Small pictures of one camera."""
+QUICK = ("perceiver=oracle", *BLINK)
+"""The scene as it is, whatever the pictures show."""

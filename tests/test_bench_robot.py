@@ -17,23 +17,19 @@ from gvla2.commands.bench_workers import in_processes
 from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
 from gvla2.hydra_bridge import register
-from gvla2.plugins import load_plugins
+from tests.dying import dies, dies_once, sleeps
+from tests.quick import QUICK
 
 pytest.importorskip("sapien", exc_type=ImportError)
 
 ROW = {"task", "arm", "profile", "seed", "episode", "success", "failure", "seconds"}
 
 
-@pytest.fixture(scope="module")
-def registry():
-    return load_plugins()
-
-
-def config_of(registry, folder: Path, *overrides: str):
+def config_of(registry, folder: Path, *overrides: str, sight: tuple[str, ...] = QUICK):
     register(registry, PRIMARY)
     given = [
         "suite=robot", f"results.url=sqlite:///{folder / 'results.sqlite'}", "quiet=true", "workers=1",
-        "robot.image_size=160", *overrides,
+        *sight, *overrides,
     ]  # fmt: skip
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         return OmegaConf.to_object(compose("bench", overrides=given))
@@ -44,9 +40,9 @@ def rows_of(folder: Path) -> list[dict]:
 
 
 def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layouts(registry, tmp_path):
-    tasks = "tasks=[lamp_on,push_block]"
+    tasks = "tasks=[pick_and_lift,push_block]"
     arms = "arms=['off','on','shuffled','best_theta']"
-    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]")
+    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]", "videos=0")
     assert run_bench(config, registry, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
     assert len(rows) == 2 * 4 * 2, "tasks x arms x profiles"
@@ -55,7 +51,7 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
         assert isinstance(row["success"], bool)
         assert bool(row["failure"]) != row["success"]
         assert 0 < row["seconds"] < 300
-        assert row["perceiver"] == "classical"
+        assert row["perceiver"] == "oracle"
         assert not row["degraded"]
     assert {row["layout"] for row in rows} == {10_000}
     on = [row for row in rows if row["arm"] == "on"]
@@ -76,6 +72,7 @@ def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
     config = config_of(
         registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=1", 
         "scale=1.2", "depth_noise.kind=gaussian", "depth_noise.sigma_m=0.2",
+        sight=("robot.image_size=96", "robot.video_size=16"),
     )  # fmt: skip
     run_bench(config, registry, tmp_path / "out")
     (row,) = [row for row in rows_of(tmp_path / "out") if row["profile"] == "relaxed"]
@@ -108,29 +105,12 @@ def test_scale_and_arms_are_checked():
             BenchConfig(**wrong)
 
 
-def dies_once(flag: str) -> str:
-    """Ends its process the first time it is called with a flag that is a file's name."""
-    if flag.startswith("/") and not Path(flag).exists():
-        Path(flag).touch()
-        os._exit(3)
-    return flag.upper()
-
-
-def dies(_: int) -> None:
-    os._exit(3)
-
-
 def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path):
     tasks = ["a", "b", str(tmp_path / "flag"), "c", "d"]
     answers = list(in_processes(dies_once, tasks, 2, tries=3))
     assert sorted(answers) == sorted((task, task.upper()) for task in tasks)
     with pytest.raises(Gvla2Error, match="worker process died"):
         list(in_processes(dies, [1], 1, tries=2))
-
-
-def sleeps(folder: str) -> None:
-    Path(folder, str(os.getpid())).touch()
-    time.sleep(600)
 
 
 def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
@@ -170,9 +150,7 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
         return real(self, request)
 
     monkeypatch.setattr(SkillPlanner, "plan", late_at_first)
-    config = config_of(
-        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=2", "workers=1", "videos=0"
-    )
+    config = config_of(registry, tmp_path, "tasks=[pick_and_lift]", "arms=['off']", "episodes=2", "videos=0")
     run_bench(config, registry, tmp_path / "first")
     rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [None, True]
@@ -189,7 +167,8 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
 def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry, tmp_path, monkeypatch):
     from gvla2.commands import bench_episodes
 
-    assert config_of(registry, tmp_path).planner_timeout == 0.0
+    plain = config_of(registry, tmp_path, sight=())
+    assert (plain.planner_timeout, plain.perceiver.name) == (0.0, "classical")
     seen = []
 
     def look(parts, request, listener):

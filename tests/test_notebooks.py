@@ -1,9 +1,7 @@
 """The notebooks run from top to bottom, in their own folder, as a reader runs them."""
 
 import json
-import os
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -17,19 +15,16 @@ def test_there_are_three():
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda n: n.stem)
-def test_it_runs(notebook: Path, tmp_path: Path):
+def test_it_runs(
+    notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
-    code = "\n".join("".join(cell["source"]) for cell in cells)
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        cwd=FOLDER,
-        env={**os.environ, "HOME": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout
+    script = tmp_path / f"{notebook.stem}.py"
+    script.write_text("\n".join("".join(cell["source"]) for cell in cells))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(FOLDER)
+    runpy.run_path(str(script), run_name="__main__")  # warnings are errors
+    assert capsys.readouterr().out
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda n: n.stem)

@@ -2,17 +2,17 @@
 
 import json
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from gvla2 import cli
 from gvla2.catalog import Offer, Registry
-from gvla2.commands.primary import PRIMARY
 from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
 from gvla2.commands.reconstruct_inputs import read_inputs
 from gvla2.component import Component, ComponentConfig
@@ -35,7 +35,10 @@ from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
 ELEPHANT = Path(__file__).parent / "data" / "gso30_elephant"
-FAST = ("quiet=true", "frames=3", "reconstructor.resolution=32", "reconstructor.gaussians=3000")
+SCHEMA = {"reconstruct": ReconstructConfig}
+FAST = ("quiet=true", "frames=2", "reconstructor.resolution=32", "reconstructor.gaussians=2000")
+BARE = ("prior=none", "axis=none", "fusion=none")
+"""Without the branch: where what is read and told is the subject."""
 
 
 def mallet() -> trimesh.Trimesh:
@@ -67,12 +70,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
     """Hydra knows the installed plugins."""
-    register(registry, PRIMARY)
+    register(registry, SCHEMA)
 
 
-def composed(*overrides: str) -> ReconstructConfig:
+@cache
+def _composition(*overrides: str) -> DictConfig:
+    """Composed once, for any folder."""
     with initialize_config_module("gvla2.conf", version_base="1.3"):
-        config = OmegaConf.to_object(compose("reconstruct", overrides=[*FAST, *overrides]))
+        return compose("reconstruct", overrides=[*FAST, *overrides])
+
+
+def composed(views: Path, *overrides: str) -> ReconstructConfig:
+    asked = _composition(*overrides).copy()
+    asked.views = str(views)
+    config = OmegaConf.to_object(asked)
     assert isinstance(config, ReconstructConfig)
     return config
 
@@ -174,7 +185,7 @@ def test_a_planted_drift_is_undone_and_told(folder: Path, tmp_path: Path, regist
             )
 
     drifting = with_component(registry, "reconstructor", lambda config: Drifted())
-    register(drifting, PRIMARY)
+    register(drifting, SCHEMA)
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         words = ["reconstructor=own", f"views={folder}", "quiet=true"]
         config = OmegaConf.to_object(compose("reconstruct", overrides=[*words, "frames=2"]))
@@ -194,7 +205,7 @@ def test_a_planted_drift_is_undone_and_told(folder: Path, tmp_path: Path, regist
 def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
     """RGB-D views of a table: the object is small in them, metres are metres, nothing is held out."""
     write_views(tmp_path, table_views(160, masked=RED), "red cube")
-    record = reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+    record = reconstruct(composed(tmp_path, *BARE), registry, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "result.json").read_text())
     assert told["object"] == "red cube"
     assert told["metrics"]["held_out"] is None
@@ -207,8 +218,8 @@ def test_another_object_than_the_masks_show_is_refused(tmp_path: Path):
     write_views(tmp_path, table_views(40, masked=RED), "red cube")
     for words in ("object=nope", "object='green cube'"):
         with pytest.raises(ConfigurationError, match="show one object: 'red cube'"):
-            read_inputs(composed(f"views={tmp_path}", words))
-    assert read_inputs(composed(f"views={tmp_path}", "object='Red cube'")).name == "Red cube"
+            read_inputs(composed(tmp_path, words))
+    assert read_inputs(composed(tmp_path, "object='Red cube'")).name == "Red cube"
 
 
 @pytest.mark.parametrize(
@@ -221,7 +232,7 @@ def test_a_prior_that_can_use_no_view_is_a_warning(
     shown = [None if depth is None else np.full(view.image.shape[:2], depth, np.float32) for view in views]
     bare = Views(tuple(replace(view, depth=depths) for view, depths in zip(views, shown, strict=True)))
     write_plain(tmp_path / "views", bare)
-    config = composed(f"views={tmp_path / 'views'}", "prior=depth", "quiet=false")
+    config = composed(tmp_path / "views", "prior=depth", "axis=none", "fusion=none", "quiet=false")
     record = reconstruct(config, registry, tmp_path / "out")
     stage = next(s for s in record.result.stages if s.stage == "prior" and s.status == "rejected")
     told = f"prior=depth can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z"
@@ -231,11 +242,11 @@ def test_a_prior_that_can_use_no_view_is_a_warning(
 
 def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):
     write_gso(tmp_path / "mallet" / "render_mvs_25" / "model", seen(mallet(), 12, 64))
-    asked = composed(f"views={tmp_path / 'mallet'}", "size=64", "measure=true")
+    asked = composed(tmp_path / "mallet", *BARE, "size=64", "measure=true")
     record = reconstruct(asked, registry, tmp_path / "out")
     assert [view.name for view in record.views] == ["000", "001", "002", "003", "004"]
     assert record.measures.held_out == ("010", "011")
-    without = composed(f"views={tmp_path / 'mallet'}", "size=64")
+    without = composed(tmp_path / "mallet", *BARE, "size=64")
     assert reconstruct(without, registry, tmp_path / "bare").measures.held_out == ()
 
 
@@ -256,7 +267,12 @@ def test_a_real_scan(tmp_path: Path):
 
 
 def test_the_job_returns_what_a_sweep_looks_at(folder: Path, tmp_path: Path):
-    words = [f"views={folder}", "branch.appearance=false,true", f"hydra.sweep.dir={tmp_path}"]
+    words = [
+        f"views={folder}",
+        "views_spec=0-2",
+        "branch.appearance=false,true",
+        f"hydra.sweep.dir={tmp_path}",
+    ]
     assert cli.main(["reconstruct", "-m", *FAST, *words]) == 0
     rows = [json.loads(path.read_text()) for path in sorted(tmp_path.glob("*/result.json"))]
     assert [row["branch"]["appearance"] for row in rows] == [False, True]
@@ -293,19 +309,19 @@ def test_masks_that_show_nothing(tmp_path: Path, registry: Registry):
     empty = Views(tuple(replace(view, mask=np.zeros_like(view.mask)) for view in views))
     write_views(tmp_path, empty)
     with pytest.raises(GeometryError, match="all 3 masks are empty"):
-        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+        reconstruct(composed(tmp_path), registry, tmp_path / "out")
     write_views(tmp_path, Views(tuple(replace(view, mask=None) for view in views)))
     with pytest.raises(GeometryError, match="have no mask"):
-        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+        reconstruct(composed(tmp_path), registry, tmp_path / "out")
 
 
 def test_one_empty_mask_and_one_view_only_are_told_not_fatal(tmp_path: Path, registry: Registry):
     views = seen(mallet(), 4, 64)
     partly = Views((*tuple(views)[:3], replace(views[3], mask=np.zeros_like(views[3].mask))))
     write_views(tmp_path, partly)
-    record = reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+    record = reconstruct(composed(tmp_path, *BARE), registry, tmp_path / "out")
     assert "empty" in record.result.g0.status
-    alone = reconstruct(composed(f"views={tmp_path}", "views_spec=0"), registry, tmp_path / "alone")
+    alone = reconstruct(composed(tmp_path, *BARE, "views_spec=0"), registry, tmp_path / "alone")
     assert "one view only" in alone.result.g0.status
     page = (tmp_path / "alone" / "index.html").read_text()
     assert "one view only" in page
@@ -329,7 +345,7 @@ def test_cameras_and_masks_that_cannot_be(tmp_path: Path, registry: Registry, sp
     spoil(document["views"][1])
     (tmp_path / "cameras.json").write_text(json.dumps(document))
     with pytest.raises(GeometryError, match=message):
-        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+        reconstruct(composed(tmp_path), registry, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -337,7 +353,7 @@ def test_truth_in_another_frame_is_refused_early(folder: Path, tmp_path: Path, r
     solid = mallet()
     write_mesh(tmp_path / "far.obj", TriangleMesh(solid.vertices + 5.0, solid.faces))
     with pytest.raises(GeometryError, match="frame and scale"):
-        reconstruct(composed(f"views={folder}", f"truth={tmp_path / 'far.obj'}"), registry, tmp_path / "out")
+        reconstruct(composed(folder, f"truth={tmp_path / 'far.obj'}"), registry, tmp_path / "out")
 
 
 class _TooFew:
@@ -352,8 +368,10 @@ class _TooFew:
 
 def test_a_prior_of_too_few_views_is_a_typed_fallback(folder: Path, tmp_path: Path, registry: Registry):
     short = with_component(registry, "prior", lambda config: _TooFew())
-    register(short, PRIMARY)
-    record = reconstruct(composed(f"views={folder}", "prior=own"), short, tmp_path)
+    register(short, SCHEMA)
+    record = reconstruct(
+        composed(folder, "prior=own", "axis=none", "fusion=none", "views_spec=0-2"), short, tmp_path
+    )
     (stage,) = [stage for stage in record.result.stages if stage.stage == "prior"]
     assert stage.status == "rejected"
     assert "views, height, width" in stage.reason
@@ -374,8 +392,8 @@ class _Blind:
 def test_a_picture_that_fails_costs_no_geometry(folder: Path, tmp_path: Path, registry: Registry):
     real = registry.build({"renderer": {"name": "numba"}}, "renderer")
     blind = with_component(registry, "renderer", lambda config: _Blind(real))
-    register(blind, PRIMARY)
-    reconstruct(composed(f"views={folder}", "renderer=own"), blind, tmp_path)
+    register(blind, SCHEMA)
+    reconstruct(composed(folder, "renderer=own", "views_spec=0-2"), blind, tmp_path)
     told = json.loads((tmp_path / "result.json").read_text())
     assert any("the display is gone" in note for note in told["notes"])
     assert (tmp_path / "result.ply").is_file()
@@ -389,12 +407,12 @@ def test_a_folder_that_cannot_be_written_leaves_what_is_there(
     (tmp_path / "result.ply" / "keep").write_text("x")
     (tmp_path / "result.json").write_text("old")
     with pytest.raises(OutputError, match=r"result\.ply"):
-        reconstruct(composed(f"views={folder}"), registry, tmp_path)
+        reconstruct(composed(folder, *BARE, "views_spec=0-2"), registry, tmp_path)
     assert (tmp_path / "result.json").read_text() == "old"
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".result")]
     assert issubclass(OutputError, Gvla2Error)
     occupied = tmp_path / "file"
     occupied.write_text("mine")
     with pytest.raises(OutputError, match="Cannot make the folder"):
-        reconstruct(composed(f"views={folder}"), registry, occupied)
+        reconstruct(composed(folder, *BARE, "views_spec=0-2"), registry, occupied)
     assert occupied.read_text() == "mine"

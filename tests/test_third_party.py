@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-SMALL = ("quiet=true", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=1")
+from gvla2 import cli
+from tests.quick import QUICK
+
+SMALL = ("quiet=true", "robot.image_size=128", "robot.video_size=16", "robot.video_fps=1")
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EXAMPLE, TASK = EXAMPLES / "third_party", EXAMPLES / "third_party_task"
 
@@ -45,6 +48,20 @@ def python(installed: Path, tmp_path: Path):
     return run
 
 
+@pytest.fixture
+def gvla2(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    """The command in this process, where the distributions are found as long as the test lasts."""
+    monkeypatch.syspath_prepend(installed)
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(arguments, cli.main(list(arguments)), *capfd.readouterr())
+
+    return run
+
+
 def test_the_whole_plugin_is_short():
     source = (EXAMPLE / "gvla2_hover" / "__init__.py").read_text()
     code = [
@@ -53,8 +70,8 @@ def test_the_whole_plugin_is_short():
     assert len(code) <= 20
 
 
-def test_it_is_listed_with_its_options(python):
-    done = python("-m", "gvla2.cli", "plugins", "planner")
+def test_it_is_listed_with_its_options(gvla2):
+    done = gvla2("plugins", "planner")
     assert done.returncode == 0, done.stderr
     row = next(line.split() for line in done.stdout.splitlines() if "Hovers above" in line)
     assert row[:2] == ["planner", "hover"]
@@ -63,29 +80,27 @@ def test_it_is_listed_with_its_options(python):
     assert "broken" not in done.stdout
 
 
-def test_its_skill_is_offered_beside_the_standard_ones(python):
-    done = python("-m", "gvla2.cli", "plugins", "skill", "--json")
+def test_its_skill_is_offered_beside_the_standard_ones(gvla2):
+    done = gvla2("plugins", "skill", "--json")
     assert done.returncode == 0, done.stderr
     listed = {s["name"]: s["plugin"] for s in json.loads(done.stdout)["skills"]}
     assert listed["tap"] == "hover_skill"
     assert listed["pick"] == "standard_skills"
 
 
-def test_it_composes(python):
-    done = python(
-        "-m", "gvla2.cli", "run", "--cfg", "job", "-p", "planner", "planner=hover", "planner.height=0.2"
-    )
+def test_it_composes(gvla2):
+    done = gvla2("run", "--cfg", "job", "-p", "planner", "planner=hover", "planner.height=0.2")
     assert done.stdout == "# @package planner\nname: hover\nheight: 0.2\n", done.stderr
 
 
-def test_it_is_completed(python, monkeypatch: pytest.MonkeyPatch):
+def test_it_is_completed(gvla2, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COMP_LINE", "gvla2 run planner=ho")
-    done = python("-m", "gvla2.cli", "-sc", "query=bash")
+    done = gvla2("-sc", "query=bash")
     assert done.stdout.split() == ["planner=hover", "planner=hover_high"]
 
 
-def test_its_wrong_options_are_told(python):
-    done = python("-m", "gvla2.cli", "run", "planner=hover", "planner.hight=1")
+def test_its_wrong_options_are_told(gvla2):
+    done = gvla2("run", "planner=hover", "planner.hight=1")
     assert done.returncode == 1
     assert (
         done.stderr
@@ -100,10 +115,10 @@ def test_they_conform(python):
     assert "3 passed" in done.stdout
 
 
-def test_it_runs_in_a_sweep(python, tmp_path: Path):
+def test_it_runs_in_a_sweep(gvla2, tmp_path: Path):
     """Two real episodes in the simulator: the planner's preset and its defaults."""
     memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
-    done = python("-m", "gvla2.cli", "run", "-m", "planner=hover,hover_high", *SMALL, memory)
+    done = gvla2("run", "-m", "planner=hover,hover_high", "quiet=true", *QUICK, memory)
     assert done.returncode == 0, done.stderr
     results = [json.loads(p.read_text()) for p in sorted(tmp_path.glob("outputs/run/*/*/*/result.json"))]
     assert [r["planner"] for r in results] == ["hover", "hover"]
@@ -112,38 +127,38 @@ def test_it_runs_in_a_sweep(python, tmp_path: Path):
     assert {r["failure"]["kind"] for r in results} == {"goal_not_reached"}
 
 
-def test_its_task_is_listed_and_completed(python, monkeypatch: pytest.MonkeyPatch):
-    done = python("-m", "gvla2.cli", "plugins", "task")
+def test_its_task_is_listed_and_completed(gvla2, monkeypatch: pytest.MonkeyPatch):
+    done = gvla2("plugins", "task")
     assert done.returncode == 0, done.stderr
     row = next(line for line in done.stdout.splitlines() if "the ball of the named colour" in line)
     assert row.split()[:2] == ["task", "ball_in_bowl"]
     assert "bowl (gvla2-bowl 0.1.0)" in row
     assert "task.ball " in done.stdout
     monkeypatch.setenv("COMP_LINE", "gvla2 run task=ball")
-    assert python("-m", "gvla2.cli", "-sc", "query=bash").stdout.split() == ["task=ball_in_bowl"]
+    assert gvla2("-sc", "query=bash").stdout.split() == ["task=ball_in_bowl"]
 
 
-def test_its_task_is_on_the_page_of_tasks(python, tmp_path: Path):
+def test_its_task_is_on_the_page_of_tasks(gvla2, tmp_path: Path):
     """Demonstrated by its own script, in the simulator."""
-    done = python("-m", "gvla2.cli", "tasks", "ball_in_bowl", "--seed", "1", "--output", "page.html")
+    done = gvla2("tasks", "ball_in_bowl", "--seed", "1", "--output", "page.html")
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "page.html").read_text()
     assert "ball_in_bowl" in page
     assert "relaxed reached, strict reached" in page
 
 
-def test_its_task_runs(python, tmp_path: Path):
+def test_its_task_runs(gvla2, tmp_path: Path):
     """Seen, planned and done by the reference plugins, which never heard of it."""
     memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
-    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "seed=2", *SMALL, memory)
+    done = gvla2("run", "task=ball_in_bowl", "seed=2", *SMALL, memory)
     assert done.returncode == 0, done.stderr
     (result,) = [json.loads(p.read_text()) for p in tmp_path.glob("outputs/run/*/*/result.json")]
     assert result["task"] == "ball_in_bowl"
     assert result["success"] is True, result["failure"]
 
 
-def test_its_wrong_options_say_what_fits(python):
-    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "task.ball=0.1", "quiet=true")
+def test_its_wrong_options_say_what_fits(gvla2):
+    done = gvla2("run", "task=ball_in_bowl", "task.ball=0.1", "quiet=true")
     assert done.returncode == 1
     assert "takes task.ball from 0.03 to 0.07 m" in done.stderr
     assert "Traceback" not in done.stderr

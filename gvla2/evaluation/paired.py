@@ -61,11 +61,12 @@ def pooled_difference(
     if not gains:
         raise ValueError("No pairs: no difference.")
     rng = np.random.default_rng(seed)
-    means = np.empty(draws)
+    sums, sizes = np.empty((2, draws, len(gains)))
     for draw in range(draws):
-        tasks = rng.integers(0, len(gains), len(gains))
-        means[draw] = np.mean([gains[t][rng.integers(0, len(gains[t]), len(gains[t]))].mean() for t in tasks])
+        for place, task in enumerate(rng.integers(0, len(gains), len(gains)).tolist()):
+            size = sizes[draw, place] = len(gains[task])
+            sums[draw, place] = gains[task][rng.integers(0, size, size)].sum()
     tail = 50 * (1 - level)
-    low, high = np.percentile(100 * means, [tail, 100 - tail])
+    low, high = np.percentile(100 * (sums / sizes).mean(axis=1), [tail, 100 - tail])
     points = 100 * float(np.mean([gain.mean() for gain in gains]))
     return Difference(points, float(low), float(high), len(gains), sum(map(len, gains)))

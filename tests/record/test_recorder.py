@@ -26,13 +26,24 @@ FILLED = {
 }  # fmt: skip
 
 
+BETWEEN = (
+    ("observe", {"before.png", "depth.png"}, {"scene.json", "perception.png"}),
+    ("perceive", {"scene.json", "perception.png"}, {"plan.json", "recalled.json"}),
+    ("plan", {"recalled.json", "plan.json", "trajectory.json", "plan.png"}, {"checks.json", "report.json"}),
+    ("execute", {"checks.json", "report.json", "after.png"}, {"verdict.json", "index.html"}),
+)
+"""Stages, what is in the folder after each, and what is not yet."""
+
+
 def load(path: Path) -> dict[str, object]:
     loaded: dict[str, object] = json.loads(path.read_text(encoding="utf-8"))
     return loaded
 
 
-def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "success_check") -> EpisodeRecord:
-    """Play the stages of a finished record one by one."""
+def run(
+    recorder: RunRecorder, full: EpisodeRecord, seen: Callable[[str], None] | None = None
+) -> EpisodeRecord:
+    """Play the stages of a finished record one by one; ``seen`` is called when all of a stage is on disk."""
     empty = {name: "" if name == "refinement" else None for names in FILLED.values() for name in names}
     record = replace(full, **empty)
     for stage, names in FILLED.items():
@@ -43,15 +54,26 @@ def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "success_check"
                 image[k] = 255
                 recorder.frame(image)
         recorder.stage(record, stage)
-        if stage == until:
-            break
+        if seen is not None:
+            recorder.settle()
+            seen(stage)
     recorder.settle()
     return record
 
 
-def test_a_finished_run_leaves_everything(tmp_path: Path, episode: Callable[..., EpisodeRecord]) -> None:
+def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_to_there(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord]
+) -> None:
+    left: dict[str, set[str]] = {}
+
+    def look(stage: str) -> None:
+        left[stage] = {path.name for path in (tmp_path / "out").iterdir()}
+
     recorder = RunRecorder(tmp_path / "out", "seed: 3\n", "run")
-    page = recorder.finish(run(recorder, episode()))
+    page = recorder.finish(run(recorder, episode(), look))
+    for stage, there, missing in BETWEEN:
+        assert left[stage] >= there | {"result.json", "config.yaml"}
+        assert not left[stage] & missing
     assert page == tmp_path / "out" / "index.html"
     names = {p.name for p in page.parent.iterdir()}
     assert names == {
@@ -72,28 +94,6 @@ def test_a_finished_run_leaves_everything(tmp_path: Path, episode: Callable[...,
     assert html.count("data:image/png") >= 12
     assert "data:image/gif" in html
     assert 'href="trajectory.json"' in html
-
-
-@pytest.mark.parametrize(
-    ("until", "there", "missing"),
-    [
-        ("observe", {"before.png", "depth.png"}, {"scene.json", "perception.png"}),
-        ("perceive", {"scene.json", "perception.png"}, {"plan.json", "recalled.json"}),
-        (
-            "plan",
-            {"recalled.json", "plan.json", "trajectory.json", "plan.png"},
-            {"checks.json", "report.json"},
-        ),
-        ("execute", {"checks.json", "report.json", "after.png"}, {"verdict.json", "index.html"}),
-    ],
-)
-def test_an_interrupted_run_is_complete_up_to_there(
-    tmp_path: Path, episode: Callable[..., EpisodeRecord], until: str, there: set[str], missing: set[str]
-) -> None:
-    run(RunRecorder(tmp_path, "x: 1\n"), episode(), until)
-    names = {p.name for p in tmp_path.iterdir()}
-    assert names >= there | {"result.json", "config.yaml"}
-    assert not names & missing
 
 
 def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
@@ -133,7 +133,7 @@ def test_nothing_of_an_earlier_run_in_the_folder_looks_like_this_ones(
 def test_failed_and_abstained_runs_leave_a_page(
     tmp_path: Path, failed_at: Callable[[str], EpisodeRecord], abstained: EpisodeRecord
 ) -> None:
-    for stage in ("setup", "perceive", "plan", "execute", "learn"):
+    for stage in ("setup", "perceive", "learn"):  # with nothing, with one look, with everything but its own
         page = RunRecorder(tmp_path / stage, "").finish(failed_at(stage))
         assert f"The stage {stage} broke." in page.read_text(encoding="utf-8")
         assert load(page.parent / "result.json")["failure"] == {
@@ -167,22 +167,22 @@ def test_a_failing_picture_costs_a_note_not_the_result(
 
 
 def test_a_failing_page_costs_a_note_not_the_result(
-    tmp_path: Path, episode: Callable[..., EpisodeRecord], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, failed_at: Callable[[str], EpisodeRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> str:
         raise LookupError("no template")
 
     monkeypatch.setattr(recorder_module, "render_page", broken)
-    RunRecorder(tmp_path, "").finish(episode())
+    RunRecorder(tmp_path, "").finish(failed_at("setup"))
     assert load(tmp_path / "result.json")["notes"] == ["The page could not be made: LookupError: no template"]
 
 
-def test_a_bad_frame_never_stops_the_robot(tmp_path: Path, episode: Callable[..., EpisodeRecord]) -> None:
+def test_a_bad_frame_never_stops_the_robot(tmp_path: Path, failed_at: Callable[[str], EpisodeRecord]) -> None:
     recorder = RunRecorder(tmp_path, "")
     recorder.frame(np.zeros((0, 0, 3), dtype=np.uint8))
     recorder.frame("not a picture")  # type: ignore[arg-type]
     recorder.frame(np.zeros((8, 8, 3), dtype=np.uint8))
-    recorder.finish(episode())
+    recorder.finish(failed_at("setup"))
     assert (tmp_path / "index.html").exists()
     assert any("frame" in note.lower() or "animation" in note.lower() for note in recorder.notes)
 
