@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from gvla2 import cli
+from gvla2.commands import tasks
 from gvla2.commands.tasks import main
+from gvla2.errors import Gvla2Error
 
 
 def test_the_page_shows_a_task_from_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -35,3 +37,16 @@ def test_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["putt_block", "--output", str(tmp_path / "page.html")]) == 1
     assert "Did you mean 'put_block'" in capsys.readouterr().err
     assert not (tmp_path / "page.html").exists()
+
+
+def test_by_default_all_tasks_are_shown_that_need_no_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def broken(*_: object) -> dict[str, object]:
+        raise Gvla2Error("there is no robot")
+
+    monkeypatch.setattr(tasks, "_build", broken)
+    page = tmp_path / "page.html"
+    assert main(["--output", str(page)]) == 1, "none could be laid out"
+    html = page.read_text()
+    assert html.count("there is no robot") >= 17
+    assert "open_drawer" in html
+    assert "tabletop_objects" not in html, "it needs a folder of meshes"

@@ -40,13 +40,14 @@ def main(argv: Sequence[str]) -> int:
 
 
 def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[TaskShown]:
-    """The named tasks, or all of them, one by one as they are rendered; progress goes to stderr."""
+    """The named tasks, or all that need no option, one by one as they are rendered; progress goes to stderr."""
     from gvla2.catalog import load_plugins
     from gvla2.record.overview import TaskShown
 
     registry = load_plugins()
     offers = registry.offers("task")
-    for name in names or [n for n in offers if n != "none"]:
+    plain = [name for name, offer in offers.items() if name != "none" and not offer.component.config.required]
+    for name in names or plain:
         offer = registry.get("task", name)
         print(f"{name} ...", file=sys.stderr, flush=True)
         try:
@@ -101,7 +102,7 @@ def _word(reached: bool) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="gvla2 tasks", description=DESCRIPTION)
-    parser.add_argument("task", nargs="*", help="names of tasks; all of them by default")
+    parser.add_argument("task", nargs="*", help="names of tasks; by default all that need no option")
     parser.add_argument("--robot", default="sapien_panda", help="a simulated robot (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the layouts (default: %(default)s)")
     parser.add_argument(
