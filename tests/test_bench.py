@@ -247,6 +247,9 @@ def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, c
     assert "toy: views are missing (000.npy" in text
     assert "gvla2 data fetch=[lpips]" in text
     assert "CC BY 4.0" in text
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["data", f"roots.meshes={meshes}"]) == 0
+    assert f"2 objects in {meshes}" in " ".join(capsys.readouterr().out.split())
     with pytest.raises(Gvla2Error, match="No data set x"):
         take_stock(DataCommandConfig(roots={"x": "y"}), out)
     with pytest.raises(ConfigurationError, match="Cannot fetch ycb"):

@@ -39,14 +39,14 @@ def read_recipe(dockerfile: Path) -> Recipe:
             parts = _words(rest)
             if any(part.startswith(("--from", "http://", "https://")) for part in parts):
                 raise ConfigurationError(
-                    f"{dockerfile}: '{line[:80]}' needs Docker: sandbox=docker builds it."
+                    f"{dockerfile}: '{line[:80]}' needs Docker: agents.sandbox=docker builds it."
                 )
             *sources, target = [part for part in parts if not part.startswith("--")]
             steps.append(("copy", (*sources, str(Path(folder) / target) + "/" * target.endswith("/"))))
         elif word == "RUN":
             steps.append(("run", (f"cd {shlex.quote(folder)} && {rest}",)))
         elif word not in ("FROM", "CMD", "ENTRYPOINT", "LABEL", "EXPOSE", "USER", "SHELL", "ARG"):
-            raise ConfigurationError(f"{dockerfile}: '{word}' needs Docker: sandbox=docker builds it.")
+            raise ConfigurationError(f"{dockerfile}: '{word}' needs Docker: agents.sandbox=docker builds it.")
     return Recipe(folder, variables, tuple(steps))
 
 

@@ -23,7 +23,9 @@ def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
     """
     place = Path(root).expanduser()
     if not place.is_dir():
-        raise ConfigurationError(f"tasks is '{root}', which is not a folder. Give a folder of task folders.")
+        raise ConfigurationError(
+            f"agents.tasks is '{root}', which is not a folder. Give a folder of task folders."
+        )
     folders = sorted({file.parent for marker in MARKERS for file in place.rglob(marker)})
     if not folders:
         raise ConfigurationError(

@@ -93,28 +93,29 @@ class BenchConfig:
     ``data.root``.
 
     Of the suite ``robot``: every task x planner x arm x layout, judged by both profiles. ``tasks`` are the paper's
-    fourteen by default; ``planners`` compares some by name (by default the one of ``planner``), with
-    ``planner_options`` by theirs (``planner_options.code_policies.samples=3``). ``arms`` are ``off``, ``on``,
-    ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone where ``planners`` are named, else
-    these four and ``semantic``. An arm may also be a variant with a name of its own and options (``arms.mine={memory:
-    governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``), a plain one can have options by its name
-    (``arms.on.admission=false``), as can a task (``task_options.open_jar.turn=175``). In the ``world`` learnable every
-    task's things belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is
-    a different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts
-    themselves. Experience comes from ``exploration_seeds``, where each planner, or the ``teacher`` for all of them,
-    varies its plans by ``exploration`` (a relative spread, or a model's temperature), and is frozen before the test; it
-    may try again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of
-    the test and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one
-    (``agreement``: it is asked first, and decides if it is confident; null: where the planner defers). With
-    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
-    model was unavailable: it counts for no arm, and the next bench measures it again. ``scale`` is the objects' size;
-    ``videos`` failed episodes of each task and arm are run once more with the camera on.
+    fourteen by default, in a learnable world those with something to learn; ``planners`` compares some by name (by
+    default the one of ``planner``), with ``planner_options`` by theirs (``planner_options.code_policies.samples=3``).
+    ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone
+    where ``planners`` are named, else these four and ``semantic``. An arm may also be a variant with a name of its own
+    and options (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``), a plain
+    one can have options by its name (``arms.on.admission=false``), as can a task (``task_options.open_jar.turn=175``).
+    In the ``world`` learnable every task's things belong to ``families`` that each behave in their own way
+    (docs/learnable_worlds.md), and each seed is a different world. Each of ``seeds`` lays out ``episodes``, or
+    ``layouts`` names the seeds of the layouts themselves. Experience comes from ``exploration_seeds``, where each
+    planner, or the ``teacher`` for all of them, varies its plans by ``exploration`` (a relative spread, or a model's
+    temperature), and is frozen before the test; it may try again ``exploration_replan`` times in an episode. ``replan``
+    further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where the planner fails,
+    ``fallback`` plans, if there is one (``agreement``: it is asked first, and decides if it is confident; null: where
+    the planner defers). With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured,
+    nor is one whose language model was unavailable: it counts for no arm, and the next bench measures it again.
+    ``scale`` is the objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera
+    on.
 
     Of the suite ``agents``: every task of ``agents.tasks`` in the order of each of ``seeds``, with each memory of
     ``arms`` (by default off, awm, reasoning_bank and governed); ``agent`` works, ``verifier`` judges.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
-    ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
+    ``seeds``; ``tasks`` are all that need no option by default, ``scale`` and ``depth_noise`` as above.
     """
 
     suite: str = "reconstruction"

@@ -109,6 +109,9 @@ def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun
             false += active if verdict.outcome == "verified_success" and not trial.resolved else 0
             progress.done(1, trial.id)
     log.info("%d runs in %.0f s", len(trials), time.monotonic() - began)
+    if verdicts and all(verdict.outcome == "unavailable" for verdict in verdicts):
+        why = "; ".join(verdicts[0].reasons)
+        raise ConfigurationError(f"The verifier judged none of the runs: {why} Try verifier=exit_status.")
     truths = [trial.resolved for trial in trials]
     # Half a success where it could not be judged.
     scores = [0.5 if verdict.outcome == "unavailable" else verdict.quality for verdict in verdicts]

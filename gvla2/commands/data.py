@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -122,3 +123,11 @@ def _weights(out: Console) -> bool:
 def _head(out: Console, good: bool, name: str, title: str) -> None:
     mark = Text("here  ", "green") if good else Text("absent", "yellow")
     out.print(Text.assemble(mark, "  ", (name, "bold"), f"  {title}"), soft_wrap=True)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 data [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    # A data set's name is new to the configuration.
+    return launch("data", job, [f"++{word}" if word.startswith("roots.") else word for word in argv])

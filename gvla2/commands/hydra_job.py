@@ -107,9 +107,9 @@ def launch(
             print(f"gvla2: {printable(advice)}", file=sys.stderr)
             return status
     argv = flags_last(argv)
-    # Presets of runs name any group; `gvla2 memory` has none, and should start fast.
+    # Presets of runs and benches name any group; the other commands have none, and should start fast.
     schema = PRIMARY[config_name]
-    own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
+    own = None if config_name in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(own)
     register(registry, {config_name: schema}, own)
     task = HydraTask(function, registry)

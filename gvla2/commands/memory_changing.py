@@ -37,7 +37,7 @@ def import_(request: VerbRequest) -> Answer:
     if done.held_back:
         own = "." if config.trusted else " (trusted=true is for your own backup)."
         told.append(
-            f"Provisional until verified episodes from two sources confirm them: {done.held_back}{own}"
+            f"Provisional until verified episodes of two sources, or one of ours, confirm them: {done.held_back}{own}"
         )
     odd = [remark for remark in done.remarks if not remark.broken]
     for what, remarks in (("could not be read", done.broken), ("read with a remark", odd)):

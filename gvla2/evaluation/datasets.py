@@ -132,7 +132,8 @@ def open_dataset(
 
 
 def roots(kind: str) -> list[Path]:
-    """The folders where a data set is looked for: ``GVLA2_DATA``, then ``../shared/data`` beside the working folder.
+    """The folders where a data set is looked for: ``GVLA2_DATA``, then ``../shared/data`` beside the working folder,
+    then beside the repository.
 
     With ``GVLA2_DATA`` set, both ``$GVLA2_DATA/<kind>`` and the folder itself, when its name is the data set's.
     """

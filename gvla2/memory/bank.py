@@ -192,8 +192,9 @@ class KnowledgeBank(Closing):
     ) -> Learned:
         """Add lessons without an episode; durable when it returns.
 
-        Lessons from others stay provisional until verified episodes of two independent sources confirm them.
-        ``trusted`` vouches for them as for the user's own episodes, and serves as verdict if none is given.
+        Lessons from others stay provisional until verified episodes of two independent sources, or one of ours,
+        confirm them. ``trusted`` vouches for them as for the user's own episodes, and serves as verdict if none is
+        given.
         """
         listed = lessons if isinstance(lessons, Sequence) and not isinstance(lessons, str) else [lessons]
         said = verdict or _said(True if trusted else None)

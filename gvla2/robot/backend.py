@@ -60,7 +60,7 @@ class ExecutionListener:
 class RobotBackend(Protocol):
     """One robot with its cameras.
 
-    The loop calls ``reset``, ``observe``, ``execute``, ``observe``, ``judge``, and ``close`` at the end, also
+    The loop calls ``reset``, ``observe``, ``execute``, ``observe``, ``success_check``, and ``close`` at the end, also
     after an error. Everything past ``observe`` sees the perceived scene only.
     """
 

@@ -8,10 +8,12 @@ on a table seen by ray casting, their scene, and a gantry for an arm.
 """
 
 from gvla2.testing.agent import check_agent
+from gvla2.testing.camera import check_camera
 from gvla2.testing.component import CHECKS, check_component
 from gvla2.testing.conformance import ConformanceError
 from gvla2.testing.inducer import check_inducer
 from gvla2.testing.judge import check_judge
+from gvla2.testing.language_model import check_language
 from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import (
@@ -31,11 +33,13 @@ __all__ = [
     "candidates",
     "check_agent",
     "check_axis",
+    "check_camera",
     "check_component",
     "check_embedder",
     "check_fusion",
     "check_inducer",
     "check_judge",
+    "check_language",
     "check_memory",
     "check_perceiver",
     "check_planner",

@@ -111,7 +111,7 @@ def _check_place(body: Body, site: TaskSite) -> None:
 
 
 def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = True) -> None:
-    """Reset, observe, move by five centimetres, judge, close twice.
+    """Reset, observe, move by five centimetres, check success, close twice.
 
     ``task`` is laid out by a simulator. ``move=False`` omits the motion, for an armed robot.
     """

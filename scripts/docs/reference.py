@@ -102,7 +102,8 @@ def _kind(kind: Kind, registry: Registry) -> str:
 def _presets() -> str:
     parts = [
         "# Presets",
-        "`gvla2 bench experiment=NAME` runs what a reported table was measured by.",
+        "`gvla2 bench experiment=NAME` runs what a reported table was measured by; "
+        "`gvla2 run +experiment=memory_NAME` is a run with that memory alone.",
     ]
     for group in PRESETS:
         rows = [

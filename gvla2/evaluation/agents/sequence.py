@@ -105,6 +105,9 @@ def work(
                     "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
                 )
                 return
+            if made is not None and made.verdict.outcome == "unavailable" and sequence.memory != "off":
+                why = "; ".join(made.verdict.reasons)
+                log.warning("%s: no verdict, so that memory learns nothing from it: %s", row, why)
             _keep(folder, place + 1)
             yield _cell(sequence, place, made, status, crew.ledger.totals(before))
 
