@@ -13,6 +13,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 from rich.console import Console
 
+from gvla2 import cli
 from gvla2.catalog import Offer, Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, ResultsConfig
