@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.bench import SUITES, as_overrides, check_options
@@ -17,19 +16,12 @@ from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell
 from gvla2.hydra_bridge import register
-from gvla2.plugins import load_plugins
-
-
-@pytest.fixture(scope="module")
-def registry():
-    return load_plugins()
+from tests.composing import composition
 
 
 def config_of(registry, *arguments: str):
     register(registry, PRIMARY)
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        given = as_overrides(["robot", *arguments])
-        return OmegaConf.to_object(compose("bench", overrides=given))
+    return OmegaConf.to_object(composition("bench", *as_overrides(["robot", *arguments])))
 
 
 def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_listed(registry):
