@@ -1,9 +1,10 @@
 """Configurations of ``gvla2 bench`` for tests whose subject is not how they are composed."""
 
 from functools import cache
-from typing import Any
 
 from hydra import compose, initialize_config_module
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
 from gvla2.catalog import Registry
@@ -22,15 +23,12 @@ def composition(command: str, *overrides: str) -> DictConfig:
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new configuration: choices of components are composed once, values are put into what was composed."""
     register(registry, PRIMARY)
-    values = [one for one in overrides if _is_value(registry, one.partition("=")[0])]
-    choices = [one for one in overrides if one not in values]
-    config: Any = OmegaConf.merge(composition("bench", *choices), OmegaConf.from_dotlist(values))
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    kept = {*registry.groups, "depth_noise", "experiment", "data"}
+    values = [one for one in parsed if one.type == OverrideType.CHANGE and one.key_or_group not in kept]
+    config = composition("bench", *(str(one.input_line) for one in parsed if one not in values)).copy()
+    for one in values:
+        OmegaConf.update(config, one.key_or_group, one.value())
     made = OmegaConf.to_object(config)
     assert isinstance(made, BenchConfig)
     return made
-
-
-def _is_value(registry: Registry, key: str) -> bool:
-    return (
-        (key.isidentifier() and key not in registry.groups and key != "depth_noise") or key.startswith("robot.")
-    )
