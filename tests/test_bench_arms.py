@@ -3,8 +3,6 @@
 from dataclasses import replace
 
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from gvla2.commands.bench import SUITES, as_overrides, check_options
 from gvla2.commands.bench_arms import BenchArm, arm_named, arms_of, check_arms
@@ -13,23 +11,13 @@ from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import Planned
 from gvla2.commands.bench_robot import worth_filming
 from gvla2.commands.bench_subjects import subjects
-from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell
-from gvla2.hydra_bridge import register
-from gvla2.plugins import load_plugins
-
-
-@pytest.fixture(scope="module")
-def registry():
-    return load_plugins()
+from tests.composing import bench_config
 
 
 def config_of(registry, *arguments: str):
-    register(registry, PRIMARY)
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        given = as_overrides(["robot", *arguments])
-        return OmegaConf.to_object(compose("bench", overrides=given))
+    return bench_config(registry, *as_overrides(["robot", *arguments]))
 
 
 def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_listed(registry):

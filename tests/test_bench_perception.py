@@ -67,7 +67,7 @@ def config_for(parts: Registry, tmp_path: Path, **changes) -> BenchConfig:
         "tasks": ["pickup_cup"],
         "seeds": [3],
         "episodes": 1,
-        "robot": choice("robot", "sapien_panda", image_size=256),
+        "robot": choice("robot", "sapien_panda", image_size=192),
         "camera": choice("camera", "none"),
         "planner": choice("planner", "skill"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),

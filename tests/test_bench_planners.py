@@ -8,43 +8,29 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands import bench_robot
 from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import cells_of, spent_on
-from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.experience import Experience
-from gvla2.hydra_bridge import register
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.plugins import load_plugins
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.backend import SuccessCheck
 from gvla2.testing.language import LocalModel, said
+from tests.composing import bench_config
+from tests.quick import QUICK
 
 BOTH = "planners=[skill,code_policies]"
 
 
-@pytest.fixture(scope="module")
-def registry():
-    return load_plugins()
-
-
 def config_of(registry, folder: Path, *overrides: str):
-    register(registry, PRIMARY)
-    given = [
-        "suite=robot",
-        f"results.url=sqlite:///{folder / 'results.sqlite'}",
-        "quiet=true",
-        "workers=1",
-        "videos=0",
-    ]
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        return OmegaConf.to_object(compose("bench", overrides=[*given, *overrides]))
+    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", "videos=0", *QUICK, *overrides)
+    config.results.url = f"sqlite:///{folder / 'results.sqlite'}"
+    return config
 
 
 def rows_of(folder: Path, profile: str = "relaxed") -> list[dict]:
@@ -243,15 +229,16 @@ def test_what_an_episode_cost_is_counted_over_attempts_and_parts():
 
 def test_a_model_writes_a_program_and_the_robot_carries_it_out(registry, tmp_path):
     pytest.importorskip("sapien", exc_type=ImportError)
-    with LocalModel(lambda request: said("press(lamp)\n")) as model:
+    with LocalModel(lambda request: said("pick(magenta_cube)\n")) as model:
         config = config_of(
-            registry, tmp_path, BOTH, "tasks=[lamp_on]", "layouts=[200]", "robot.image_size=160", "fallback=skill",
+            registry, tmp_path, BOTH, "tasks=[pick_and_lift]", "layouts=[200]", "fallback=skill",
             f"language.base_url={model.url}", "language.retries=0",
         )  # fmt: skip
         assert run_bench(config, registry, tmp_path / "out") == 1
         asked = len(model.requests)
     skill, policies = rows_of(tmp_path / "out")
     assert (skill["planner"], skill["calls"], skill["prompt_tokens"]) == ("skill", 0, 0)
+    assert (policies["success"], policies["fallback"]) == (True, ""), "the program, not the fallback"
     assert policies["calls"] == asked >= 1
     assert (policies["prompt_tokens"], policies["completion_tokens"]) == (100 * asked, 10 * asked)
     assert policies["planning_seconds"] > 0

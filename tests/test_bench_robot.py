@@ -8,15 +8,12 @@ import time
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_arms import arm_named
 from gvla2.commands.bench_workers import in_processes
-from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
-from gvla2.hydra_bridge import register
+from tests.composing import bench_config
 from tests.dying import dies, dies_once, sleeps
 from tests.quick import QUICK
 
@@ -26,13 +23,9 @@ ROW = {"task", "arm", "profile", "seed", "episode", "success", "failure", "secon
 
 
 def config_of(registry, folder: Path, *overrides: str, sight: tuple[str, ...] = QUICK):
-    register(registry, PRIMARY)
-    given = [
-        "suite=robot", f"results.url=sqlite:///{folder / 'results.sqlite'}", "quiet=true", "workers=1",
-        *sight, *overrides,
-    ]  # fmt: skip
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        return OmegaConf.to_object(compose("bench", overrides=given))
+    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", *sight, *overrides)
+    config.results.url = f"sqlite:///{folder / 'results.sqlite'}"
+    return config
 
 
 def rows_of(folder: Path) -> list[dict]:

@@ -54,8 +54,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_folder_of_code_is_a_package():
-    folders = {name.rpartition("/")[0] for name in tree() if name.endswith(".py")}
-    assert not [f for f in folders if f"{f}/__init__.py" not in tree()]
+    there = tree()
+    folders = {name.rpartition("/")[0] for name in there if name.endswith(".py")}
+    assert not [f for f in folders if f"{f}/__init__.py" not in there]
 
 
 def test_every_plugin_folder_is_announced():

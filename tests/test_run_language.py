@@ -9,8 +9,8 @@ import pytest
 from gvla2.commands.run import build_parts, run_episodes
 from gvla2.errors import MissingDependencyError
 from gvla2.testing.language import LocalModel, said
+from tests.quick import QUICK
 
-SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2", "quiet=true")
 KEY = "sk-t0p-s3cret"
 
 
@@ -26,7 +26,7 @@ def test_what_the_model_cost_is_in_the_result_by_purpose_and_the_key_nowhere(
     with LocalModel(answering) as model:
         chosen = (f"language.base_url={model.url}", "language.model=m", "language.api_key_env=MY_KEY")
         config = compose_run(
-            *SMALL, "verifier=llm", "inducer=llm", f"memory.url=sqlite:///{tmp_path}/m.db", *chosen
+            *QUICK, "verifier=llm", "inducer=llm", f"memory.url=sqlite:///{tmp_path}/m.db", *chosen
         )
         run_episodes(config, registry, tmp_path / "out")
         asked = len(model.requests)
@@ -43,14 +43,14 @@ def test_what_the_model_cost_is_in_the_result_by_purpose_and_the_key_nowhere(
 
 def test_a_model_that_nobody_asks_is_not_even_made(registry, compose_run, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    parts = build_parts(compose_run(*SMALL, "memory=none"), registry)
+    parts = build_parts(compose_run(*QUICK, "memory=none"), registry)
     parts.robot.close()
     assert parts.language is None
     assert "language" not in parts.choices
 
 
 def test_one_that_is_asked_needs_its_packages_before_the_robot_moves(registry, compose_run, monkeypatch):
-    config = compose_run(*SMALL, "memory=none", "verifier=llm")
+    config = compose_run(*QUICK, "memory=none", "verifier=llm")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingDependencyError, match=r"gvla2\[llm\]"):
         build_parts(config, registry)

@@ -3,16 +3,13 @@
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from gvla2.commands.bench import run_bench
-from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Results
-from gvla2.hydra_bridge import register
 from gvla2.testing.language import LocalModel, refused
 from tests.agents.scripted import giving
+from tests.composing import bench_config
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
 STEPS = {"photos": ["bash bin/deposit photos --commit"], "letters": ["bash bin/deposit letters --commit"]}
@@ -20,8 +17,6 @@ STEPS = {"photos": ["bash bin/deposit photos --commit"], "letters": ["bash bin/d
 
 @pytest.fixture
 def compose_agents(registry, tmp_path: Path):
-    register(registry, PRIMARY)
-
     def chosen(url: str, *more: str):
         overrides = (
             "suite=agents", f"agents.tasks={OURS}", "agents.names=[deposit-photos,deposit-letters]",
@@ -29,8 +24,7 @@ def compose_agents(registry, tmp_path: Path):
             "language.model=m", "language.cache=", f"agents.state={tmp_path}/state",
             f"results.url=sqlite:///{tmp_path}/r.sqlite", *more,
         )  # fmt: skip
-        with initialize_config_module("gvla2.conf", version_base="1.3"):
-            return OmegaConf.to_object(compose("bench", overrides=list(overrides)))
+        return bench_config(registry, *overrides)
 
     return chosen
 

@@ -93,25 +93,25 @@ def test_a_single_view_is_believed(views):
     assert "in metres" in gather(replace(deep, depth=1000 * deep.depth), ViewSet(one)).told
 
 
-def test_depth_in_another_unit_is_told(views):
+def test_depth_in_another_unit_is_told(views, seen):
     given = estimate(views)
-    told = gather(replace(given, depth=given.depth * 1000), ViewSet(views)).told
+    told = gather(replace(given, depth=given.depth * 1000), seen).told
     assert "is it in metres?" in told
     assert 0.0009 < float(told.split("times ")[1].split(":")[0]) < 0.0011
-    assert "in metres" not in gather(given, ViewSet(views)).told
+    assert "in metres" not in gather(given, seen).told
 
 
-def test_a_patch_that_looks_through_what_others_see_is_left_out(views):
+def test_a_patch_that_looks_through_what_others_see_is_left_out(views, seen):
     depth = exact(views)
     rows, columns = np.nonzero(np.isfinite(depth[0]))
     middle = int(rows.mean()), int(columns.mean())
     patch = np.zeros(depth[0].shape, dtype=bool)
     patch[middle[0] - 4 : middle[0] + 5, middle[1] - 4 : middle[1] + 5] = True
     depth[0][patch] *= 1.15
-    found = looked_through(depth, np.full(depth.shape, 1e-3), ViewSet(views))
+    found = looked_through(depth, np.full(depth.shape, 1e-3), seen)
     assert found[0][patch].mean() > 0.3
     assert found[0][~patch & np.isfinite(depth[0])].mean() < 0.03
-    assert looked_through(exact(views), np.full(depth.shape, 1e-3), ViewSet(views)).mean() < 0.01
+    assert looked_through(exact(views), np.full(depth.shape, 1e-3), seen).mean() < 0.01
 
 
 def test_edges_and_flying_pixels_are_not_solid():

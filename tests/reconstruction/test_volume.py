@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,6 +46,18 @@ def seen(views):
     return ViewSet(views)
 
 
+@pytest.fixture(scope="module")
+def right(seen, views):
+    """What right depth tells; a test that changes it takes a copy."""
+    return gather(from_depth(views), seen)
+
+
+@pytest.fixture(scope="module")
+def plain(seen, right):
+    """The volume of right depth, and its surface."""
+    return fused(seen, right)
+
+
 def fused(seen, evidence, g0=None):
     post = fuse_volume(seen, evidence, g0)
     return post, surface_of(post.field)
@@ -55,14 +68,14 @@ def distance(mesh, truth):
     return float(cKDTree(truth.sample(40_000, seed=0)).query(points)[0].mean())
 
 
-def test_a_hollow_that_no_silhouette_shows_is_carved(seen, views):
-    post, mesh = fused(seen, gather(from_depth(views), seen))
+def test_a_hollow_that_no_silhouette_shows_is_carved(seen, plain):
+    post, mesh = plain
     assert distance(mesh, bowl()) < 0.5 * distance(seen.hull_surface, bowl())
     assert (post.confidence > 0).any()
 
 
-def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views):
-    evidence = gather(from_depth(views), seen)
+def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views, right):
+    evidence = deepcopy(right)
     # Every view believes that it looks straight through.
     evidence.depth[:] = 10.0
     post, _ = fused(seen, evidence)
@@ -76,8 +89,8 @@ def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views):
         assert grown[view.mask > 0.99].mean() > 0.98
 
 
-def test_without_evidence_the_first_reconstruction_stays(seen, views):
-    evidence = gather(from_depth(views), seen)
+def test_without_evidence_the_first_reconstruction_stays(seen, right):
+    evidence = deepcopy(right)
     evidence.weight[:] = 0.0
     truth = bowl()
     post, mesh = fused(seen, evidence, TriangleMesh(np.asarray(truth.vertices), np.asarray(truth.faces)))
@@ -114,10 +127,9 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     assert distance(surface_of(heeding.field), bar) < 0.9 * distance(plain_mesh, bar)
 
 
-def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
+def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views, plain):
     evidence, posterior = agreed(from_depth(views), seen, None)
-    plain, _ = fused(seen, gather(from_depth(views), seen))
-    assert (posterior.field.values > 0).sum() == pytest.approx((plain.field.values > 0).sum(), rel=0.01)
+    assert (posterior.field.values > 0).sum() == pytest.approx((plain[0].field.values > 0).sum(), rel=0.01)
     assert (evidence.weight > 0).any()
 
 

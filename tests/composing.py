@@ -1,0 +1,34 @@
+"""Configurations of ``gvla2 bench`` for tests whose subject is not how they are composed."""
+
+from functools import cache
+
+from hydra import compose, initialize_config_module
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import OverrideType
+from omegaconf import DictConfig, OmegaConf
+
+from gvla2.catalog import Registry
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.primary import PRIMARY
+from gvla2.hydra_bridge import register
+
+
+@cache
+def composition(command: str, *overrides: str) -> DictConfig:
+    """What Hydra composes of these, once: it needs a sixth of a second. It is not to be changed."""
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        return compose(command, overrides=list(overrides))
+
+
+def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
+    """A new configuration: choices of components are composed once, values are put into what was composed."""
+    register(registry, PRIMARY)
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    kept = {*registry.groups, "depth_noise", "experiment", "data"}
+    values = [one for one in parsed if one.type == OverrideType.CHANGE and one.key_or_group not in kept]
+    config = composition("bench", *(str(one.input_line) for one in parsed if one not in values)).copy()
+    for one in values:
+        OmegaConf.update(config, one.key_or_group, one.value())
+    made = OmegaConf.to_object(config)
+    assert isinstance(made, BenchConfig)
+    return made
