@@ -29,8 +29,8 @@ DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 NUMBERS = itertools.count()
 
 
-def waypoint(y=0.12, opening=0.5, **changes):
-    return Waypoint((0.24, y, 0.07), opening, "go", DOWN, tolerance=0.01, **changes)
+def waypoint(y=0.12):
+    return Waypoint((0.24, y, 0.07), 1.0, "go", DOWN, tolerance=0.01)  # the fingers stay as they are
 
 
 class Rig:
@@ -54,14 +54,20 @@ class Rig:
         return [(i, data) for _, i, data in list(self.arm.heard)]
 
     def at_rest(self):
-        time.sleep(0.25)
-        before = self.arm.joints.copy()
         time.sleep(0.15)
+        before = self.arm.joints.copy()
+        time.sleep(0.1)
         return self.arm.enabled and np.abs(self.arm.joints - before).max() < 2e-3
 
     def close(self):
         self.robot.close()
         self.arm.stop()
+
+
+@pytest.fixture
+def short_listening(monkeypatch):
+    """A sound arm is listened to for a shorter time before it is armed."""
+    monkeypatch.setattr(arming, "LISTEN_SECONDS", 0.2)
 
 
 @pytest.fixture
