@@ -32,7 +32,8 @@ def unlike_table(frame: TableFrame, plane: NDArray[np.bool_]) -> NDArray[np.bool
     table = np.median(evenly(common, 5000), axis=0)
     near = np.logical_and.reduce(np.abs(colours - table).T <= 16)  # the mode may straddle two bins
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
-    different: NDArray[np.bool_] = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
+    other = frame.image != np.rint(table).astype(np.uint8)
+    different: NDArray[np.bool_] = plane & (other[..., 0] | other[..., 1] | other[..., 2])
     look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
     different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
     return different
