@@ -125,14 +125,18 @@ def _sight(origin: FloatArray, points: FloatArray, half: FloatArray, table: Floa
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Upward unit normal (3,) and a point (3,) of the plane through most of points (N, 3)."""
-    kept = points
-    for _ in range(4):
-        middle = kept.mean(axis=0)
-        spread = kept - middle
-        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
+    normal, middle = _least(points)
+    for _ in range(3):
         off = np.abs(points @ normal - middle @ normal)
-        kept = points[off <= max(0.002, 1.5 * float(np.median(off)))]
+        normal, middle = _least(points[off <= max(0.002, 1.5 * float(np.median(off)))])
     return normal * np.sign(normal[2] or 1.0), middle
+
+
+def _least(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit normal (3,) and a point (3,) of the plane nearest to points (N, 3)."""
+    middle = points.mean(axis=0)
+    spread = points - middle
+    return np.linalg.eigh(spread.T @ spread)[1][:, 0], middle
 
 
 def _slope(points: FloatArray) -> float:

@@ -102,8 +102,9 @@ class ClassicalPerceiver:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
         with np.errstate(invalid="ignore"):
-            inside = [np.logical_and.reduce(np.moveaxis(np.abs(f.points) < room, -1, 0)) for f in frames]
+            near = [np.abs(frame.points) < room for frame in frames]
             above = [frame.points[..., 2] > rise for frame in frames]
+        inside = [one[..., 0] & one[..., 1] & one[..., 2] for one in near]
         raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
         flat = [
             near & ~high & (frame.points[..., 2] >= -rise)

@@ -68,11 +68,11 @@ class FaultTrial:
 class TrialBench:
     """One virtual arm and one armed backend, used for many trials; close it in the end.
 
-    Faults come within ``window`` seconds of the start of a motion of about four.
+    Faults come within ``window`` seconds of the start of a motion of about two to each of one or two ``stops``.
     """
 
-    def __init__(self, log: Path, seed: int = 0, window: float = 2.5) -> None:
-        self.random, self._window = Random(seed), window
+    def __init__(self, log: Path, seed: int = 0, window: float = 2.5, stops: int = 2) -> None:
+        self.random, self._window, self._stops = Random(seed), window, stops
         self.log = log
         self.channel = f"gvla2-trials-{os.getpid()}-{id(self)}"
         self.arm = VirtualArm(
@@ -139,11 +139,11 @@ class TrialBench:
         side = 1.0 if self.arm.joints[0] < 0 else -1.0
         points = [
             (0.24, s * side * self.random.uniform(0.08, 0.16), self.random.uniform(0.05, 0.09))
-            for s in (1, -1)
+            for s in (1, -1)[: self._stops]
         ]
         if outside:
             away = self.random.choice([(0.9, 0.0, 0.1), (0.3, 0.8, 0.1), (0.3, 0.0, -0.2), (0.3, 0.0, 1.2)])
-            points.insert(self.random.randrange(3), away)
+            points.insert(self.random.randrange(len(points) + 1), away)
         return Trajectory(
             tuple(
                 Waypoint(point, self.random.random(), f"stop {i}", _DOWN, speed=0.25, tolerance=0.01)
@@ -325,8 +325,8 @@ def _loop_ticks(folder: Path, channel: str, seconds: float) -> list[tuple[float,
     return ticks
 
 
-def interrupted(folder: Path, seed: int, channel: str) -> FaultTrial:
-    """A process that moves an arm of ours over multicast is sent SIGINT at a random instant."""
+def interrupted(folder: Path, seed: int, channel: str, window: float = 4.0) -> FaultTrial:
+    """A process that moves an arm of ours over multicast is sent SIGINT at a random instant of ``window`` seconds."""
     random, trial, log = Random(seed), FaultTrial("kill -INT"), folder / f"interrupted-{seed}.jsonl"
     start = (0.0, 1.45, -1.05, 0.0, 1.05, 0.0)
     with _multicast_turn(), VirtualArm("udp_multicast", channel, joints=start, seed=seed) as arm:
@@ -341,7 +341,7 @@ def interrupted(folder: Path, seed: int, channel: str) -> FaultTrial:
         if child.stdout.readline().strip() != "moving":
             trial.problems.append(f"the child did not start: {child.communicate(timeout=30)[1][-300:]}")
             return trial
-        time.sleep(random.uniform(0.0, 4.0))
+        time.sleep(random.uniform(0.0, window))
         sent = time.monotonic()
         child.send_signal(signal.SIGINT)
         try:
