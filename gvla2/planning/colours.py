@@ -54,7 +54,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "bright red": ("red",), "crimson": ("red",), "scarlet": ("red",), "turquoise": ("teal", "cyan"),
     "blue green": ("teal", "cyan"), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",),
     "golden": ("yellow",), "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",),
-    "cream": ("white", "silver"), "black": ("gray",),
+    "cream": ("white", "silver"), "black": ("gray",), "white": ("silver",),
 }  # fmt: skip
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""

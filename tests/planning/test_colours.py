@@ -92,6 +92,9 @@ def test_colours_in_a_sentence(sentence, words):
         ("red", ["maroon"], ""),
         ("maroon", ["red"], ""),
         ("azure", ["blue"], ""),
+        ("white", ("silver", "red"), "silver"),
+        ("white", ("silver", "white"), "white"),
+        ("white", ("gray",), ""),
     ],
 )
 def test_people_mean_a_shade_by_its_basic_term_where_there_is_only_one(word, present, meant):
