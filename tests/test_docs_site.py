@@ -187,7 +187,13 @@ def test_the_planner_of_the_tutorial_does_what_it_says(
     register(offered, PRIMARY)
     try:
         with initialize_config_module("gvla2.conf", version_base="1.3"):
-            words = [*shlex.split(command), "memory=none", "quiet=true", "robot.video_size=16"]
+            words = [
+                *shlex.split(command),
+                "memory=none",
+                "quiet=true",
+                "robot.image_size=128",
+                "robot.video_size=16",
+            ]
             config = OmegaConf.to_object(compose("run", overrides=words))
         run_episodes(config, offered, tmp_path)
     finally:

@@ -12,8 +12,8 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 SHORT = {"07": ["128", "1"]}
 """Arguments that let a long example end soon, by number."""
-ALONE = ("01", "07")
-"""In a process of its own: one as a reader starts it, and one that sets torch's threads for good."""
+ALONE = ("01", "03", "07")
+"""In a process of its own: as a reader starts it (01); its plugin stays (03); it sets torch's threads for good (07)."""
 
 
 def test_there_are_examples():
