@@ -40,7 +40,7 @@ def random_tree() -> dict:
 def archive_of(tree: object, folder: Path) -> tuple[Path, str]:
     content = pickle.dumps(tree, protocol=3)
     path = folder / ARCHIVE
-    with tarfile.open(path, "w:gz") as bundle:
+    with tarfile.open(path, "w:gz", compresslevel=0) as bundle:
         member = tarfile.TarInfo(MEMBER)
         member.size = len(content)
         bundle.addfile(member, io.BytesIO(content))

@@ -27,6 +27,12 @@ from gvla2.testing.language import LocalModel, Reply, refused, said
 ASK = [{"role": "user", "content": "Well?"}]
 
 
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package's first retry comes after some milliseconds, not half a second."""
+    monkeypatch.setattr("openai._base_client.INITIAL_RETRY_DELAY", 0.01)
+
+
 def replying(*replies: Any):
     """Answers each question by the next of these; the last one serves for the rest."""
     left = list(replies)
@@ -134,13 +140,13 @@ def test_too_long_a_wait_is_not_waited():
     assert (caught.value.status, caught.value.transient) == (429, True)
 
 
-def test_errors_of_the_server_pass():
+def test_errors_of_the_server_pass(soon: None):
     replies = (refused(500, "oops"), Reply(b"<html>bad gateway", 502), said("yes"))
     with LocalModel(replying(*replies)) as model:
         assert ask(endpoint(model)).text == "yes"
 
 
-def test_errors_that_stay_are_reported_with_what_was_said():
+def test_errors_that_stay_are_reported_with_what_was_said(soon: None):
     with LocalModel(replying(refused(503, "loading the model"))) as model:
         with pytest.raises(ModelUnavailableError, match=r"status 503.*loading the model"):
             ask(endpoint(model, retries=1))
@@ -178,7 +184,7 @@ def test_nonsense_is_malformed(reply: Reply):
         ask(endpoint(model))
 
 
-def test_a_connection_that_breaks_off_is_tried_again():
+def test_a_connection_that_breaks_off_is_tried_again(soon: None):
     with LocalModel(replying(Reply(said("yes"), cut=20), said("yes"))) as model:
         assert ask(endpoint(model)).text == "yes"
     with LocalModel(replying(Reply(said("yes"), cut=20))) as model:

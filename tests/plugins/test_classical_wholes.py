@@ -1,5 +1,7 @@
 """Wholes and parts: perceived and true scenes name them alike, and a sentence means the right one in both."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -20,13 +22,20 @@ def robot():
     made.close()
 
 
-def scenes(robot, name, seed=1):
-    component = next(c for c in gvla2_tasks() if c.name == name)
-    instance = robot.reset(component.build(component.config()), seed)
-    seen = ClassicalPerceiver(ClassicalConfig()).perceive(
-        robot.observe(), instance.instruction, robot.arm.workspace
-    )
-    return seen, robot.true_scene()
+@pytest.fixture(scope="module")
+def scenes(robot):
+    """The perceived and the true scene of a task's layout, seen once for all who ask."""
+
+    @cache
+    def of(name, seed=1):
+        component = next(c for c in gvla2_tasks() if c.name == name)
+        instance = robot.reset(component.build(component.config()), seed)
+        seen = ClassicalPerceiver(ClassicalConfig()).perceive(
+            robot.observe(), instance.instruction, robot.arm.workspace
+        )
+        return seen, robot.true_scene()
+
+    return of
 
 
 def meant(scene, words):
@@ -45,9 +54,9 @@ def meant(scene, words):
         ("close_box", "the box", "lid", 0.015),
     ],
 )
-def test_a_thing_and_its_part_are_where_they_are(robot, task, words, part, within):
+def test_a_thing_and_its_part_are_where_they_are(scenes, task, words, part, within):
     places = []
-    for scene in scenes(robot, task):
+    for scene in scenes(task):
         parts = [p for p in scene.parts_of(meant(scene, words).id) if called(p, part)]
         thing = max(parts, key=lambda p: p.top, default=None)
         assert thing is not None, [o.label for o in scene.objects]
@@ -65,35 +74,35 @@ def test_a_thing_and_its_part_are_where_they_are(robot, task, words, part, withi
         ("put_knife", "the knife block"),
     ],
 )
-def test_nouns_mean_the_same_thing_in_both_scenes(robot, task, words):
-    places = [meant(scene, words).centre[:2] for scene in scenes(robot, task)]
+def test_nouns_mean_the_same_thing_in_both_scenes(scenes, task, words):
+    places = [meant(scene, words).centre[:2] for scene in scenes(task)]
     np.testing.assert_allclose(*places, atol=0.02)
 
 
 @pytest.mark.parametrize(("task", "words"), [("insert_block", "the ring"), ("sort_mustard", "the tray")])
-def test_how_wide_hollow_things_are_open(robot, task, words):
-    widths = [meant(scene, words).opening for scene in scenes(robot, task)]
+def test_how_wide_hollow_things_are_open(scenes, task, words):
+    widths = [meant(scene, words).opening for scene in scenes(task)]
     assert widths[1] > 0.02
     assert widths[0] == pytest.approx(widths[1], rel=0.05)
 
 
-def test_every_object_leaves_the_bins_out(robot):
-    for scene in scenes(robot, "sort_object"):
+def test_every_object_leaves_the_bins_out(scenes):
+    for scene in scenes("sort_object"):
         pairs = sorting("put every object into the bin that has its colour", scene)
         assert isinstance(pairs, list)
         assert len({thing.id for thing, _ in pairs}) == 3
         assert not any(thing.opening for thing, _ in pairs)
 
 
-def test_the_lid_of_one_of_two_jars(robot):
-    for scene in scenes(robot, "open_jar"):
+def test_the_lid_of_one_of_two_jars(scenes):
+    for scene in scenes("open_jar"):
         for jar in [o for o in scene.objects if o.label.endswith("jar")]:
             assert meant(scene, f"the lid of the {jar.colour} jar").parent == jar.id
 
 
-def test_a_lid_is_not_in_the_space_of_its_jar(robot):
+def test_a_lid_is_not_in_the_space_of_its_jar(scenes):
     """Though its dark rim is taken for the black jar, which seems to be as high as the lid then."""
-    for seen, true in (scenes(robot, "open_jar", seed) for seed in (301, 302)):
+    for seen, true in (scenes("open_jar", seed) for seed in (301, 302)):
         for lid in (o for o in true.objects if called(o, "lid")):
             assert min(np.linalg.norm(o.centre - lid.centre) for o in seen.objects) < 0.07
         assert len(seen.objects) == 5

@@ -3,7 +3,6 @@ import pytest
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.testing import inputs
-from gvla2.testing.reconstruction import check_reconstructor
 from gvla2_plugins.hull import HullConfig, gvla2_reconstructors
 
 
@@ -11,10 +10,6 @@ def _hull(**options):
     (component,) = gvla2_reconstructors()
     assert component.name == "hull"
     return component.build(HullConfig(**options))
-
-
-def test_conformance():
-    check_reconstructor(_hull())
 
 
 def test_a_cube_on_the_table_from_three_cameras():

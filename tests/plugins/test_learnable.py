@@ -171,9 +171,14 @@ def test_what_has_begun_to_move_is_free_for_ever():
 
 
 @pytest.mark.parametrize(
-    ("kind", "family", "learnt"), [("lamp_on", 1, "press_seconds"), ("open_box", 0, "open_angle")]
+    ("kind", "family", "learnt", "eyes"),
+    [
+        # Whether the lamp is lit is in the pictures alone.
+        ("lamp_on", 1, "press_seconds", ("robot.image_size=160",)),
+        ("open_box", 0, "open_angle", ("robot.image_size=16", "perceiver=oracle")),
+    ],
 )
-def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, family, learnt):
+def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, family, learnt, eyes):
     """A button that has to be held down for 2.3 s, and a lid that stays open from 113 degrees on."""
     pytest.importorskip("sapien", reason="needs the simulator: pip install 'gvla2[sim]'")
     own = families(kind, 4, 2)[family]
@@ -181,7 +186,7 @@ def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, fa
 
     def run(memory, seed, replan):
         options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}",
-                   "robot.image_size=160", "robot.video_size=16", "robot.video_fps=1")  # fmt: skip
+                   *eyes, "robot.video_size=16", "robot.video_fps=1")  # fmt: skip
         parts = build_parts(compose_run(*options, *memory), registry)
         with closing(parts.robot), closing(parts.memory):
             return run_episode(parts, EpisodeRequest(seed=seed, replan=replan))

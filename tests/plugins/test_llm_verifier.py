@@ -144,7 +144,7 @@ FAULTS: dict[str, Any] = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_one_failed_criterion_makes_the_verdict_unavailable(fault: str):
     # The other four have to answer in time on a busy machine too: only what is slow is waited for briefly.
-    timeout = 3.0 if fault in ("timeout", "drip") else 60.0
+    timeout = 2.0 if fault in ("timeout", "drip") else 60.0
     with LocalModel(answering({"collision_safety": FAULTS[fault]})) as model:
         verdict = verifier(model, timeout=timeout).verify(SHOWN)
     assert verdict.outcome == "unavailable"

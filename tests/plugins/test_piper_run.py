@@ -1,6 +1,7 @@
 """Whole episodes with the Piper on its virtual bus: dry, armed, with a camera that goes; and the log replayed."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.replay import main as replay_main
 from gvla2_plugins.piper.replay import replay, sessions, simulate
 from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.piper.virtual_arm import VirtualArm
 from gvla2_plugins.piper.virtual_arm import main as virtual_arm_main
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
@@ -93,7 +95,10 @@ def test_an_armed_episode_moves_the_arm(piper, parts):
     assert not robot.session.loop.stopped
 
 
-def test_the_gripper_finds_an_object_and_the_log_replays(piper, tmp_path, capsys):
+def test_the_gripper_finds_an_object_and_the_log_replays(piper, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(
+        "gvla2_plugins.piper.session.VirtualArm", partial(VirtualArm, joints=HOME)
+    )  # it is near
     robot = piper(armed=True, **SWIFT)
     robot.reset(None, 0)
     robot.session.virtual.object_width = 0.03

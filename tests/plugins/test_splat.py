@@ -13,7 +13,7 @@ from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.testing import inputs
+from gvla2.testing import check_component, inputs
 from gvla2.testing.reconstruction import check_reconstructor
 from gvla2_plugins.splat import SplatConfig, gvla2_reconstructors
 
@@ -35,6 +35,7 @@ def psnr(gaussians: Gaussians, views: Views) -> float:
 
 
 def test_conformance() -> None:
+    check_component(*gvla2_reconstructors())
     check_reconstructor(build(**QUICK))
 
 

@@ -54,6 +54,9 @@ def test_an_episode_by_eye(registry, compose_run, drawing, pointing, planner, ta
             f"planner={planner}",
             f"task={task}",
             "memory=none",
+            "perceiver=oracle",  # whatever the planner looks at
+            "robot.cameras=[front]",
+            "robot.video_size=16",
             "language=endpoint",
             f"language.base_url={model.url}",
             "language.model=m",

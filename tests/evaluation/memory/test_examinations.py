@@ -26,35 +26,35 @@ def test_every_entry_is_whole() -> None:
 
 
 def test_the_bank_tells_lessons_apart(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
-    figures = examinations.lessons(setting, 20, "first examiner")
+    figures = examinations.lessons(setting, 12, "first examiner")
     assert figures["examined_found"].value > 50
     assert figures["examined_false"].value < 15
     assert figures["examined_lost"].value < 15
     assert figures["examined_found"].peer_value < figures["examined_found"].value
     assert not list(setting.folder.iterdir()), "each bank is gone"
     monkeypatch.setattr("gvla2.memory.curation.contesting.suspicion", lambda *texts: 0.0)
-    assert examinations.lessons(setting, 8, "first examiner")["examined_found"].value == 0
+    assert examinations.lessons(setting, 4, "first examiner")["examined_found"].value == 0
 
 
 def test_pairs_alone_are_judged_by_what_there_is(setting: Setting) -> None:
-    figures = examinations.lessons(setting, 30, "third examiner")
+    figures = examinations.lessons(setting, 16, "third examiner")
     assert set(figures) == {"examined_found", "examined_false"}
-    assert figures["examined_found"].value > 25
+    assert figures["examined_found"].value > 50
     assert figures["examined_false"].value < 10
 
 
 def test_orders_are_held_back_and_honest_lessons_are_not(
     setting: Setting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures = examinations.orders(setting, 20, "first examiner")
+    figures = examinations.orders(setting, 12, "first examiner")
     assert figures["examined_orders"].value == 0
     assert figures["examined_honest"].value < 10
     for place in ("admission.believed", "learning.believed"):
         monkeypatch.setattr(f"gvla2.memory.curation.{place}", lambda trust: True)
-    assert examinations.orders(setting, 8, "first examiner")["examined_orders"].value > 80
+    assert examinations.orders(setting, 5, "first examiner")["examined_orders"].value > 80
 
 
 def test_the_right_lesson_is_told(setting: Setting) -> None:
-    figures = examinations.queries(setting, 60, "first examiner")
+    figures = examinations.queries(setting, 40, "first examiner")
     assert figures["examined_told"].value > 85
     assert figures["examined_irrelevant"].value < 30

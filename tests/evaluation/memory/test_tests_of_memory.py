@@ -50,12 +50,12 @@ def test_admits_are_counted_and_both_ways_measured(setting: Setting) -> None:
 
 
 def test_poison_is_kept_out_by_admission_and_gets_in_without(setting: Setting) -> None:
-    with_it = poison.poison(setting, 50, "unverified")
-    without = poison.poison(setting, 50, "no admission")
+    with_it = poison.poison(setting, 30, "unverified")
+    without = poison.poison(setting, 30, "no admission")
     assert with_it["poison_hit"].value == with_it["poison_collateral"].value == 0
     assert without["poison_hit"].peer_value > 50
-    assert poison.poison(setting, 50, "verifier fooled")["poison_hit"].value == 0, "it comes from outside"
-    vouched = poison.poison(setting, 50, "vouched for")
+    assert poison.poison(setting, 30, "verifier fooled")["poison_hit"].value == 0, "it comes from outside"
+    vouched = poison.poison(setting, 30, "vouched for")
     assert vouched["poison_hit"].value > 0, "the measure sees poison that is shown"
 
 
