@@ -47,7 +47,7 @@ from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
-from gvla2.robot.backend import ExecutionListener, Moment, MotionListener, RobotBackend
+from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.noise_options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -254,7 +254,7 @@ def _observe(
     record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     if record.attempts or record.parts:
-        moving = ExecutionListener(listener.frame, moment=_moment_of(listener))
+        moving = _moving(listener)
         trouble = (
             clear_the_view(parts.robot, record.parts[-1], moving)
             if record.parts
@@ -264,9 +264,16 @@ def _observe(
     return replace(record, observation=_look(parts, request, 2 * _looks(record)))
 
 
-def _moment_of(listener: EpisodeListener) -> Callable[[Moment], None]:
-    """What the listener does with the robot's state at each frame; nothing if it does not ask for it."""
-    return listener.moment if isinstance(listener, MotionListener) else lambda moment: None
+def _moving(
+    listener: EpisodeListener, waypoint: Callable[[WaypointReport], None] | None = None
+) -> ExecutionListener:
+    """What the listener asks for of a motion, and who hears of its waypoints."""
+    heard: dict[str, Callable[..., None]] = {} if waypoint is None else {"waypoint": waypoint}
+    if getattr(listener, "wants_frames", True):
+        heard["frame"] = listener.frame
+    if isinstance(listener, MotionListener):
+        heard["moment"] = listener.moment
+    return ExecutionListener(**heard)
 
 
 def _look(parts: Parts, request: EpisodeRequest, number: int) -> Observation:
@@ -325,7 +332,7 @@ def _execute(
     assert record.plan.trajectory is not None
     assert record.scene is not None
     done: list[WaypointReport] = []
-    heard = ExecutionListener(listener.frame, done.append, _moment_of(listener))
+    heard = _moving(listener, done.append)
     try:
         with kept_alive():
             report = parts.robot.execute(record.plan.trajectory, record.scene, heard)

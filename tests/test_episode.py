@@ -200,25 +200,10 @@ def test_a_crashing_planner_is_recorded_and_raised(parts_of):
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
     parts = parts_of()
-    item = MemoryItem(
-        "r1",
-        "failure_avoidance",
-        "Lift higher.",
-        0.9,
-        0.9,
-        {},
-        True,
-        effect={"kind": "bound", "parameter": "lift_height"},
-    )
-    sound = MemoryItem(
-        "r2",
-        "failure_avoidance",
-        "x",
-        0.9,
-        0.9,
-        {},
-        True,
-        effect=Effect("bound", "lift_height", 0.3).to_json(),
+    effects = ({"kind": "bound", "parameter": "lift_height"}, Effect("bound", "lift_height", 0.3).to_json())
+    item, sound = (
+        MemoryItem(name, "failure_avoidance", "Lift higher.", 0.9, 0.9, {}, True, effect=effect)
+        for name, effect in zip(("r1", "r2"), effects, strict=True)
     )
     recall = Wrapped(parts.memory, recall=lambda task: MemoryContext((item, sound), "Lift higher."))
     record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0))
@@ -298,6 +283,20 @@ def test_every_frame_of_a_wish_in_parts_has_its_moment(parts_of):
     record = run_episode(parts_of("memory=none"), EpisodeRequest(seed=0, instruction=sentence), listener)
     assert record.parts, record.plan
     assert listener.frames == listener.moments > 20
+
+
+def test_no_frame_is_drawn_for_nobody(parts_of, monkeypatch):
+    from gvla2_plugins.sapien.cameras import CameraRig
+
+    looks, look = [], CameraRig.look
+    monkeypatch.setattr(CameraRig, "look", lambda *a, **k: looks.append(1) or look(*a, **k))
+    parts, drawn = parts_of("memory=none"), []
+    for listener in (SilentListener(), Listener()):
+        looks.clear()
+        assert run_episode(parts, EpisodeRequest(seed=1), listener).success_check.relaxed
+        drawn.append(len(looks))
+    assert drawn[0] == 2, "what the robot itself sees, before and after"
+    assert drawn[1] == 2 + listener.frames
 
 
 def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_path):

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 HELPED = ("camera", *MEMORY, "language")
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
-RARELY = 0.05
-"""Pictures per second of an episode that is not filmed."""
 
 
 @dataclass(frozen=True)
@@ -71,18 +69,13 @@ class Planned:
         return f"{self.config.planner.name}, {self.task}, {self.arm.name}"
 
 
-def chosen_parts(
-    config: BenchConfig, registry: Registry, subject: str, *, filmed: bool = False
-) -> dict[str, Any]:
+def chosen_parts(config: BenchConfig, registry: Registry, subject: str) -> dict[str, Any]:
     """What to build for a row of the bench (see :func:`~gvla2.commands.bench_subjects.subjects`), by kind, without its
     memory.
     """
     root: dict[str, Any] = {
         kind: getattr(config, kind) for kind in (*LOOP, *GEOMETRY, *HELPED) if kind not in ("task", "memory")
     }
-    robot = config.robot
-    if not filmed and "video_fps" in {field.name for field in fields(robot)}:
-        root["robot"] = replace(robot, video_fps=RARELY)  # type: ignore[call-arg]
     return {**root, "task": subject_options(config, registry, subject), "memory": {"name": "none"}}
 
 
@@ -224,10 +217,10 @@ _kept: dict[str, Parts] = {}
 
 
 def _parts_of(unit: Planned, registry: Registry) -> Parts:
-    key = repr((unit.config, unit.task, bool(unit.film)))
+    key = repr((unit.config, unit.task))
     if key not in _kept:
         _forget_parts()
-        root = chosen_parts(unit.config, registry, unit.task, filmed=bool(unit.film))
+        root = chosen_parts(unit.config, registry, unit.task)
         named = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
         _kept[key] = build_parts(root, registry, {**named, "task": unit.task})
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})

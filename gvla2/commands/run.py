@@ -50,6 +50,11 @@ class EpisodeReporter:
     progress: Progress | None = None
     latest: EpisodeRecord | None = None
 
+    @property
+    def wants_frames(self) -> bool:
+        """Whether a recorder keeps them."""
+        return self.recorder is not None
+
     def begin(self, stage: Stage) -> None:
         """A stage begins."""
         if self.progress is not None:

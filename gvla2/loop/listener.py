@@ -11,7 +11,10 @@ from gvla2.record.contents import EpisodeRecord, Stage
 
 
 class EpisodeListener(Protocol):
-    """Follows an episode while it runs (a recorder, a progress line). Exceptions stop the episode."""
+    """Follows an episode while it runs (a recorder, a progress line). Exceptions stop the episode.
+
+    One that has ``wants_frames`` and it is False gets no frames, which then need not be drawn.
+    """
 
     def begin(self, stage: Stage) -> None:
         """A stage starts."""
@@ -28,6 +31,11 @@ class EpisodeListener(Protocol):
 
 class SilentListener(EpisodeListener):
     """Ignores everything."""
+
+    @property
+    def wants_frames(self) -> bool:
+        """Whether a subclass looks at them."""
+        return type(self).frame is not SilentListener.frame
 
     def begin(self, stage: Stage) -> None:
         """Nothing."""

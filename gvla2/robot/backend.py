@@ -49,12 +49,17 @@ class MotionListener(Protocol):
 class ExecutionListener:
     """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times a second, ``waypoint``
     after each waypoint, ``moment`` just before a frame by robots that know its state. An exception from any of them
-    stops the motion.
+    stops the motion. Without ``frame`` none need be drawn, see :attr:`wants_frames`.
     """
 
     frame: Callable[[NDArray[np.uint8]], None] = lambda image: None
     waypoint: Callable[[WaypointReport], None] = lambda report: None
     moment: Callable[[Moment], None] = lambda moment: None
+
+    @property
+    def wants_frames(self) -> bool:
+        """Whether anybody looks: to draw a motion takes longer than to simulate it."""
+        return self.frame is not type(self).frame
 
 
 class RobotBackend(Protocol):

@@ -10,7 +10,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
-from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory
@@ -128,7 +128,7 @@ class Piper:
 
         def film() -> None:
             nonlocal filmed
-            if time.monotonic() - filmed > FILM_EVERY:
+            if listener.wants_frames and time.monotonic() - filmed > FILM_EVERY:
                 filmed = time.monotonic()
                 state = driver.state()
                 listener.frame(preview.picture(state.joints, state.gripper_width))
@@ -187,7 +187,12 @@ class Piper:
     ) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
         state = self._state()
-        driver = DryDriver(state, self._guard, lambda q, width: listener.frame(preview.picture(q, width)))
+
+        def film(joints: FloatArray, width: float) -> None:
+            if listener.wants_frames:
+                listener.frame(preview.picture(joints, width))
+
+        driver = DryDriver(state, self._guard, film)
         planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
         failed = planned.abort
         if failed is None:

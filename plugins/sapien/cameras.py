@@ -96,8 +96,10 @@ class Filming:
         self._awaited: deque[Future[list[View]]] = deque()
 
     def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
-        """Tell of the moment, and have its frame drawn; the frames that are ready go to the listener."""
+        """Tell of the moment, and have its frame drawn if it is wanted; those that are ready go to the listener."""
         self._listener.moment(moment)
+        if not self._listener.wants_frames:
+            return
         self._awaited.append(self._studio.submit(sight))
         while self._awaited and self._awaited[0].done():
             self._deliver()
