@@ -74,6 +74,7 @@ class Motion:
                 self._awaited.popleft().result()
         finally:
             self._studio.shutdown(cancel_futures=True)
+            self._awaited.clear()
             if self._writer is not None:
                 self._writer.close()
                 self._writer = None
