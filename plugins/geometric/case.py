@@ -16,6 +16,9 @@ from gvla2.planning.trajectory import Waypoint
 if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig
 
+GROWN = 0.02
+"""Metres by which a side of a thing's footprint is at most seen longer when nothing was added to it."""
+
 
 @dataclass(frozen=True)
 class CriterionScore:
@@ -92,10 +95,15 @@ def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
 
 
 def goal_now(case: Case, goal: SceneObject) -> SceneObject:
-    """The goal's place at the end: paint stays where it was seen unhidden, things may have moved."""
-    if goal.shape == "region":
+    """The goal's place at the end: paint stays where it was seen unhidden, things may have moved.
+
+    Things do not grow: one that is seen larger about its old place is seen as one with something beside it.
+    """
+    later = None if goal.shape == "region" else case.later(goal)
+    if later is None:
         return goal
-    return case.later(goal) or goal
+    grown = float((np.sort(later.extents[:2]) - np.sort(goal.extents[:2])).max())
+    return goal if grown > GROWN and outside_footprint(goal.centre, later) == 0.0 else later
 
 
 def something_at(old: SceneObject, scene: Scene, reach: float) -> bool:

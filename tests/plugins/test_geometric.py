@@ -298,6 +298,19 @@ def test_place(x: float, z: float | None, held: bool, outcome: str) -> None:
     assert judge(shown).outcome == outcome
 
 
+@pytest.mark.parametrize(("y", "outcome"), [(0.0, "verified_success"), (0.16, "uncertain")])
+def test_what_fell_beside_a_board_is_not_on_it_though_both_are_seen_as_a_larger_one(
+    y: float, outcome: str
+) -> None:
+    board = thing("goal", 0.5, 0.0, colour="white", shape="plate", size=(0.40, 0.26, 0.015))
+    before = scene(thing("a", 0.1, 0.3, size=(0.08, 0.02, 0.015)), board)
+    larger = thing("goal", 0.5, 0.02, colour="white", shape="plate", size=(0.40, 0.32, 0.015))
+    after = moved(before.with_object(larger), "a", 0.5, y, TABLE + 0.015 * (y == 0))
+    there = (*PICK, *(replace(w, xyz=(0.5, 0.0, w.xyz[2])) for w in PLACE[len(PICK) :]))
+    shown = evidence(before, after, "place", {"theme": "a", "goal": "goal"}, there, last={"held": False})
+    assert judge(shown).outcome == outcome
+
+
 def test_place_beside_is_judged_by_where_the_plan_meant() -> None:
     roles = {"theme": "a", "goal": "c"}
     for x, y, outcome in ((0.5, 0.2, "verified_success"), (0.6, 0.2, "verified_fail")):
