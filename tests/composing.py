@@ -1,4 +1,4 @@
-"""Configurations of ``gvla2 bench`` for tests whose subject is not how they are composed."""
+"""Configurations for tests whose subject is not how they are composed."""
 
 from functools import cache
 
@@ -21,7 +21,7 @@ def composition(command: str, *overrides: str) -> DictConfig:
 
 
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
-    """A new configuration: choices of components are composed once, values are put into what was composed."""
+    """A new one of ``gvla2 bench``: choices of components are composed once, values are put into what was composed."""
     register(registry, PRIMARY)
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     kept = {*registry.groups, "depth_noise", "experiment", "data"}

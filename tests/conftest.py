@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
 from gvla2.hydra_bridge import register
 from gvla2.plugins import Registry, load_plugins
+from tests.composing import composition
 
 HEAD = """
 from dataclasses import dataclass, field
@@ -64,22 +64,13 @@ def registry() -> Registry:
     return load_plugins()
 
 
-@pytest.fixture(scope="session")
-def _compositions() -> dict[tuple[str, ...], DictConfig]:
-    """What was composed before, by its overrides: Hydra needs a third of a second for each."""
-    return {}
-
-
 @pytest.fixture
-def compose_run(registry: Registry, _compositions: dict[tuple[str, ...], DictConfig], tmp_path: Path):
+def compose_run(registry: Registry, tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
     register(registry, PRIMARY)
 
     def composed(*overrides: str) -> RunConfig:
-        if overrides not in _compositions:
-            with initialize_config_module("gvla2.conf", version_base="1.3"):
-                _compositions[overrides] = compose("run", overrides=["quiet=true", *overrides])
-        config = OmegaConf.to_object(_compositions[overrides])  # a new object each time
+        config = OmegaConf.to_object(composition("run", "quiet=true", *overrides))  # a new object each time
         assert isinstance(config, RunConfig)
         if not any(o.startswith(("memory=", "memory.url=")) for o in overrides):
             config.memory.url = f"sqlite:///{tmp_path / 'memory.db'}"

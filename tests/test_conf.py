@@ -6,13 +6,11 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry
 from gvla2.commands.hydra_job import launch
@@ -24,19 +22,13 @@ from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.hydra_bridge import register
 from gvla2.kinds import KINDS
 from gvla2.robot.noise_options import DepthNoise
+from tests.composing import composition
 
 CONF = Path(__file__).parents[1] / "conf"
 
 
-@cache
-def _composition(command: str, *overrides: str) -> DictConfig:
-    """Composed once: Hydra needs a sixth of a second."""
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        return compose(command, overrides=list(overrides))
-
-
 def composed(*overrides: str, command: str = "run") -> Any:
-    config = OmegaConf.to_object(_composition(command, *overrides))  # a new object each time
+    config = OmegaConf.to_object(composition(command, *overrides))  # a new object each time
     assert isinstance(config, PRIMARY[command])
     return config
 
@@ -102,7 +94,7 @@ def test_every_component_is_a_choice(registry: Registry):
         if len(chosen) > 1:
             config = vars(composed(*(f"{kind}={name}" for kind, name in chosen.items())))
         else:  # the kind with most of them: the group's file alone
-            config = OmegaConf.to_object(_composition(*(f"{kind}/{name}" for kind, name in chosen.items())))
+            config = OmegaConf.to_object(composition(*(f"{kind}/{name}" for kind, name in chosen.items())))
         for kind, name in chosen.items():
             options = config[kind]
             assert type(options) is registry.get(kind, name).config
@@ -150,7 +142,7 @@ def test_depth_noise_presets():
     ["episodes=0", "seed=-1", "depth_noise.kind=fog", "depth_noise.sigma_m=-1", "depth_noise.dropout=1"],
 )
 def test_values_that_cannot_be_are_refused(override: str):
-    asked = _composition("run").copy()
+    asked = composition("run").copy()
     OmegaConf.update(asked, *override.split("="))
     with pytest.raises(ConfigurationError, match=override.partition("=")[0].rpartition(".")[2]):
         OmegaConf.to_object(asked)

@@ -17,6 +17,7 @@ from gvla2.geometry.view_archive import write_views
 from gvla2.geometry.views import Views
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.branch import BranchOptions
+from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
 
@@ -80,3 +81,11 @@ def test_an_origin_far_away_is_refused(tmp_path: Path):
     write_views(tmp_path, Views(tuple(moved)))
     with pytest.raises(GeometryError, match=r"4\.23e\+06 from the world's origin.*put the origin near"):
         read_inputs(composed(f"views={tmp_path}"))
+
+
+def test_another_object_than_the_masks_show_is_refused(tmp_path: Path):
+    write_views(tmp_path, table_views(40, masked=RED), "red cube")
+    for words in ("object=nope", "object='green cube'"):
+        with pytest.raises(ConfigurationError, match="show one object: 'red cube'"):
+            read_inputs(composed(f"views={tmp_path}", words))
+    assert read_inputs(composed(f"views={tmp_path}", "object='Red cube'")).name == "Red cube"

@@ -6,7 +6,6 @@ import io
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -48,15 +47,10 @@ def css_colour(colour: Colour) -> str:
 
 
 def png(image: Image.Image) -> bytes:
-    """The picture as a PNG file's bytes; while one in RGB is encoded, other threads run."""
-    if image.mode != "RGB":
-        stream = io.BytesIO()
-        image.save(stream, format="PNG")
-        return stream.getvalue()
-    done, data = cv2.imencode(".png", np.asarray(image)[..., ::-1], (cv2.IMWRITE_PNG_COMPRESSION, 4))
-    if not done:
-        raise ValueError(f"A picture of {image.width} x {image.height} pixels can't be encoded.")
-    return data.tobytes()
+    """The picture as a PNG file's bytes."""
+    stream = io.BytesIO()
+    image.save(stream, format="PNG")
+    return stream.getvalue()
 
 
 def enlarged(
