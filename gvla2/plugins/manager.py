@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import pluggy
@@ -60,7 +60,9 @@ def collect(
             problems.append(PluginProblem(plugin.name, KINDS_HOOK, fault))
             continue
         caller.kinds[kind.name] = kind
-        manager.add_hookspecs(SimpleNamespace(**{kind.hook: hookspec(lambda: None)}))
+        specification = ModuleType(kind.hook)
+        setattr(specification, kind.hook, hookspec(lambda: None))
+        manager.add_hookspecs(specification)
     caller.report_unknown_hooks()
     wanted = list(caller.kinds) if groups is None else list(dict.fromkeys(SLOTS.get(g, g) for g in groups))
     components: dict[str, list[tuple[Any, Plugin]]] = {}
