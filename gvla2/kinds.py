@@ -70,7 +70,7 @@ def _table(*rows: tuple[str, str, str, str, str]) -> Mapping[str, Kind]:
 KINDS: Mapping[str, Kind] = _table(
     ("robot", "robots", "gvla2.robot.backend:RobotBackend",
      "robot backends, simulated or real: cameras, motion, execution", "sapien_panda"),
-    ("camera", "cameras", "gvla2.robot.camera:DepthCamera",
+    ("camera", "cameras", "gvla2.robot.backend:DepthCamera",
      "depth cameras for robots without cameras of their own: live or replayed", "none"),
     ("task", "tasks", "gvla2.robot.task:Task",
      "tasks: what lies on the table, what is asked, when it is done", "pick_and_lift"),

@@ -27,7 +27,7 @@ from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")

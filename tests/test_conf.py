@@ -21,7 +21,7 @@ from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.hydra_bridge import register
 from gvla2.kinds import KINDS
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from tests.composing import composition
 
 CONF = Path(__file__).parents[1] / "conf"

@@ -20,7 +20,7 @@ from gvla2.component import ComponentConfig, described
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.record.files import write_bytes
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
