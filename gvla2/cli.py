@@ -52,7 +52,7 @@ def _dispatch(arguments: list[str]) -> int:
 
         return complete(rest, COMMANDS)
     if command not in COMMANDS:
-        from gvla2.discovery import closest
+        from gvla2.plugins.discovery import closest
 
         hint = closest(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import doctor
-from gvla2.discovery import PluginProblem
+from gvla2.plugins.discovery import PluginProblem
+from gvla2.plugins.registry import Registry, load_plugins
 
 
 def test_this_installation_is_healthy(

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from packaging.requirements import Requirement
 
-from gvla2.catalog import load_plugins
 from gvla2.errors import Gvla2Error
+from gvla2.plugins.registry import load_plugins
 
 if TYPE_CHECKING:
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 PROBE_SECONDS = 60
 SIMULATOR = ("sapien", "pinocchio", "ompl")
@@ -169,8 +169,8 @@ def configuration(registry: Registry) -> Iterator[Check]:
 
     from gvla2.commands.hydra_job import explain
     from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-    from gvla2.hydra_bridge import register
     from gvla2.memory.contracts import MemoryTask
+    from gvla2.plugins.hydra_config import register
 
     register(registry, PRIMARY)
     try:

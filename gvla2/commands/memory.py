@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.component import ComponentConfig
-from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error, MemoryStoreError
+from gvla2.plugins.discovery import closest
 from gvla2.record.text import count, listing, one_line, printable
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gvla2.memory.storage.events import Event
     from gvla2.memory.storage.store import Store
     from gvla2.memory.storage.view import BankView
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 ACTOR = "gvla2 memory"
 STATES = ("active", "provisional", "summary", "archive")
@@ -419,7 +419,7 @@ def _print(answer: Answer, limit: int | None, *, as_json: bool) -> int:
     from rich.text import Text
 
     from gvla2.commands.tables import console
-    from gvla2.record.files import plain
+    from gvla2.io.files import plain
 
     data = plain(answer.data)
     rows = ROWS_SHOWN if limit is None and not as_json else limit or None
