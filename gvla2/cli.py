@@ -52,9 +52,9 @@ def _dispatch(arguments: list[str]) -> int:
 
         return complete(rest, COMMANDS)
     if command not in COMMANDS:
-        from gvla2.plugins.discovery import closest
+        from gvla2.errors import did_you_mean
 
-        hint = closest(command, COMMANDS)
+        hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
     return int(import_module(f"gvla2.commands.{command}").main(rest))

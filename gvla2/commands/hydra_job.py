@@ -23,8 +23,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-from gvla2.errors import Gvla2Error, UnknownComponentError
-from gvla2.plugins.discovery import closest, describe
+from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
+from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import register, register_resolvers
 from gvla2.plugins.kinds import KINDS, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
@@ -183,7 +183,7 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
         return " ".join(str(error).split())
     lines = [str(each).splitlines()[0].rstrip(".") for each in dict.fromkeys((error, cause))]
     known = cause.parent_node if isinstance(cause, ConfigKeyError | ConfigAttributeError) else None
-    hint = closest(str(cause.key), map(str, known)) if isinstance(known, DictConfig) else ""
+    hint = did_you_mean(str(cause.key), map(str, known)) if isinstance(known, DictConfig) else ""
     return f"{'. '.join(lines)}.{hint}"
 
 

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.component import ComponentConfig
-from gvla2.errors import ConfigurationError, Gvla2Error, MemoryStoreError
-from gvla2.plugins.discovery import closest
+from gvla2.errors import ConfigurationError, Gvla2Error, MemoryStoreError, did_you_mean
 from gvla2.record.text import count, listing, one_line, printable
 
 if TYPE_CHECKING:
@@ -111,7 +110,7 @@ class Request:
         with Store.open(self.url, busy_seconds=self.config.busy_seconds, create=create) as store:
             banks = store.banks()
             if self.config.bank not in banks and not create:
-                hint = closest(self.config.bank, banks)
+                hint = did_you_mean(self.config.bank, banks)
                 raise NotFoundError(
                     f"No bank '{self.config.bank}' in {store.name}.{hint} Banks: {', '.join(banks) or 'none yet'}."
                 )
@@ -164,7 +163,7 @@ def find_record(view: BankView, word: str, *, whole: bool = False) -> Record:
             f"'{word}' is the beginning of {count(len(starting), 'id')} of bank '{view.bank}': {listing(starting)}. "
             "Give the whole id."
         )
-    hint = closest(word, records) or " `gvla2 memory list` shows what is there."
+    hint = did_you_mean(word, records) or " `gvla2 memory list` shows what is there."
     raise NotFoundError(f"No record '{word}' in bank '{view.bank}'.{hint}")
 
 
