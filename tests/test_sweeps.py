@@ -78,10 +78,6 @@ def test_a_failed_job_is_counted_and_measured_nowhere():
     assert "1 of them failed" in table.footnote
 
 
-def test_sweeps_are_tables_of_their_own():
-    assert [t.runs for t in run_sheets([cell(0, 1, run=2), cell(0, 1, run=1)])] == [(1,), (2,)]
-
-
 SWEEP = ("run", "-m", "seed=0,1", *QUICK)
 
 
