@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import launch
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run_config import RunConfig
+from gvla2.commands.run import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.commands.run_config import ResultsConfig
+from gvla2.commands.run import ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 from gvla2.robot.options import DepthNoise

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.commands.run_config import ResultsConfig
+from gvla2.commands.run import ResultsConfig
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
