@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
-_OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
+_OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
 """Options of a run that each of its episodes has."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
@@ -63,10 +63,8 @@ class RunConfig(EveryKind):
     ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot observes and
     plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an answer after
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the means,
-    ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and decides if it is confident
-    (null: where the planner defers to one, as a cautious ``code_policies`` does). A program of several plans is carried
-    out in at most ``max_parts``. A sweep puts its jobs into the database ``results``; finished jobs in its folder are
-    kept, unless ``results.fresh``.
+    ``fallback`` plans, another planner or none. A program of several plans is carried out in at most ``max_parts``. A
+    sweep puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -76,7 +74,6 @@ class RunConfig(EveryKind):
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    agreement: bool | None = None
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
