@@ -7,10 +7,10 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module
 
 from gvla2.commands import COMMANDS
+from gvla2.errors import did_you_mean
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -52,8 +52,7 @@ def _dispatch(argv: Sequence[str] | None) -> int:
 
         return complete(rest)
     if command not in COMMANDS:
-        close = get_close_matches(command, COMMANDS, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else ""
+        hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
     try:
