@@ -47,17 +47,20 @@ def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
 
 def read_task(folder: Path) -> AgentTask:
     """One task; raises :class:`ConfigurationError` naming what is missing or cannot be read."""
-    if (folder / "task.toml").is_file():
-        return _of_version_2(folder)
-    return _of_version_1(folder)
+    for name in ("task.toml", "task.yaml", "instruction.md", "tests", "environment", "run-tests.sh"):
+        if (folder / name).is_symlink():
+            # A downloaded task could otherwise show the agent any file of this machine.
+            raise ConfigurationError(f"{folder / name} is a link; a task holds its own files.")
+    return _of_version_2(folder) if (folder / "task.toml").is_file() else _of_version_1(folder)
 
 
 def _of_version_2(folder: Path) -> AgentTask:
     try:
-        told = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
+        settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
         instruction = (folder / "instruction.md").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
+    metadata = _section(settings, "metadata")
     return _checked(
         AgentTask(
             name=folder.name,
@@ -65,34 +68,34 @@ def _of_version_2(folder: Path) -> AgentTask:
             folder=folder,
             environment=folder / "environment",
             tests=folder / "tests",
-            tests_entry="test.sh",
-            family=str(_section(told, "metadata").get("family", "")),
-            agent_seconds=_seconds(_section(told, "agent").get("timeout_sec", 600), folder),
-            test_seconds=_seconds(_section(told, "verifier").get("timeout_sec", 120), folder),
+            tests_entry=folder / "tests" / "test.sh",
+            files=folder / str(files) if (files := metadata.get("files")) else None,
+            family=str(metadata.get("family", "")),
+            agent_seconds=_seconds(_section(settings, "agent").get("timeout_sec", 600), folder),
+            test_seconds=_seconds(_section(settings, "verifier").get("timeout_sec", 120), folder),
         )
     )
 
 
 def _of_version_1(folder: Path) -> AgentTask:
     try:
-        told = yaml.safe_load((folder / "task.yaml").read_text(encoding="utf-8"))
+        settings = yaml.safe_load((folder / "task.yaml").read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
-    if not isinstance(told, Mapping):
+    if not isinstance(settings, Mapping):
         raise ConfigurationError(f"{folder / 'task.yaml'} does not hold a mapping.")
+    entries = (folder / "tests" / "run-tests.sh", folder / "run-tests.sh")
     return _checked(
         AgentTask(
             name=folder.name,
-            instruction=str(told.get("instruction", "")).strip(),
+            instruction=str(settings.get("instruction", "")).strip(),
             folder=folder,
             environment=folder,
             tests=folder / "tests",
-            tests_entry="run-tests.sh"
-            if (folder / "tests" / "run-tests.sh").is_file()
-            else "../run-tests.sh",
-            family=str(told.get("category", "")),
-            agent_seconds=_seconds(told.get("max_agent_timeout_sec", 600), folder),
-            test_seconds=_seconds(told.get("max_test_timeout_sec", 120), folder),
+            tests_entry=next((entry for entry in entries if entry.is_file()), entries[0]),
+            family=str(settings.get("category", "")),
+            agent_seconds=_seconds(settings.get("max_agent_timeout_sec", 600), folder),
+            test_seconds=_seconds(settings.get("max_test_timeout_sec", 120), folder),
         )
     )
 
@@ -100,16 +103,24 @@ def _of_version_1(folder: Path) -> AgentTask:
 def _checked(task: AgentTask) -> AgentTask:
     if not task.instruction:
         raise ConfigurationError(f"The task {task.folder} has no instruction.")
-    if not (task.tests / task.tests_entry).is_file():
+    if not task.tests_entry.is_file():
         raise ConfigurationError(
-            f"The task {task.folder} has no tests: {task.tests / task.tests_entry} is missing. Without tests its "
-            f"result is unknown."
+            f"The task {task.folder} has no tests: {task.tests_entry} is missing. Without tests its result is unknown."
+        )
+    root = task.folder.resolve()
+    if task.files is not None and not (
+        task.files.is_dir()
+        and task.files.is_relative_to(task.folder)
+        and task.files.resolve() == root / task.files.relative_to(task.folder)
+    ):
+        raise ConfigurationError(
+            f"{task.files}, metadata.files of its task.toml, is not a folder of the task."
         )
     return task
 
 
-def _section(told: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    section = told.get(name, {})
+def _section(settings: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    section = settings.get(name, {})
     return section if isinstance(section, Mapping) else {}
 
 

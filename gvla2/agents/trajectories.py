@@ -52,18 +52,18 @@ def read_trials(root: str | Path) -> list[Trial]:
 
 def _terminal_bench(root: Path) -> Iterator[Trial]:
     for file in sorted(root.rglob("results.json")):
-        told = _json(file)
-        if not isinstance(told.get("is_resolved"), bool):
+        content = _json(file)
+        if not isinstance(content.get("is_resolved"), bool):
             continue
         account = next((a for name in _ACCOUNTS if (a := _log(file.parent / name))), "")
         if account:
             yield Trial(
-                id=f"{told.get('trial_name', file.parent.name)}@{file.parent.parent.parent.name}",
-                task=str(told.get("task_id", "")),
-                instruction=str(told.get("instruction", "")),
+                id=f"{content.get('trial_name', file.parent.name)}@{file.parent.parent.parent.name}",
+                task=str(content.get("task_id", "")),
+                instruction=str(content.get("instruction", "")),
                 account=account,
-                resolved=told["is_resolved"],
-                exit_status=str(told.get("failure_mode") or ""),
+                resolved=content["is_resolved"],
+                exit_status=str(content.get("failure_mode") or ""),
             )
 
 
@@ -73,12 +73,12 @@ _ACCOUNTS = ("sessions/agent.log", "panes/post-agent.txt")
 def _mini_swe(root: Path) -> Iterator[Trial]:
     for file in sorted(root.rglob("*.traj.json")):
         resolved = _resolved_near(file, root)
-        told = _json(file)
-        messages = told.get("messages")
+        content = _json(file)
+        messages = content.get("messages")
         name = file.name.removesuffix(".traj.json")
         if resolved is None or not isinstance(messages, list) or len(messages) < 3:
             continue
-        info = told.get("info", {})
+        info = content.get("info", {})
         status = str(info.get("exit_status", "")) if isinstance(info, Mapping) else ""
         run = AgentRun(tuple(m for m in messages if isinstance(m, Mapping)), 0, status, 0.0)
         asked = str(messages[1].get("content", "")) if isinstance(messages[1], Mapping) else ""
@@ -107,7 +107,7 @@ def _log(file: Path) -> str:
 
 def _json(file: Path) -> Mapping[str, Any]:
     try:
-        told = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return told if isinstance(told, Mapping) else {}
+    return content if isinstance(content, Mapping) else {}

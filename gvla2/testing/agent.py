@@ -33,9 +33,9 @@ def check_agent(agent: Agent) -> None:
     """
     require_members(agent, "agent")
     nowhere = Path()
-    task = AgentTask("check", "Write the word done to /app/answer.txt.", nowhere, nowhere, nowhere, "test.sh")
-    sandbox, heard = RecordingSandbox(), list[str]()
-    run = agent.solve(task, sandbox, "A lesson as data.", seed=0, tell=heard.append)
+    task = AgentTask("check", "Write the word done to /app/answer.txt.", nowhere, nowhere, nowhere, nowhere)
+    sandbox, reported = RecordingSandbox(), list[str]()
+    run = agent.solve(task, sandbox, "A lesson as data.", seed=0, report=reported.append)
     require_type(run, AgentRun, "solve()'s answer")
     require(run.steps == len(sandbox.commands), f"It says {run.steps} steps and ran {len(sandbox.commands)}.")
     require(run.seconds >= 0, f"It took {run.seconds} seconds.")
