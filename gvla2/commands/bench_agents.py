@@ -36,7 +36,7 @@ def run(bench: BenchRun) -> list[Cell]:
 
     Rows are stored one by one; an interrupted sequence resumes where it was, with the memory that it had.
     """
-    from gvla2.agents.task_folder import read_tasks
+    from gvla2.agents.folders import read_tasks
 
     config = bench.config
     if not config.agents.tasks:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
 from gvla2.agents.solving import attempt, transcript
-from gvla2.agents.task_folder import read_tasks
 from gvla2.errors import ConfigurationError
 from gvla2.language.failures import LanguageModelError
 from gvla2.memory import KnowledgeBank
