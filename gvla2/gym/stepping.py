@@ -12,10 +12,8 @@ from gvla2.geometry.views import Observation
 from gvla2.gym.spaces import JointDeltas, WaypointActions
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.backend import RobotBackend, SuccessCheck
-from gvla2.robot.demonstration import Truthful
-from gvla2.robot.driver import DriverState
-from gvla2.robot.playback import Servo
+from gvla2.robot.backend import RobotBackend, SuccessCheck, Truthful
+from gvla2.robot.driver import DriverState, Servo
 from gvla2.robot.report import WaypointReport
 from gvla2.robot.task import TaskInstance
 

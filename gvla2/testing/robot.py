@@ -10,12 +10,11 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.backend import ExecutionListener, RobotBackend, SuccessCheck
-from gvla2.robot.camera import CameraFrames, DepthCamera
+from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, RobotBackend, SuccessCheck
 from gvla2.robot.checked_task import CheckedTask
 from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.solids import lowest
 from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
-from gvla2.robot.volumes import lowest
 from gvla2.testing.conformance import (
     ConformanceError,
     allowed,

@@ -14,7 +14,7 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import inside, sample_root, sample_until
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Joint, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
 from gvla2_plugins.tabletop.moves import best_path, through

@@ -11,7 +11,7 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
-from gvla2.robot.shapes import square_ring
+from gvla2.robot.solids import square_ring
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.moves import DOWN, UP, best_path, raised, through

@@ -11,9 +11,8 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.shapes import cup
+from gvla2.robot.solids import cup, on
 from gvla2.robot.task import Body, Layout, Solution, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.moves import DOWN, UP, around, pick
 from gvla2_plugins.tabletop.scenes import named_by_colour, sample_colours, sentence_of

@@ -11,8 +11,8 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, inside, sample_root, sample_until
+from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.moves import DOWN, best_path, through
 from gvla2_plugins.tabletop.scenes import PAINT, sample_colours, sentence_of

@@ -13,8 +13,8 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import PushBlockConfig
 from gvla2_plugins.tabletop.moves import DOWN, UP, best_closing, stop
 from gvla2_plugins.tabletop.scenes import PAINT, sample_colours

@@ -11,9 +11,8 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import Volume, tray
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.moves import UP, around, best_closing, pick
 from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
