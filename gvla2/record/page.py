@@ -93,6 +93,7 @@ def templates() -> Environment:
         listing=listing,
         number=wording.number,
         one_line=one_line,
+        role_name=wording.role_name,
         seconds=wording.seconds,
         share=wording.share,
     )

@@ -51,24 +51,24 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
     canvas = Canvas(view.image, width)
     eye = view.camera.position
     order = sorted(enumerate(scene.objects), key=lambda item: -float(np.linalg.norm(item[1].centre - eye)))
-    for index, thing in order:
-        seen = in_sight(view, thing)
+    for index, obj in order:
+        seen = in_sight(view, obj)
         if seen > 0:
-            _draw_box(canvas, view.camera, thing, marker_colour(index), hidden=seen < _SEEN)
-    for index, thing in reversed(order):
-        near = _bounds(view.camera, thing)
-        if near is not None and in_sight(view, thing) >= _SEEN:
+            _draw_box(canvas, view.camera, obj, marker_colour(index), hidden=seen < _SEEN)
+    for index, obj in reversed(order):
+        near = _bounds(view.camera, obj)
+        if near is not None and in_sight(view, obj) >= _SEEN:
             canvas.keep_clear(near)
-            canvas.label(thing.label or thing.id, near, marker_colour(index), badge=str(index + 1))
+            canvas.label(obj.label or obj.id, near, marker_colour(index), badge=str(index + 1))
     return canvas.picture()
 
 
-def in_sight(view: View, thing: SceneObject) -> float:
+def in_sight(view: View, obj: SceneObject) -> float:
     """Share of the object's points (of its box's corners, if it has none) that this view sees.
 
     A point is seen when it falls into the image and the view's depth there is not more than 2 cm nearer.
     """
-    points = thing.points if len(thing.points) else thing.corners()
+    points = obj.points if len(obj.points) else obj.corners()
     points = points[:: max(1, len(points) // 200)]
     uv, depth = view.camera.project(points)
     inside = view.camera.inside(uv)
@@ -108,7 +108,7 @@ def plan_overlay(
     camera, waypoints = view.camera, list(trajectory)
     stops = _stops(trajectory)
     path = stops if start is None else np.vstack([start, stops])
-    shown = np.vstack([stops, *(thing.corners() for thing in (scene.objects if scene else ()))])
+    shown = np.vstack([stops, *(obj.corners() for obj in (scene.objects if scene else ()))])
     pixels, size = camera.project(shown)[0], (camera.width, camera.height)
     part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
     canvas = Canvas(view.image, width, part)
@@ -174,10 +174,10 @@ def _draw_shadow(canvas: Canvas, camera: Camera, path: FloatArray, table: float)
         canvas.line(camera.project(plumb)[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
 
 
-def _draw_box(canvas: Canvas, camera: Camera, thing: SceneObject, colour: Colour, hidden: bool) -> None:
-    corners = thing.corners()
+def _draw_box(canvas: Canvas, camera: Camera, obj: SceneObject, colour: Colour, hidden: bool) -> None:
+    corners = obj.corners()
     pixels, _ = camera.project(corners)
-    facing = {face for face in _FACES if _faces_camera(camera, corners, face, thing.centre)}
+    facing = {face for face in _FACES if _faces_camera(camera, corners, face, obj.centre)}
     for face in facing:
         canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
     near = {edge: any(set(edge) <= set(face) for face in facing) for edge in _EDGES}
@@ -191,8 +191,8 @@ def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], ce
     return float((middle - centre) @ (camera.position - middle)) > 0
 
 
-def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
-    uv, _ = camera.project(thing.corners())
+def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
+    uv, _ = camera.project(obj.corners())
     if not np.isfinite(uv).all() or not camera.inside(uv).any():
         return None
     box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])

@@ -104,11 +104,11 @@ class ReconstructionRecord:
             "notes": list(self.notes),
         }
 
-    def _colours(self, thing: Reconstruction) -> bytes:
-        of_points = b"" if thing.gaussians is None else thing.gaussians.sh_dc.tobytes()
-        if thing.mesh is None or thing.mesh.colours is None:
+    def _colours(self, made: Reconstruction) -> bytes:
+        of_points = b"" if made.gaussians is None else made.gaussians.sh_dc.tobytes()
+        if made.mesh is None or made.mesh.colours is None:
             return of_points
-        return of_points + thing.mesh.colours.tobytes()
+        return of_points + made.mesh.colours.tobytes()
 
 
 STATES: Mapping[str, State] = {
@@ -156,7 +156,7 @@ class BeforeAfter:
         return "good" if (change > 0) == self.more_is_better else "bad"
 
     @property
-    def told(self) -> str:
+    def change_text(self) -> str:
         """The number before and after ("0.9012 → 0.9311"), or after alone where no change is defined."""
         after = self.shown(self.after)
         return after if self.change is None else f"{fixed(self.before, self.digits)} → {after}"
@@ -231,7 +231,7 @@ def summary_line(record: ReconstructionRecord) -> str:
     ):
         number = compared(record, group, name)
         if number is not None:
-            parts.append(f"{number.label} {number.told}{where}")
+            parts.append(f"{number.label} {number.change_text}{where}")
     return f"{record.name}: {', '.join(parts)}"
 
 
@@ -245,15 +245,15 @@ class ReconstructionRecorder(FolderRecorder):
     :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then complete or unchanged.
     """
 
-    def geometry(self, thing: Reconstruction) -> None:
+    def geometry(self, made: Reconstruction) -> None:
         """``result.ply`` and ``result.glb``, as far as available."""
-        if thing.gaussians is not None:
-            write_gaussians(self.folder / PLY, thing.gaussians)
+        if made.gaussians is not None:
+            write_gaussians(self.folder / PLY, made.gaussians)
         else:
             self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
-        if thing.mesh is not None and not self._textured(thing.mesh, thing.glb):
-            write_mesh(self.folder / GLB, thing.mesh)
-        elif thing.mesh is None:
+        if made.mesh is not None and not self._textured(made.mesh, made.glb):
+            write_mesh(self.folder / GLB, made.mesh)
+        elif made.mesh is None:
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
 
     def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:

@@ -76,17 +76,17 @@ class FolderRecorder:
         return [path.name for path in self.folder.iterdir() if path.is_file()]
 
 
-def _fields(thing: Any, *without: str) -> dict[str, Any]:
-    return {f.name: plain(getattr(thing, f.name)) for f in fields(thing) if f.name not in without}
+def _fields(made: Any, *without: str) -> dict[str, Any]:
+    return {f.name: plain(getattr(made, f.name)) for f in fields(made) if f.name not in without}
 
 
 def scene_json(scene: Scene) -> dict[str, Any]:
     """The scene X_t with each object's pose, size and keypoints, metres; point clouds only as their counts."""
-    things = [
+    objects = [
         {**_fields(o, "points"), "points": len(o.points), "keypoints": plain(o.keypoints())}
         for o in scene.objects
     ]
-    return {**_fields(scene, "objects"), "objects": things}
+    return {**_fields(scene, "objects"), "objects": objects}
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
@@ -255,10 +255,10 @@ class RunRecorder(FolderRecorder):
 
     def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
         """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
-        things = objects_of_interest(scene, instruction)
-        views = masked_views(observation, things[0]) if things else None
+        objects = objects_of_interest(scene, instruction)
+        views = masked_views(observation, objects[0]) if objects else None
         if views is not None:
-            write_views(self.folder, views, things[0].label)
+            write_views(self.folder, views, objects[0].label)
 
     def _finish_film(self) -> None:
         self._motion.finish()

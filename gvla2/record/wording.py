@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -191,15 +192,20 @@ def steps(record: EpisodeRecord) -> list[Step]:
     return [Step(each, state(record, each), times.get(each), finding(record, each)) for each in STAGES]
 
 
-def label_of(thing: SceneObject) -> str:
+def label_of(obj: SceneObject) -> str:
     """The object's name."""
-    return thing.label or thing.id
+    return obj.label or obj.id
+
+
+def role_name(role: str) -> str:
+    """A role of the plan in plain words: "object" for ``theme``, "goal 2" for ``goal_2``."""
+    return re.sub("theme", "object", role).replace("_", " ")
 
 
 def called(object_id: str, scene: Scene | None) -> str:
     """The label of the scene object with this id; the id itself ("table") if there is none."""
-    things = scene.objects if scene is not None else ()
-    return next((label_of(o) for o in things if o.id == object_id), object_id)
+    objects = scene.objects if scene is not None else ()
+    return next((label_of(o) for o in objects if o.id == object_id), object_id)
 
 
 def call_words(record: EpisodeRecord) -> list[str]:
