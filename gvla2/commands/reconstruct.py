@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gvla2.reconstruction.branch import BranchOptions
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
+    from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MODES = ("default", "paper")
@@ -152,10 +152,8 @@ def _reconstruct(
     config: ReconstructConfig, registry: Registry, folder: Path, steps: _Steps
 ) -> ReconstructionRecord:
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
-    from gvla2.record.reconstruction.measures import measure
-    from gvla2.record.reconstruction.recorder import ReconstructionRecorder
-    from gvla2.record.reconstruction.sections import STATES, summary_line
+    from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
+    from gvla2.record.reconstruction_measures import measure
     from gvla2.record.text import count
 
     with steps.step("read"):
