@@ -103,7 +103,7 @@ def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
 
 @pytest.mark.parametrize(
     ("suite", "override"),
-    [("reconstruction", "depth_noise=l515"), ("memory", "tasks=[lamp_on]"), ("robot", "baselines=[hull]"),
+    [("reconstruction", "depth_noise=l515"), ("agents", "tasks=[lamp_on]"), ("robot", "baselines=[hull]"),
      ("perception", "++own_arms.mine={memory: governed}"), ("reconstruction", "~planner")],
 )  # fmt: skip
 def test_an_option_that_a_suite_does_not_heed_is_an_error(suite, override):

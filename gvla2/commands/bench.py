@@ -36,7 +36,6 @@ SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
             "data", "baselines", "baseline_options", "drifts", "variants", "noise", "seeds", "mode", "compat",
             "lpips_weights", "surface_samples", "workers",
         },
-        "memory": frozenset(("memory", "data")),
         "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
             "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher", "world",
             "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan",

@@ -33,26 +33,6 @@ class DataConfig:
 
 
 @dataclass
-class MemoryBenchConfig:
-    """The memory suite: its ``tests`` by name (all by default), at a ``scale`` in (0, 1] of their sizes.
-
-    ``folder`` holds temporary databases, on the disk to be measured (by default the output folder); ``seed`` makes the
-    random lessons.
-    """
-
-    tests: list[str] = field(default_factory=list)
-    scale: float = 1.0
-    folder: str | None = None
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.scale <= 1:
-            raise ConfigurationError(f"memory.scale is {self.scale}; it lies above 0 and is 1 at most.")
-        if self.seed < 0:
-            raise ConfigurationError("memory.seed must not be negative.")
-
-
-@dataclass
 class AgentsBenchConfig:
     """The agents suite: ``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
 
@@ -89,8 +69,7 @@ class BenchConfig:
     ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
     ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a surface
     make its Chamfer distance (the protocol's 100,000); ``workers`` processes share the objects, 0 for one a core (8 at
-    most); ``quiet`` leaves only the table on the terminal. The suite ``memory`` uses only ``memory``, ``results`` and
-    ``data.root``.
+    most); ``quiet`` leaves only the table on the terminal.
 
     Of the suite ``robot``: every task x planner x arm x layout, judged by both profiles. ``tasks`` are the paper's
     fourteen by default, in a learnable world those with something to learn; ``planners`` compares some by name (by
@@ -133,7 +112,6 @@ class BenchConfig:
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     lpips_weights: str | None = None
-    memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
     agents: AgentsBenchConfig = field(default_factory=AgentsBenchConfig)
     agent: ComponentConfig = field(default_factory=ComponentConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)

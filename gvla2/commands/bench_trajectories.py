@@ -7,13 +7,12 @@ import random
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 from gvla2.commands.bench_arms import BenchArm, chosen_memory, configured
 from gvla2.commands.bench_frame import BenchRun
-from gvla2.commands.bench_memory import figure_cell
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.memory.figure import Figure, FigureRow
 from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
@@ -60,12 +59,38 @@ def run(bench: BenchRun) -> list[Cell]:
     cells = []
     for order, row in enumerate(_ROWS):
         figure, n = figures[row.name], len(chosen)
-        status = "ok" if figure.value is not None else "not measured: nothing to compute it from"
-        cells.append(
-            figure_cell(keys[row.name], row, figure, size=n, on=DATA, order=[order, n, 0], status=status)
-        )
+        measures = {"value": figure.value, "peer_value": figure.peer_value}
+        notes: dict[str, Any] = {
+            "status": "ok" if figure.value is not None else "not measured: nothing to compute it from",
+            "order": [order, n, 0],
+            **{name: getattr(row, name) for name in ("title", "unit", "better", "digits")},
+            "peer": figure.peer,
+            "note": figure.note,
+        }
+        cells.append(Cell(keys[row.name], {"test": row.name, "n": n, "on": DATA}, measures, notes))
     bench.store(cells)
     return cells
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """A row of the table: its name, title, unit, which way is better, and its decimals."""
+
+    name: str
+    title: str
+    unit: str
+    better: Literal["lower", "higher"]
+    digits: int = 2
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number beside its peer's; None if not measured."""
+
+    value: float | None
+    peer: str = ""
+    peer_value: float | None = None
+    note: str = ""
 
 
 _ROWS = (

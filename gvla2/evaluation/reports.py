@@ -100,10 +100,6 @@ AGENTS = TableLayout(
     groups=("agent", "model", "verifier", "sandbox", "tasks"),
     pair="task",
 )
-MEMORY = (
-    "Each value beside its goal and a plain peer's in the same run: JSON lines scored one by one, as in the released "
-    "code. Times are this machine's; unmeasured values say so."
-)
 TRAJECTORIES = (
     "A verifier judges runs whose outcome is known but hidden from it; a memory learns from them with those verdicts. "
     "The peer is a one-line rule on the same transcripts."
@@ -115,7 +111,6 @@ REPORTS: Mapping[str, SuiteReport] = {
         partial(comparison_sheets, layout=RECONSTRUCTION),
         lambda cells: noise_curve(make_tables(cells, RECONSTRUCTION)),
     ),
-    "memory": SuiteReport("Memory", partial(figure_sheets, title="Memory", explanation=MEMORY)),
     "robot": SuiteReport("Robot", robot_sheets, learning_curve),
     "perception": SuiteReport("Perception", perception_sheets),
     "agents": SuiteReport(AGENTS.title, partial(comparison_sheets, layout=AGENTS)),

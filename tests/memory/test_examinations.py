@@ -5,8 +5,7 @@ from pathlib import Path
 import examinations
 import pytest
 from examination_entries import entries
-
-from gvla2.evaluation.memory.setting import Setting
+from setting import Setting
 
 
 @pytest.fixture

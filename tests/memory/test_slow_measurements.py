@@ -10,11 +10,11 @@ import flood
 import pytest
 from contradiction_pairs import pairs
 from crash_harness import in_processes, lesson, whole_lines
+from figure import Figure, NotMeasuredError
+from plain_peer import FILE, PeerLesson, PlainPeer
+from setting import Setting
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
-from gvla2.evaluation.memory.plain_peer import FILE, PeerLesson, PlainPeer
-from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.bank import KnowledgeBank
 
 

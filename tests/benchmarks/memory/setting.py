@@ -1,10 +1,10 @@
-"""The setting of a run's tests: a scratch folder, banks of any size, a plain peer, the available data, a clock."""
+"""The setting of a run's tests: a scratch folder, banks of any size, a plain peer, a clock."""
 
 from __future__ import annotations
 
 import gc
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,11 +13,11 @@ from timeit import timeit
 from typing import TypeVar
 
 import numpy as np
+from corpus import lessons
+from plain_peer import PeerLesson, PlainPeer
 
-from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.plain_peer import PeerLesson, PlainPeer
 from gvla2.memory.bank import BankOptions, KnowledgeBank
-from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
+from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
@@ -33,18 +33,12 @@ Thing = TypeVar("Thing")
 
 @dataclass
 class Setting:
-    """What tests share. ``folder`` is deleted after the run.
-
-    ``question_file`` is a public set of questions and evidence if available; ``embedders`` makes those to compare, by
-    name.
-    """
+    """What tests share; ``folder`` is deleted after the run."""
 
     folder: Path
     scale: float = 1.0
     seed: int = 0
     plain: PlainPeer = field(default_factory=PlainPeer)
-    question_file: Path | None = None
-    embedders: Mapping[str, Callable[[], Embedder]] = field(default_factory=dict)
     _records: list[Record] = field(default_factory=list)
 
     def count(self, number: int, least: int) -> int:

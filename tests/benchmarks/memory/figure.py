@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from gvla2.errors import Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.memory.setting import Setting
+    from setting import Setting
 
 Better = Literal["lower", "higher"]
 
