@@ -71,7 +71,7 @@ def complete(line: str) -> list[str]:
             return [flag for flag in _HYDRA_FLAGS if flag.startswith(last)]
         own = words[1:]
         if command == "bench":  # a suite first, then overrides
-            from gvla2.commands.bench import SUITES
+            from gvla2.evaluation.config import SUITES
 
             if len(own) == 1:
                 return [name for name in SUITES if name.startswith(last)] + _overrides(command, own)

@@ -24,7 +24,8 @@ from omegaconf.errors import (
 
 from gvla2.commands.primary import CONFIG_MODULE
 from gvla2.errors import Gvla2Error, UnknownComponentError
-from gvla2.plugins.discovery import closest, describe
+from gvla2.plugins.discovery import describe
+from gvla2.plugins.discovery import closest
 from gvla2.plugins.registry import Registry
 
 

@@ -28,7 +28,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.commands.config_errors import explain, unreadable_choice
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, SCHEMAS, VERSION_BASE
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.plugins.hydra_config import register, register_resolvers
 from gvla2.plugins.kinds import KINDS, SLOTS
@@ -111,7 +111,8 @@ def launch(
     schema = PRIMARY[config_name]
     own = None if config_name in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(own)
-    register(registry, {config_name: schema}, own)
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite/")}
+    register(registry, {config_name: schema, **(suites if config_name == "bench" else {})}, own)
     task = HydraTask(function, registry)
     whole = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.plugins.kinds import NONE
+from gvla2.plugins.assembly import build_parts
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 _TELLING = 4
 """Parts of a run's folder that identify its episode: the day, the time, the job of a sweep, the seed."""
 
@@ -212,42 +210,6 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
         return f"memory {options.name}, bank '{options.bank}': {error}"
     url = getattr(memory, "url", options.url)
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
-
-
-def build_parts(config: object, registry: Registry, choices: Mapping[str, str] | None = None) -> Parts:
-    """All components that the configuration chose; the caller closes the robot and the memory.
-
-    ``choices`` are their names in the record, by default their names by group.
-    """
-    from gvla2.episode.loop import Parts
-    from gvla2.episode.refine import GeometryParts
-
-    _check_camera(config, registry)
-    built: dict[str, Any] = {}
-    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
-    if choices is None:
-        chosen = [group for group in registry.groups if group != "language" or group in built]
-        choices = {kind: getattr(config, kind).name for kind in chosen}
-    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Parts(
-        **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
-        choices=choices,
-        skills=registry.skills,
-        language=built.get("language"),
-        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
-    )
-
-
-def _check_camera(config: object, registry: Registry) -> None:
-    """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
-    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
-    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if camera not in ("", NONE) and robot not in takers:
-        raise ConfigurationError(
-            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
-            f"{', '.join(takers) or 'none is installed'}."
-        )
 
 
 def crashed_component(parts: Parts, error: BaseException) -> str:

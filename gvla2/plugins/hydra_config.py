@@ -116,7 +116,7 @@ def register(
     """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, also in the slots.
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
-    its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
+    its default choices under ``<name>_choices``; one named ``group/name`` is a choice of that group. Calling it again with another registry replaces what the former call
     offered; with what it was called with last it does nothing. ``groups`` are those that the command knows, by
     default all.
     """
@@ -133,7 +133,9 @@ def register(
         if issubclass(schema, EveryKind):
             node = with_groups(schema, registry.groups)
             store.store(name=f"{name}_choices", node={"defaults": _choices(registry)}, provider=PROVIDER)
-        store.store(name=f"{name}_schema", node=node, provider=PROVIDER)
+        group, _, own = name.rpartition("/")
+        package = {"group": group, "package": "_global_"} if group else {}
+        store.store(name=f"{own}_schema", node=node, provider=PROVIDER, **package)
     callback = {"sweep": {"_target_": SWEEP_CALLBACK}}
     store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
     # Hydra copies the whole store for every composition and every line of a help text, though loading copies too.

@@ -19,7 +19,8 @@ from pluggy import HookimplOpts
 from gvla2 import hookspecs
 from gvla2.component import PROJECT
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
-from gvla2.plugins.discovery import Plugin, PluginProblem, closest, describe, stdout_kept_clean
+from gvla2.plugins.discovery import Plugin, PluginProblem, describe, stdout_kept_clean
+from gvla2.plugins.discovery import closest
 from gvla2.plugins.kinds import KINDS, SLOTS, Kind
 from gvla2.plugins.validation import fault_of_item, fault_of_kind
 
