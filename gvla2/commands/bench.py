@@ -33,14 +33,14 @@ EVERY = frozenset(("suite", "results", "quiet", "experiment"))
 SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
     {
         "reconstruction": _GEOMETRY | {
-            "data", "baselines", "baseline_options", "drifts", "variants", "noise", "seeds", "mode", "compat",
+            "data", "baselines", "baseline_options", "drifts", "variants", "noise", "seeds", "branch",
             "lpips_weights", "surface_samples", "workers",
         },
         "memory": frozenset(("memory", "data")),
         "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
-            "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher", "world",
-            "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan",
-            "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
+            "branch", "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher",
+            "world", "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration",
+            "exploration_replan", "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
         },
         "perception": _EPISODES | {"perceivers", "task_options", "seeds", "workers", "language"},
         "agents": _MEMORY | _ARMS | {"agents", "agent", "verifier", "language", "seeds"},

@@ -9,6 +9,7 @@ from typing import Any
 from gvla2.commands.run_config import ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.robot.noise_options import DepthNoise
 
 
@@ -86,8 +87,8 @@ class BenchConfig:
     """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every object;
     ``noise`` is the depth prior's error, by name.
 
-    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
-    ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a surface
+    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``branch``
+    holds the branch's options; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a surface
     make its Chamfer distance (the protocol's 100,000); ``workers`` processes share the objects, 0 for one a core (8 at
     most); ``quiet`` leaves only the table on the terminal. The suite ``memory`` uses only ``memory``, ``results`` and
     ``data.root``.
@@ -126,8 +127,7 @@ class BenchConfig:
     variants: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=lambda: ["exact"])
     seeds: list[int] = field(default_factory=lambda: [0])
-    mode: str = "default"
-    compat: str = "none"
+    branch: BranchOptions = field(default_factory=BranchOptions)
     prior: ComponentConfig = field(default_factory=ComponentConfig)
     axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
@@ -184,8 +184,6 @@ class BenchConfig:
         below = [name for name in counts if getattr(self, name) < 0]
         below += [name for name in ("seeds", "layouts") if min(getattr(self, name), default=0) < 0]
         for holds, what in (
-            (self.mode in ("default", "paper"), f"mode is '{self.mode}'; it is default or paper."),
-            (self.compat in ("none", "official"), f"compat is '{self.compat}'; it is none or official."),
             (self.world in ("plain", "learnable"), f"world is '{self.world}'; it is plain or learnable."),
             (not empty, f"{', '.join(empty)} must name at least one."),
             (not below, f"{', '.join(below)} must not be negative."),

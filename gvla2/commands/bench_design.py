@@ -219,6 +219,7 @@ def _design(
         "model": _model(config, registry),
         "depth_noise": noise_label(config.depth_noise),
         "scale": str(config.scale),
+        **({"branch": config.branch.label()} if config.branch.changed() else {}),
         **({"world": config.world} if config.world == LEARNABLE else {}),
         **({"parts": parts} if (parts := _parts_label(config)) else {}),
         **({"replan": config.replan} if config.replan else {}),
@@ -247,7 +248,13 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
     found = {}
     for task in tasks:
         typed = configured(registry, chosen_parts(config, registry, task), (*LOOP, *GEOMETRY))
-        told = (list(map(asdict, typed)), asdict(config.depth_noise), tries, versions())
+        told = (
+            list(map(asdict, typed)),
+            asdict(config.depth_noise),
+            asdict(config.branch),
+            tries,
+            versions(),
+        )
         found[task] = (*told, code_of(typed, *MEASURING_CODE, *asking), VERSION)
     return found
 

@@ -222,7 +222,7 @@ def _parts_of(unit: Planned, registry: Registry) -> Parts:
         _forget_parts()
         root = chosen_parts(unit.config, registry, unit.task)
         named = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = build_parts(root, registry, {**named, "task": unit.task})
+        _kept[key] = build_parts(root, registry, {**named, "task": unit.task}, unit.config.branch)
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
@@ -149,8 +149,7 @@ def _design(bench: BenchRun, dataset: Dataset) -> Iterator[ObjectUnit]:
                     # A caption's words for a prior's noise: its name if it was drawn.
                     "noise": {"depth": noise, "none": "none"}.get(config.prior.name, "its own"),
                     **parts,
-                    "mode": config.mode,
-                    "compat": config.compat,
+                    "branch": config.branch.label(),
                 }
                 key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
                 wanted.append(Wanted(key, factors))
@@ -237,7 +236,6 @@ def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Cell]:
 def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
     from gvla2.evaluation.ablation import AblationParts, Measured, failed, measure_object
     from gvla2.evaluation.judge import ReconstructionJudge
-    from gvla2.reconstruction.branch import BranchOptions
 
     config = unit.config
     try:
@@ -260,11 +258,7 @@ def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
             views, renderer, lpips_of(config.lpips_weights), threads, config.surface_samples
         )
 
-    options = BranchOptions(
-        mode=cast(Literal["default", "paper"], config.mode),
-        compat=cast(Literal["none", "official"], config.compat),
-    )
-    return list(measure_object(views, unit.wanted, parts_for, judge_for, options))
+    return list(measure_object(views, unit.wanted, parts_for, judge_for, config.branch))
 
 
 @cache

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gvla2.episode import Parts
     from gvla2.memory.contracts import Memory
     from gvla2.plugins import Registry
+    from gvla2.reconstruction.options import BranchOptions
     from gvla2.record.contents import EpisodeRecord, Stage
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
@@ -153,7 +154,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
-        parts = build_parts(config, registry)
+        parts = build_parts(config, registry, branch=config.branch)
         gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
         gc.enable()
         stack.enter_context(closing(parts.robot))
@@ -214,13 +215,20 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
-def build_parts(config: object, registry: Registry, choices: Mapping[str, str] | None = None) -> Parts:
+def build_parts(
+    config: object,
+    registry: Registry,
+    choices: Mapping[str, str] | None = None,
+    branch: BranchOptions | None = None,
+) -> Parts:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
-    ``choices`` are their names in the record, by default their names by group.
+    ``choices`` are their names in the record, by default their names by group;
+    ``branch`` the options of the reconstruction branch.
     """
     from gvla2.episode import Parts
     from gvla2.loop.refine import GeometryParts
+    from gvla2.reconstruction.options import BranchOptions
 
     _check_camera(config, registry)
     built: dict[str, Any] = {}
@@ -231,7 +239,7 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Parts(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
+        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),

@@ -19,8 +19,9 @@ from gvla2.evaluation.results import Cell
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.drawing import png
 
 SUITE = "reconstruction"

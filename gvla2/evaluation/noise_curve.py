@@ -20,7 +20,7 @@ def noise_curve(tables: Sequence[Table], measure: str = "cd_surface") -> str:
     on = [table for table in tables if table.group.get("noise") in PER_CENT]
     if not on:
         return ""
-    same = ("data", "baseline", "drift", "mode", "compat")
+    same = ("data", "baseline", "drift", "branch")
     on = [table for table in on if all(table.group.get(n) == on[0].group.get(n) for n in same)]
     if len({table.group["noise"] for table in on}) < 3:
         return ""

@@ -60,8 +60,7 @@ RECONSTRUCTION = TableLayout(
         "axis",
         "fusion",
         "renderer",
-        "mode",
-        "compat",
+        "branch",
         "protocol",
     ),
     explanation=(
