@@ -6,9 +6,8 @@ import logging
 from pathlib import Path
 
 from gvla2.evaluation.metrics import unit_box
-from gvla2.geometry.glb import to_z_up
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import read_mesh
+from gvla2.geometry.mesh_files import read_mesh, to_z_up
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.silhouette import symmetric_iou
 

@@ -18,7 +18,7 @@ import numpy as np
 from gvla2.caching import cache_folder, cached_arrays
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.textured_mesh import read_textured_mesh
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View, Views
 

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh import TexturedMesh, TriangleMesh, bilinear
 from gvla2.geometry.raycast import barycentric, draw
-from gvla2.geometry.texture import bilinear
-from gvla2.geometry.textured_mesh import TexturedMesh
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.geometry.views import View
 
