@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2.commands.memory import MemoryCommandConfig
-from gvla2.discovery import closest
-from gvla2.errors import Gvla2Error, MemoryStoreError
+from gvla2.errors import Gvla2Error, MemoryStoreError, did_you_mean
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
 from gvla2.memory.storage.store import Store
@@ -23,7 +22,7 @@ from gvla2.memory.storage.view import BankView
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
 _DATE = re.compile(r"[0-9]{8}")
@@ -89,7 +88,7 @@ def opened(request: VerbRequest, *, create: bool = False) -> Iterator[Store]:
         if request.bank not in banks and not create:
             there = f"Banks: {', '.join(banks)}." if banks else "It has no banks yet."
             raise NotFoundError(
-                f"No bank '{request.bank}' in {store.name}.{closest(request.bank, banks)} {there}"
+                f"No bank '{request.bank}' in {store.name}.{did_you_mean(request.bank, banks)} {there}"
             )
         yield store
 

@@ -18,7 +18,7 @@ from gvla2.reconstruction.options import BranchOptions
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Views
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
     from gvla2.reconstruction.branch import BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
 WRITABLE = (".obj", ".glb", ".ply")

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import to_z_up, write_mesh
 from gvla2.geometry.transform import rigid
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import KnownShape
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.scene_model import MOST_FACES, cloud, scene_glb, solid_of
 
 Episode = Callable[..., EpisodeRecord]
