@@ -185,8 +185,6 @@ def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path,
 @pytest.mark.parametrize(
     "changes",
     [
-        {"mode": "fast"},
-        {"compat": "x"},
         {"seeds": []},
         {"workers": -1},
         {"seeds": [-1]},

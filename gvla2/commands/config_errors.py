@@ -23,9 +23,8 @@ from omegaconf.errors import (
 )
 
 from gvla2.commands.primary import CONFIG_MODULE
-from gvla2.errors import Gvla2Error, UnknownComponentError
+from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
-from gvla2.plugins.discovery import closest
 from gvla2.plugins.registry import Registry
 
 
@@ -108,7 +107,9 @@ def _wrong_option(headline: str, cause: OmegaConfBaseException, registry: Regist
         )
         of += f" ({chosen})" if chosen else ""
         listing = ", ".join(k for k in known if k not in ("name", "hydra")) or "none"
-        advice = _of_a_part(option, parent) or _of_others(option, place, registry) or closest(option, known)
+        advice = (
+            _of_a_part(option, parent) or _of_others(option, place, registry) or did_you_mean(option, known)
+        )
         return f"No option '{option}'{of}.{advice} Options: {listing}."
     reason = str(cause).partition("\n")[0]
     if "is not a ListConfig" in reason:

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2.commands.memory import MemoryCommandConfig
-from gvla2.errors import Gvla2Error, MemoryStoreError
+from gvla2.errors import Gvla2Error, MemoryStoreError, did_you_mean
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import BankView
-from gvla2.plugins.discovery import closest
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
@@ -89,7 +88,7 @@ def opened(request: VerbRequest, *, create: bool = False) -> Iterator[Store]:
         if request.bank not in banks and not create:
             there = f"Banks: {', '.join(banks)}." if banks else "It has no banks yet."
             raise NotFoundError(
-                f"No bank '{request.bank}' in {store.name}.{closest(request.bank, banks)} {there}"
+                f"No bank '{request.bank}' in {store.name}.{did_you_mean(request.bank, banks)} {there}"
             )
         yield store
 

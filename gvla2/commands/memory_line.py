@@ -10,7 +10,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 
-from gvla2.plugins.discovery import closest
+from gvla2.errors import did_you_mean
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer
@@ -117,7 +117,7 @@ def understood(argv: Sequence[str]) -> Invocation:
     given, left = first.parse_known_intermixed_args(plain)
     asked = Invocation(given.verb, (), overrides, given.json, help=given.help)
     if asked.verb and asked.verb not in VERBS:
-        first.error(f"no verb '{asked.verb}'.{closest(asked.verb, VERBS)} Verbs: {', '.join(VERBS)}")
+        first.error(f"no verb '{asked.verb}'.{did_you_mean(asked.verb, VERBS)} Verbs: {', '.join(VERBS)}")
     if given.cfg:
         return replace(asked, overrides=[*overrides, "--cfg", given.cfg, *left])
     if asked.help or not asked.verb:

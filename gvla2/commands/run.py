@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
+    from gvla2.reconstruction.options import BranchOptions
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
     from gvla2.robot.backend import Moment
@@ -151,7 +152,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
-        parts = build_parts(config, registry)
+        parts = build_parts(config, registry, branch=config.branch)
         gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
         gc.enable()
         stack.enter_context(closing(parts.robot))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.hydra_config import EveryKind
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.robot.noise_options import DepthNoise
 
 
@@ -21,8 +22,9 @@ class RunConfig(EveryKind):
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
     means, ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and decides if it is
     confident (null: where the planner defers to one, as a cautious ``code_policies`` does). A program that takes
-    several plans is carried out in up to ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that
-    are done in its folder are kept, unless ``results.fresh``.
+    several plans is carried out in up to ``max_parts``. ``branch`` holds the options of the reconstruction branch,
+    which runs where a ``reconstructor`` is chosen. A sweep puts its jobs into the database ``results``; jobs that are
+    done in its folder are kept, unless ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -34,6 +36,7 @@ class RunConfig(EveryKind):
     max_parts: int = 6
     agreement: bool | None = None
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    branch: BranchOptions = field(default_factory=BranchOptions)
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:

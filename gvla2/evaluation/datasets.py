@@ -201,8 +201,7 @@ def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
     there is no file or neither reading agrees with the masks: no Chamfer distance is better than a wrong one.
     """
     from gvla2.evaluation.metrics import unit_box
-    from gvla2.geometry.glb import to_z_up
-    from gvla2.geometry.mesh_files import read_mesh
+    from gvla2.geometry.mesh_files import read_mesh, to_z_up
     from gvla2.reconstruction.silhouette import symmetric_iou
 
     if not path.is_file():

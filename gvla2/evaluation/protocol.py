@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh import TexturedMesh, TriangleMesh, bilinear
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import barycentric, draw
-from gvla2.geometry.texture import bilinear
-from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.transform import FloatArray, look_along, transform_points
 from gvla2.geometry.views import View, Views
 

@@ -18,9 +18,9 @@ from pluggy import HookimplOpts
 
 from gvla2 import hookspecs
 from gvla2.component import PROJECT
+from gvla2.errors import did_you_mean
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
 from gvla2.plugins.discovery import Plugin, PluginProblem, describe, stdout_kept_clean
-from gvla2.plugins.discovery import closest
 from gvla2.plugins.kinds import KINDS, SLOTS, Kind
 from gvla2.plugins.validation import fault_of_item, fault_of_kind
 
@@ -213,14 +213,16 @@ class _Guard:
         known = [name for name, caller in vars(self.manager.hook).items() if _is_specified(caller)]
         for plugin, name in unmarked:
             hint = (
-                "is not marked @hookimpl." if name in known else f"is no hook of gvla2.{closest(name, known)}"
+                "is not marked @hookimpl."
+                if name in known
+                else f"is no hook of gvla2.{did_you_mean(name, known)}"
             )
             self.problems.append(PluginProblem(plugin.name, name, hint))
         for name, caller in vars(self.manager.hook).items():
             if isinstance(caller, pluggy.HookCaller) and not caller.has_spec():
                 for made in caller.get_hookimpls():
                     if not made.optionalhook:
-                        message = f"is no hook of gvla2.{closest(name, known)}"
+                        message = f"is no hook of gvla2.{did_you_mean(name, known)}"
                         self.problems.append(PluginProblem(self.names[made.plugin_name].name, name, message))
 
 

@@ -74,7 +74,7 @@ def write_gso(folder: Path, source: Path) -> None:
     """A GSO-30 object as its renderer would have written it: OpenGL cameras, RGBA pictures."""
     from gvla2.evaluation.protocol import protocol_cameras
     from gvla2.evaluation.textured_views import textured_view
-    from gvla2.geometry.textured_mesh import read_textured_mesh
+    from gvla2.geometry.mesh_files import read_textured_mesh
 
     model = folder / "render_mvs_25" / "model"
     model.mkdir(parents=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
-from gvla2.reconstruction.branch import BranchOptions
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.text import count
 from gvla2.record.wording import State, Step, fixed
@@ -98,8 +98,7 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     """The branch's options that differ from the defaults."""
-    usual = asdict(BranchOptions())
-    return {name: str(value).lower() for name, value in record.options.items() if usual.get(name) != value}
+    return BranchOptions(**record.options).changed()
 
 
 def steps(record: ReconstructionRecord) -> list[Step]:
