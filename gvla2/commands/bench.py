@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
-from gvla2.errors import ConfigurationError
-
 if TYPE_CHECKING:
     from gvla2.evaluation.config import BenchConfig
     from gvla2.plugins.registry import Registry
@@ -75,16 +73,10 @@ def as_overrides(argv: list[str]) -> list[str]:
 
     A leading word, as in ``gvla2 bench robot``, chooses the suite. Options under a component's or an arm's name
     (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) are new to the configuration, for which
-    Hydra needs a ``+``; custom arms are added to the listed ``arms``. Raises :class:`ConfigurationError` for a word
-    that is no suite.
+    Hydra needs a ``+``; custom arms are added to the listed ``arms``.
     """
-    from gvla2.evaluation.config import SUITES
-
-    word = argv[0] if argv else ""
-    if re.fullmatch(r"\w+", word):
-        if word not in SUITES:
-            raise ConfigurationError(f"No suite '{word}'. Available: {', '.join(SUITES)}.")
-        argv = [f"suite={word}", *argv[1:]]
+    if argv and re.fullmatch(r"\w+", argv[0]):
+        argv = [f"suite={argv[0]}", *argv[1:]]
     own = dict.fromkeys(match[1] for one in argv if (match := re.match(r"arms\.(\w+)", one)))
     return [_plain(one, list(own)) for one in argv]
 

@@ -13,7 +13,7 @@ from gvla2.evaluation.config import ResultsConfig
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gvla2.evaluation.results import Cell, Results, Run
+    from gvla2.evaluation.results import Cell, Run
     from gvla2.evaluation.tables import Sheet
     from gvla2.plugins.registry import Registry
 

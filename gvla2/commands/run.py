@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import Gvla2Error
 from gvla2.plugins.assembly import build_parts
 from gvla2.record.text import count
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.options import BranchOptions
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
     from gvla2.robot.backend import Moment

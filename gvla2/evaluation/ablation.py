@@ -76,7 +76,12 @@ NOISES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "slope20": _learned(slope=0.20),
         "vggt": {"noise": "learned"},
         "vggt_outliers": _learned(
-            global_scale=0.3, low_frequency=0.01, pose_degrees=1.0, pose_shift=0.01, edge_blur=1.0, outliers=0.03
+            global_scale=0.3,
+            low_frequency=0.01,
+            pose_degrees=1.0,
+            pose_shift=0.01,
+            edge_blur=1.0,
+            outliers=0.03,
         ),
     }
 )
@@ -192,7 +197,9 @@ def measure_object(
     first: dict[int, tuple[Reconstruction, float]] = {}
     pictured: set[tuple[str, ...]] = set()
     for want in wanted:
-        drift, noise, variant = place = tuple(str(want.factors[name]) for name in ("drift", "noise", "variant"))
+        drift, noise, variant = place = tuple(
+            str(want.factors[name]) for name in ("drift", "noise", "variant")
+        )
         seed, picture = int(want.factors["seed"]), None
         try:
             parts = parts_for(seed, noise)

@@ -13,11 +13,11 @@ from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.plugins.registry import Registry
+from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.components import given_options, options_of
 from gvla2.evaluation.config import MemoryArms
-from gvla2.episode.memory_reporting import told_of
 from gvla2.memory.contracts import (
     Learned,
     Lesson,
@@ -29,7 +29,7 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.planning.effects import Effect
-from gvla2.episode.record import EpisodeRecord
+from gvla2.plugins.registry import Registry
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
@@ -107,7 +107,9 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
         if not arm.learns and arm.explored is not None:
-            raise ConfigurationError(f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing.")
+            raise ConfigurationError(
+                f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing."
+            )
         known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
         own = {*known, "replan", "explored"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
@@ -151,7 +153,9 @@ class Experience:
         """From :meth:`to_json`'s object."""
 
         def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
-            return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+            return {
+                name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
+            }
 
         episode = {name: value for name, value in data["episode"].items() if name != "recalled"}
         episode["task"] = MemoryTask(**frozen(episode["task"]))

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gvla2.plugins.registry import Registry, nothing_in
 from gvla2.component import ComponentConfig, described
-from gvla2.plugins.discovery import closest
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
+from gvla2.plugins.registry import Registry, nothing_in
 from gvla2.robot.noise_options import DepthNoise
-
-if TYPE_CHECKING:
-    from gvla2.language.ledger import Ledger
-
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
@@ -47,7 +42,7 @@ def given_options(place: str, given: object, owner: str, known: Collection[str])
     for option in given:
         if option not in known:
             raise ConfigurationError(
-                f"{place}.{option}: {owner} has no such option.{closest(str(option), known)} "
+                f"{place}.{option}: {owner} has no such option.{did_you_mean(str(option), known)} "
                 f"It has: {', '.join(sorted(known)) or 'none'}."
             )
     return dict(given)
@@ -95,10 +90,3 @@ def model_label(language: ComponentConfig) -> str:
     model = str(getattr(language, "model", "") or "")
     name = Path(model).name.removesuffix(".gguf") or str(getattr(language, "base_url", "") or language.name)
     return described(language, name, only=("temperature", "max_tokens", "extra"))
-
-
-def ledger_of(language: Any) -> Ledger:
-    """The ledger of a built language model, or an empty one where there is none."""
-    from gvla2.language.ledger import Ledger
-
-    return Ledger() if language is None else language.ledger  # type: ignore[no-any-return]

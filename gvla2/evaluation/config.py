@@ -17,11 +17,6 @@ WORLDS = ("plain", "learnable")
 SANDBOXES = ("bubblewrap", "docker")
 
 
-def _component() -> Any:
-    """A Hydra group's place in a schema."""
-    return field(default_factory=ComponentConfig)
-
-
 def _require(*conditions: tuple[bool, str]) -> None:
     """Raises :class:`ConfigurationError` with the message of the first condition that does not hold."""
     for holds, message in conditions:
@@ -98,10 +93,10 @@ class ReconstructionBench(BenchConfig):
     branch: BranchOptions = field(default_factory=BranchOptions)
     lpips_weights: str | None = None
     surface_samples: int = 100_000
-    prior: ComponentConfig = _component()
-    axis: ComponentConfig = _component()
-    fusion: ComponentConfig = _component()
-    renderer: ComponentConfig = _component()
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -125,9 +120,9 @@ class SimulatedBench(BenchConfig):
     episodes: int = 25
     scale: float = 1.0
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
-    robot: ComponentConfig = _component()
-    camera: ComponentConfig = _component()
-    perceiver: ComponentConfig = _component()
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,12 +143,12 @@ class MemoryArms(BenchConfig):
 
     arms: list[str] | None = None
     own_arms: dict[str, Any] = field(default_factory=dict)
-    verifier: ComponentConfig = _component()
-    retriever: ComponentConfig = _component()
-    embedder: ComponentConfig = _component()
-    inducer: ComponentConfig = _component()
-    judge: ComponentConfig = _component()
-    language: ComponentConfig = _component()
+    verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    retriever: ComponentConfig = field(default_factory=ComponentConfig)
+    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    inducer: ComponentConfig = field(default_factory=ComponentConfig)
+    judge: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -188,8 +183,8 @@ class RobotBench(MemoryArms, SimulatedBench):
     the planner fails, ``fallback`` plans, if there is one (``agreement``: it is asked first, and decides if it is
     confident; null: where the planner defers). With ``planner_timeout`` > 0 (seconds), an episode whose planner takes
     longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the next bench
-    measures it again. ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is
-    chosen. ``videos`` failed episodes of each task and arm are run once more with the camera on.
+    measures it again. ``branch`` holds the options of the reconstruction branch, which runs where a
+    ``reconstructor`` is chosen. ``videos`` failed episodes of each task and arm are run once more with the camera on.
     """
 
     suite: str = "robot"
@@ -207,13 +202,13 @@ class RobotBench(MemoryArms, SimulatedBench):
     planner_timeout: float = 0.0
     videos: int = 1
     branch: BranchOptions = field(default_factory=BranchOptions)
-    planner: ComponentConfig = _component()
-    fallback: ComponentConfig = _component()
-    reconstructor: ComponentConfig = _component()
-    prior: ComponentConfig = _component()
-    axis: ComponentConfig = _component()
-    fusion: ComponentConfig = _component()
-    renderer: ComponentConfig = _component()
+    planner: ComponentConfig = field(default_factory=ComponentConfig)
+    fallback: ComponentConfig = field(default_factory=ComponentConfig)
+    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -239,7 +234,7 @@ class PerceptionBench(SimulatedBench):
 
     suite: str = "perception"
     perceivers: list[str] = field(default_factory=lambda: ["classical"])
-    language: ComponentConfig = _component()
+    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -281,12 +276,12 @@ class AgentsBench(MemoryArms):
 
     suite: str = "agents"
     agents: AgentTasksConfig = field(default_factory=AgentTasksConfig)
-    agent: ComponentConfig = _component()
+    agent: ComponentConfig = field(default_factory=ComponentConfig)
 
 
 @dataclass
 class PublishedRunsConfig:
-    """A folder of published runs with known outcomes, ``trajectories``, of which ``most`` are judged and learnt from."""
+    """``trajectories`` is a folder of published runs with known outcomes; ``most`` of them are judged and learnt from."""
 
     trajectories: str = ""
     most: int = 200

@@ -27,12 +27,12 @@ from typing import Any, ClassVar, Generic, TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.config import BenchConfig
 from gvla2.evaluation.results import Cell, Results
 from gvla2.evaluation.tables import Sheet
 from gvla2.io.files import write_bytes
+from gvla2.plugins.registry import Registry, load_plugins
 
 MOST_WORKERS = 8
 """Most processes by default: each holds its own data in memory."""
@@ -142,7 +142,9 @@ def run_suite(suite: Suite[Any, Any]) -> list[Cell]:
         keys = {key for units in stages for unit in units for key in unit.keys}
         rows = {} if config.results.fresh else suite.known([unit for units in stages for unit in units])
         if rows:
-            log.info("%d of %d rows are in %s already.", len(rows.keys() & keys), len(keys), bench.results.url)
+            log.info(
+                "%d of %d rows are in %s already.", len(rows.keys() & keys), len(keys), bench.results.url
+            )
         with BenchProgress(len(keys - rows.keys()), config.quiet) as progress:
             for number, units in enumerate(stages):
                 once = {unit.keys: unit for unit in units if not rows.keys() >= set(unit.keys)}
@@ -166,7 +168,9 @@ def _measured(suite: Suite[Any, Any], units: Sequence[Any]) -> Iterator[tuple[An
             for cell in measure(unit, suite.registry):
                 yield unit, [cell]  # each row is stored at once
         return
-    for (_, unit), cells in in_processes(_in_worker, [(measure, unit) for unit in units], workers, suite.tries):
+    for (_, unit), cells in in_processes(
+        _in_worker, [(measure, unit) for unit in units], workers, suite.tries
+    ):
         yield unit, cells
 
 

@@ -26,8 +26,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from gvla2.io.array_cache import cache_folder
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
 
 Floats = NDArray[np.float32]
@@ -202,9 +202,15 @@ def _unpickled(content: bytes, source: str) -> Weights:
         raise ConfigurationError(
             f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
         ) from error
-    for shape, kernel, bias, head in zip(_SHAPES, weights.kernels, weights.biases, weights.heads, strict=True):
+    for shape, kernel, bias, head in zip(
+        _SHAPES, weights.kernels, weights.biases, weights.heads, strict=True
+    ):
         if (kernel.shape, bias.shape, head.shape) != (shape, shape[3:], shape[3:]):
-            raise ConfigurationError(f"{source} holds LPIPS weights of the wrong shape: {kernel.shape}, not {shape}.")
+            raise ConfigurationError(
+                f"{source} holds LPIPS weights of the wrong shape: {kernel.shape}, not {shape}."
+            )
         if not all(np.isfinite(array).all() for array in (kernel, bias, head)) or (head < 0).any():
-            raise ConfigurationError(f"{source}: LPIPS weights are not finite, or a head has a negative entry.")
+            raise ConfigurationError(
+                f"{source}: LPIPS weights are not finite, or a head has a negative entry."
+            )
     return weights

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TexturedMesh, TriangleMesh, bilinear
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import barycentric, draw
 from gvla2.geometry.transform import FloatArray, look_along, transform_points
 from gvla2.geometry.views import View, Views
+from gvla2.io.array_cache import cache_folder, cached_arrays
 
 VERSION = "gso30-views-2"
 """Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""

@@ -72,7 +72,8 @@ def relative_change(before: Sequence[float], after: Sequence[float], *, draws: i
     found = bootstrap(
         (old, new), change, paired=True, vectorized=True, n_resamples=draws, method="percentile", rng=0
     )
-    return Change(value, *map(float, found.confidence_interval), len(old))
+    low, high = found.confidence_interval
+    return Change(value, float(low), float(high), len(old))
 
 
 def won_and_lost(pairs: Sequence[Pair]) -> tuple[int, int]:

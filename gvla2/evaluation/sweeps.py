@@ -7,8 +7,8 @@ from itertools import groupby
 from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.tables import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.evaluation.statistics import wilson_interval
+from gvla2.evaluation.tables import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
 SUITE = "run"

@@ -124,7 +124,7 @@ def to_latex(sheets: Sequence[Sheet]) -> str:
             r"\midrule",
         ]
         for row in sheet.rows:
-            cells = [rf"\shortstack{{{r' \\ '.join(map(_tex, cell.lines))}}}" for cell in row.cells]
+            cells = [r"\shortstack{" + r" \\ ".join(map(_tex, cell.lines)) + "}" for cell in row.cells]
             lines.append(" & ".join([_tex(row.label), *cells]) + r" \\")
         blocks.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}"]))
     return "\n\n".join(blocks) + "\n"

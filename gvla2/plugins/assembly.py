@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gvla2.plugins.registry import Registry
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.kinds import NONE
+from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
     from gvla2.episode.loop import Parts

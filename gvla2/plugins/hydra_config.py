@@ -116,9 +116,9 @@ def register(
     """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, also in the slots.
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
-    its default choices under ``<name>_choices``; one named ``group/name`` is a choice of that group. Calling it again with another registry replaces what the former call
-    offered; with what it was called with last it does nothing. ``groups`` are those that the command knows, by
-    default all.
+    its default choices under ``<name>_choices``; one named ``group/name`` is stored in that group, for the whole
+    configuration. Calling it again with another registry replaces what the former call offered; with what it was called
+    with last it does nothing. ``groups`` are those that the command knows, by default all.
     """
     global _offered
     offer = (registry, dict(schemas or {}), None if groups is None else tuple(groups))

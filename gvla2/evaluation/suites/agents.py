@@ -15,6 +15,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +23,18 @@ from gvla2.agents.contracts import AgentTask
 from gvla2.agents.sandbox import EnvironmentFailedError, SandboxLimits, bubblewrap
 from gvla2.agents.solving import Attempt, TestedSandbox, attempt
 from gvla2.agents.task_folder import read_tasks
-from gvla2.plugins.registry import Registry
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import BenchArm, chosen_arms, chosen_memory, has_bank
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
-from gvla2.evaluation.components import configured, ledger_of, model_label
+from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
 from gvla2.evaluation.engine import Rows, Suite, Unit
 from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
 from gvla2.evaluation.tables import Sheet
 from gvla2.language.failures import LanguageModelError
+from gvla2.language.ledger import Ledger
+from gvla2.plugins.registry import Registry
 
 VERSION = 1
 MEASURING_CODE = ("gvla2.agents", "gvla2.evaluation.suites.agents", "gvla2.memory", "gvla2.language")
@@ -116,8 +118,8 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
         for arm in arms:
             if arm.source in ("shuffled", "best_theta") or (arm.replan, arm.explored) != (None, None):
                 raise ConfigurationError(
-                    f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: software "
-                    "agents have no exploration and no replanning. Arms here are memories and off."
+                    f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: "
+                    "software agents have no exploration and no replanning. Arms here are memories and off."
                 )
         return [[self._sequence(tasks, arm, seed) for seed in config.seeds for arm in arms]]
 
@@ -140,7 +142,10 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
 
     def result(self, units: Sequence[SequenceUnit], rows: Rows) -> list[Cell]:
         """All rows; one that a sequence did not reach says so."""
-        empty, notes = dict.fromkeys(MEASURES), {"status": "not measured: the language model could not be asked"}
+        empty, notes = (
+            dict.fromkeys(MEASURES),
+            {"status": "not measured: the language model could not be asked"},
+        )
         return [
             rows[key] if key in rows else Cell(key, unit.factors_of(place), empty, notes)
             for unit in units
@@ -157,9 +162,20 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
         ordered = random.Random(seed).sample(list(tasks), len(tasks))  # every memory gets the same order
         helpers = ("retriever", "embedder", "inducer", "judge") if has_bank(self.registry, arm) else ()
         root = _chosen(config, self.registry, arm, "")
-        options = [str(one) for one in configured(self.registry, root, ("agent", "verifier", "memory", *helpers))]
+        options = [
+            str(one) for one in configured(self.registry, root, ("agent", "verifier", "memory", *helpers))
+        ]
         limits = (agents.disk_mb, agents.memory_mb, agents.output)
-        around = (VERSION, code_digest(MEASURING_CODE), versions(), options, agents.sandbox, seed, arm.name, limits)
+        around = (
+            VERSION,
+            code_digest(MEASURING_CODE),
+            versions(),
+            options,
+            agents.sandbox,
+            seed,
+            arm.name,
+            limits,
+        )
         files = [_digest_of(task) for task in ordered]
         # Earlier tasks affect later ones through memory, so each key holds the whole order.
         keys = tuple(cell_key(self.name, *around, files[: i + 1]) for i in range(len(ordered)))
@@ -214,7 +230,8 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
         shutil.copyfile(unit.kept(unit.done), bank)
     root, built = _chosen(unit.config, registry, unit.arm, str(bank)), dict[str, Any]()
     registry.build_all(root, ("agent", "verifier", "memory"), built)
-    ledger, memory, verifier = ledger_of(built.get("language")), built["memory"], built["verifier"]
+    language, memory, verifier = built.get("language"), built["memory"], built["verifier"]
+    ledger = Ledger() if language is None else language.ledger
     tests_told = getattr(unit.config.verifier, "name", "") == "exit_status"
     with closing(memory):
         for place in range(unit.done, len(unit.tasks)):
@@ -232,18 +249,25 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
                         source=row,
                         tests_told=tests_told,
                         seed=unit.seed,
-                        tell=lambda line, row=row: None if unit.config.quiet else log.info("%s %s", row, line),
+                        tell=partial(_progress, unit, row),
                     )
             except EnvironmentFailedError as error:
                 status = f"not measured: {error}"
             except LanguageModelError as error:
-                log.warning("%s: the language model cannot be asked (%s); this sequence ends here.", row, error)
+                log.warning(
+                    "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
+                )
                 return
             if made is not None and made.verdict.outcome == "unavailable" and unit.arm.source != "off":
                 why = "; ".join(made.verdict.reasons)
                 log.warning("%s: no verdict, so memory learns nothing from it: %s", row, why)
             _keep(unit, place + 1)
             yield _cell(unit, place, made, status, ledger.totals(before))
+
+
+def _progress(unit: SequenceUnit, row: str, line: str) -> None:
+    if not unit.config.quiet:
+        log.info("%s %s", row, line)
 
 
 def _keep(unit: SequenceUnit, done: int) -> None:

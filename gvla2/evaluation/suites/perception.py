@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.plugins.registry import Registry
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
 from gvla2.evaluation.components import code_of, given_label, noise_label, task_options
@@ -30,6 +29,7 @@ from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, 
 from gvla2.evaluation.tables import Exhibit, Exhibits, Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
 from gvla2.planning.scene import Scene
+from gvla2.plugins.registry import Registry
 from gvla2.robot.depth_noise import apply_noise
 
 VERSION = 3
@@ -105,7 +105,9 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
                 first = seed == config.seeds[0] and episode == 0
                 layout, label = layout_seed(seed, episode), f"{task}, {perceiver}"
                 units.append(
-                    LayoutUnit((key,), label, task, perceiver, factors, layout, first, config, self.bench.folder)
+                    LayoutUnit(
+                        (key,), label, task, perceiver, factors, layout, first, config, self.bench.folder
+                    )
                 )
         return [units]
 
@@ -235,7 +237,9 @@ def _measure(unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented) -> tu
     found = score(truths, scene, clear)
     split = {stray.piece_of for stray in found.strays}
     rows = [_object_row(unit, one, one.true.name in split) for one in found.truths]
-    pieces = [f"a piece of {stray.piece_of}" if stray.piece_of else "nothing that exists" for stray in found.strays]
+    pieces = [
+        f"a piece of {stray.piece_of}" if stray.piece_of else "nothing that exists" for stray in found.strays
+    ]
     labels = [scene.objects[stray.index].label for stray in found.strays]
     measures = {
         "found": found.found,
@@ -260,12 +264,12 @@ def _scene_row(unit: LayoutUnit, measures: Mapping[str, float | None], notes: Ma
 
 
 def _object_row(unit: LayoutUnit, one: ObjectScore, split: bool) -> Cell:
-    true, words = one.true, one.words
+    true = one.true
     measures: dict[str, float | None] = {
         "found": float(one.match.found),
         "iou": one.match.iou,
         "whole": float(one.match.iou >= WHOLE and not split),
-        **{name: None if (value := getattr(words, name)) is None else float(value) for name in ("label", "colour", "noun")},
+        **{name: None if judged is None else float(judged) for name, judged in vars(one.words).items()},
         "centre_mm": one.centre_mm,
         "extent_mm": one.extent_mm,
         "pixels": float(true.whole.sum()),
@@ -346,6 +350,8 @@ def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:
 def _missed(objects: Sequence[Cell]) -> str:
     """The kind that is missed most often, and how many of how many."""
     kinds = grouped(objects, "kind")
-    missed = {kind: sum(not cell.measures.get("found") for cell in some) for (kind,), some in sorted(kinds.items())}
+    missed = {
+        kind: sum(not cell.measures.get("found") for cell in some) for (kind,), some in sorted(kinds.items())
+    }
     kind = max(missed, key=missed.__getitem__, default="")
     return f"{kind}: {missed[kind]} of {len(kinds[kind,])}" if kind and missed[kind] else ""

@@ -12,12 +12,10 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from gvla2.plugins.registry import Registry
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
 from gvla2.evaluation.ablation import DRIFTS, NOISES, VARIANTS, AblationParts, Wanted, measure_object
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
-from gvla2.plugins.assembly import GEOMETRY
 from gvla2.evaluation.components import code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
@@ -27,6 +25,8 @@ from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.evaluation.tables import Sheet
+from gvla2.plugins.assembly import GEOMETRY
+from gvla2.plugins.registry import Registry
 from gvla2.reconstruction.contracts import Renderer
 
 LAYOUT = TableLayout(
@@ -50,7 +50,18 @@ LAYOUT = TableLayout(
         Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
-    groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "branch", "protocol"),
+    groups=(
+        "data",
+        "baseline",
+        "drift",
+        "prior",
+        "noise",
+        "axis",
+        "fusion",
+        "renderer",
+        "branch",
+        "protocol",
+    ),
     explanation=(
         "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the true "
         "mesh itself, the best that a prior can be. Seeds draw the drift, the prior's noise and the "
@@ -133,7 +144,9 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
         config, registry = self.config, self.registry
         lpips = lpips_of(config.lpips_weights) is not None
         if not lpips:
-            log.warning("LPIPS is not measured: its weights are absent. Fetch them with: gvla2 data fetch=[lpips]")
+            log.warning(
+                "LPIPS is not measured: its weights are absent. Fetch them with: gvla2 data fetch=[lpips]"
+            )
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
         variants = list(dict.fromkeys(config.variants or VARIANTS))
@@ -168,7 +181,9 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                     wanted.append(Wanted(key, factors))
                 keys = tuple(want.key for want in wanted)
                 label = f"{item.name}, {baseline}"
-                yield ObjectUnit(keys, label, dataset, item, baseline, tuple(wanted), config, self.bench.folder)
+                yield ObjectUnit(
+                    keys, label, dataset, item, baseline, tuple(wanted), config, self.bench.folder
+                )
 
 
 def _check_names(config: ReconstructionBench) -> None:

@@ -13,16 +13,24 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.plugins.registry import Registry
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.arms import Experience, chosen_memory, has_bank, teach
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Rows, Suite
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.suites.robot_design import EXPLORATION, FAMILY, SUITE, Design, designs, others_of, place_of
+from gvla2.evaluation.suites.robot_design import (
+    EXPLORATION,
+    FAMILY,
+    SUITE,
+    Design,
+    designs,
+    others_of,
+    place_of,
+)
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lessons, release, run_unit
 from gvla2.evaluation.suites.robot_tables import robot_sheets
 from gvla2.evaluation.tables import Sheet
+from gvla2.plugins.registry import Registry
 
 COMPARED = "off"
 """The arm that the others are compared to."""
@@ -73,7 +81,10 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
                 log.info("Filming %s, layout %d.", unit.label, unit.layout)
                 filmed = replace(self.prepare(unit, rows), film=str(folder))
                 again = run_unit(filmed, self.registry)[0].measures["success"]
-                film = {"film": str(folder / str(unit.layout)), "film_agrees": again == cell.measures["success"]}
+                film = {
+                    "film": str(folder / str(unit.layout)),
+                    "film_agrees": again == cell.measures["success"],
+                }
                 rows |= self.bench.store([replace(cell, notes={**cell.notes, **film})], self.name)
 
     def close(self) -> None:

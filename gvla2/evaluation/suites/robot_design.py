@@ -8,11 +8,9 @@ from itertools import product
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.plugins.registry import Registry, nothing_in
 from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import MEMORY, WITHOUT_BANK, BenchArm, chosen_arms, chosen_memory
-from gvla2.plugins.assembly import GEOMETRY, LOOP
 from gvla2.evaluation.components import (
     code_of,
     configured,
@@ -27,7 +25,9 @@ from gvla2.evaluation.components import (
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
+from gvla2.plugins.assembly import GEOMETRY, LOOP
 from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.registry import Registry, nothing_in
 
 SUITE = "robot"
 VERSION = 2
@@ -120,7 +120,10 @@ def _check_seeds(config: RobotBench, learns: bool) -> None:
     usable = [seed for seed in config.exploration_seeds if 0 <= seed < STRIDE]
     shared = sorted(set(usable) & set(config.layouts))
     for holds, message in (
-        (config.exploration_seeds or not learns, "exploration_seeds is empty, but there are arms that learn."),
+        (
+            config.exploration_seeds or not learns,
+            "exploration_seeds is empty, but there are arms that learn.",
+        ),
         (config.episodes <= STRIDE, f"episodes is {config.episodes}; {STRIDE} at most fit to one seed."),
         (
             usable == config.exploration_seeds,
@@ -263,7 +266,13 @@ def _around(
     found = {}
     for subject, task in rows.items():
         typed = configured(registry, components(config, task), (*LOOP, *GEOMETRY))
-        options = (list(map(asdict, typed)), asdict(config.depth_noise), asdict(config.branch), tries, versions())
+        options = (
+            list(map(asdict, typed)),
+            asdict(config.depth_noise),
+            asdict(config.branch),
+            tries,
+            versions(),
+        )
         found[subject] = (*options, code_of(typed, *MEASURING_CODE, *asking), VERSION)
     return found
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.plugins.registry import Registry
+from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, Parts, run_episode
+from gvla2.episode.record import EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
     BenchArm,
@@ -25,13 +26,12 @@ from gvla2.evaluation.arms import (
     has_bank,
     teach,
 )
-from gvla2.plugins.assembly import GEOMETRY, LOOP, build_parts
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Unit
 from gvla2.evaluation.results import Cell
-from gvla2.episode.listener import SilentListener
 from gvla2.memory.contracts import Memory, MemoryTask
-from gvla2.episode.record import EpisodeRecord, Stage
+from gvla2.plugins.assembly import GEOMETRY, LOOP, build_parts
+from gvla2.plugins.registry import Registry
 from gvla2.record.recorder import RunRecorder
 
 EXPLORED = "exploration"
@@ -103,8 +103,8 @@ class _Latest(SilentListener):
     """Keeps the latest record of an episode, and passes its events to a recorder, if there is one."""
 
     def __init__(self, recorder: RunRecorder | None) -> None:
-        self.recorder, self.record = recorder, None
-        self.record: EpisodeRecord | None
+        self.recorder = recorder
+        self.record: EpisodeRecord | None = None
 
     @property
     def wants_frames(self) -> bool:

@@ -33,7 +33,18 @@ from gvla2.evaluation.tables import (
 )
 from gvla2.record.text import count
 
-HOUSE = ("robot", "perceiver", "parts", "branch", "verifier", "depth_noise", "scale", "world", "replan", "max_parts")
+HOUSE = (
+    "robot",
+    "perceiver",
+    "parts",
+    "branch",
+    "verifier",
+    "depth_noise",
+    "scale",
+    "world",
+    "replan",
+    "max_parts",
+)
 """Factors that planners must share to be compared."""
 PLANNER = ("planner", "model")
 """Further factors that the arms of a table share."""
@@ -55,7 +66,9 @@ COSTS = (
     "Answers from a cache cost neither tokens nor time and are listed separately; so are episodes in which the "
     "fallback planned. "
 )
-OF_WORLDS = "Each seed is another world: a row pools the families of that number; intervals are over episodes. "
+OF_WORLDS = (
+    "Each seed is another world: a row pools the families of that number; intervals are over episodes. "
+)
 OF_PAPER = "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
@@ -161,7 +174,9 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     sure = {name: _different(_pairs(_off_of(some, sound), some)) for name, some in sound.items()}
     rows = []
     for task in tasks:
-        of_task = {name: [cell for cell in some if cell.texts("task") == (task,)] for name, some in found.items()}
+        of_task = {
+            name: [cell for cell in some if cell.texts("task") == (task,)] for name, some in found.items()
+        }
         rates = [_rate(some, sure[name].get(task, 0), costs) for name, some in of_task.items()]
         rows.append(SheetRow(task, (*rates, *paper([task]))))
     means = (SheetCell(_mean_lines(some, tasks)) if some else NONE for some in sound.values())
@@ -177,12 +192,16 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
         lines["episodes with the fallback"] = lambda some: f"{_fallbacks(some)} of {len(some)}"
     lines["episodes"] = lambda some: str(len(some))
     blank = paper([]) and [text_cell(""), text_cell("")]
-    rows += [replace(row, cells=(*row.cells, *blank)) for row in (_line(*line, sound) for line in lines.items())]
+    rows += [
+        replace(row, cells=(*row.cells, *blank)) for row in (_line(*line, sound) for line in lines.items())
+    ]
     models = sorted({model for (model,) in grouped(cells, "model")} - {""})
     counts = f"{count(len(cells), 'episode')}, {count(len(tasks), 'task')}"
     counts += f"; language model {', '.join(models)}" if models else ""
     worlds = any(cell.factors.get("world") for cell in cells)
-    explained = SUCCESS + (COSTS if costs else "") + (OF_WORLDS if worlds else "") + (OF_PAPER if known else "")
+    explained = (
+        SUCCESS + (COSTS if costs else "") + (OF_WORLDS if worlds else "") + (OF_PAPER if known else "")
+    )
     headings = (*columns, *(("paper, with memory", "paper, without") if known else ()))
     return Sheet(title, headings, tuple(rows), counts, (), explained.strip())
 
@@ -286,7 +305,9 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     change = pooled_difference(by_task)
     everything = [pair for pairs in by_task.values() for pair in pairs]
     (won, lost), p, sure = won_and_lost(everything), exact_mcnemar(everything), _different(by_task)
-    named = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
+    named = (
+        ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
+    )
     unsure = change.low <= 0 <= change.high or p >= SURE
     tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
     lines = (

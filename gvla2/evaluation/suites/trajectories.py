@@ -16,7 +16,6 @@ from statistics import fmean
 from typing import Any, Literal
 
 from gvla2.agents.trajectories import Trial, read_trials
-from gvla2.plugins.registry import Registry
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import BenchArm, chosen_memory
 from gvla2.evaluation.components import configured
@@ -27,9 +26,15 @@ from gvla2.evaluation.statistics import auc, auc_interval, calibration_error
 from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask, Verdict
+from gvla2.plugins.registry import Registry
 
 VERSION = 1
-MEASURING_CODE = ("gvla2.agents.trajectories", "gvla2.evaluation.suites.trajectories", "gvla2.memory", "gvla2.language")
+MEASURING_CODE = (
+    "gvla2.agents.trajectories",
+    "gvla2.evaluation.suites.trajectories",
+    "gvla2.memory",
+    "gvla2.language",
+)
 ARM = BenchArm("governed", "governed")
 EXPLANATION = (
     "A verifier judges runs whose outcome is known but hidden from it; a memory learns from them with those verdicts. "
@@ -114,7 +119,9 @@ class TrajectoriesSuite(Suite[TrajectoriesBench, TrialsUnit]):
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
         """One row per figure."""
         order = {figure.name: place for place, figure in enumerate(FIGURES)}
-        once = sorted(latest(cells, lambda cell: cell.texts("test", "n")), key=lambda c: order[str(c.factors["test"])])
+        once = sorted(
+            latest(cells, lambda cell: cell.texts("test", "n")), key=lambda c: order[str(c.factors["test"])]
+        )
         rows = tuple(SheetRow(FIGURES[order[str(cell.factors["test"])]].title, _row(cell)) for cell in once)
         runs = f"{max(int(cell.factors['n']) for cell in once)} runs"
         title = TrajectoriesSuite.title
@@ -129,8 +136,8 @@ def _row(cell: Cell) -> tuple[SheetCell, ...]:
         return "" if value is None else f"{value:,.{figure.digits}f} {figure.unit}".strip()
 
     note = cell.notes.get("note", "") if cell.status == "ok" else cell.status.removeprefix("not measured: ")
-    value = text("value")
-    return text_cell(cell.factors["n"]), text_cell(value) if value else NONE, text_cell(text("peer_value")), text_cell(note)
+    value = text_cell(text("value")) if text("value") else NONE
+    return text_cell(cell.factors["n"]), value, text_cell(text("peer_value")), text_cell(note)
 
 
 def _cells(unit: TrialsUnit, verifier: Any, memory: Any) -> list[Cell]:
