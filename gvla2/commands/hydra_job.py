@@ -111,7 +111,7 @@ def launch(
     schema = PRIMARY[config_name]
     own = None if config_name in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(own)
-    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite/")}
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite_schema/")}
     register(registry, {config_name: schema, **(suites if config_name == "bench" else {})}, own)
     task = HydraTask(function, registry)
     whole = hydra.main(

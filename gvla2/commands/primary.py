@@ -25,8 +25,8 @@ PRIMARY: Mapping[str, type] = MappingProxyType(
     }
 )
 SCHEMAS: Mapping[str, type] = MappingProxyType(
-    {**PRIMARY, **{f"suite/{name}": schema for name, schema in SUITES.items()}}
+    {**PRIMARY, **{f"suite_schema/{name}": schema for name, schema in SUITES.items()}}
 )
-"""The schemas of the primary configurations, and those that the group ``suite`` chooses for ``gvla2 bench``."""
+"""The schemas of the primary configurations, and those of the suites for ``gvla2 bench``."""
 CONFIG_MODULE = "gvla2.conf"
 VERSION_BASE = "1.3"

@@ -281,7 +281,7 @@ class AgentsBench(MemoryArms):
 
 @dataclass
 class PublishedRunsConfig:
-    """``trajectories`` is a folder of published runs with known outcomes; ``most`` of them are judged and learnt from."""
+    """``trajectories`` is a folder of runs with known outcomes, at most ``most`` of which are judged and learnt."""
 
     trajectories: str = ""
     most: int = 200

@@ -134,8 +134,8 @@ def register(
             node = with_groups(schema, registry.groups)
             store.store(name=f"{name}_choices", node={"defaults": _choices(registry)}, provider=PROVIDER)
         group, _, own = name.rpartition("/")
-        package = {"group": group, "package": "_global_"} if group else {}
-        store.store(name=f"{own}_schema", node=node, provider=PROVIDER, **package)
+        place = {"group": group, "package": "_global_"} if group else {}
+        store.store(name=own if group else f"{own}_schema", node=node, provider=PROVIDER, **place)
     callback = {"sweep": {"_target_": SWEEP_CALLBACK}}
     store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
     # Hydra copies the whole store for every composition and every line of a help text, though loading copies too.

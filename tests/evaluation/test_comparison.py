@@ -1,3 +1,5 @@
+"""Tables that compare: means, changes, the worst object; and their forms."""
+
 import re
 import shutil
 import subprocess
@@ -5,12 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.evaluation.comparison import comparison_sheets, make_tables
-from gvla2.evaluation.report_page import render_report
-from gvla2.evaluation.reports import AGENTS, RECONSTRUCTION
+from gvla2.evaluation.comparison import comparison_sheets
 from gvla2.evaluation.results import Cell, Run
-from gvla2.evaluation.sheets import NOT_MEASURED
-from gvla2.evaluation.table_formats import to_latex, to_markdown
+from gvla2.evaluation.suites.agents import LAYOUT as AGENTS
+from gvla2.evaluation.suites.reconstruction import LAYOUT as RECONSTRUCTION
+from gvla2.evaluation.tables import NOT_MEASURED, render_report, to_latex, to_markdown
 
 
 def cells() -> list[Cell]:
@@ -34,48 +35,50 @@ def cells() -> list[Cell]:
     return made
 
 
+def lines(sheet, row: int, heading: str) -> tuple[str, ...]:
+    return sheet.rows[row].cells[sheet.headings.index(heading)].lines
+
+
 def test_means_changes_and_the_worst_object():
-    (table,) = make_tables(cells(), RECONSTRUCTION)
-    assert [row.name for row in table.rows] == ["baseline", "ab_fusion"]
-    assert {cell.run for cell in table.cells} == {7}
-    base, fused = (row.entries[0] for row in table.rows)
-    assert base.mean == pytest.approx(15.5)
-    assert base.deviation == pytest.approx(0.5**0.5)
-    assert base.change is None
-    assert fused.change.percent == pytest.approx(100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1))
-    assert fused.change.low <= fused.change.percent <= fused.change.high
-    assert (fused.worst, fused.worst_object) == (pytest.approx(2), "bowl")
-    assert fused.change.count == 2
-    assert fused.worse == ("bowl",) or fused.worst <= 2
-    lpips = table.rows[1].entries[4]
-    assert (lpips.mean, lpips.change) == (None, None)
-    assert table.rows[1].entries[5].change is None, "seconds are not compared"
+    (sheet,) = comparison_sheets(cells(), RECONSTRUCTION)
+    assert [row.label for row in sheet.rows] == ["G0 (baseline, no prior)", "A + B fusion"]
+    assert sheet.runs == (7,)
+    assert lines(sheet, 0, "CD surface ×10³ ↓") == ("15.50 ± 0.71",)
+    change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
+    assert lines(sheet, 1, "CD surface ×10³ ↓")[1:] == (f"{change:+.2f} %", "worst +2.00 % (bowl)")
+    assert lines(sheet, 1, "PSNR dB ↑") == ("20.00 ± 0.00", "+0.00 %"), "nothing changed: no object is worst"
+    assert lines(sheet, 1, "LPIPS ↓") == (NOT_MEASURED,)
+    assert lines(sheet, 1, "seconds ↓") == ("1.00 ± 0.00",), "seconds are not compared"
+
+
+def test_an_interval_needs_five_objects_and_colours_only_a_sure_change():
+    made = [
+        replace(c, key=c.key + name, factors={**c.factors, "object": name})
+        for name in "abcde"
+        for c in cells()[:4]
+    ]
+    fused = comparison_sheets(made, RECONSTRUCTION)[0].rows[1].cells[0]
+    assert fused.lines[1] == "-10.00 % [-10.00, -10.00]"
+    assert fused.tone == "better"
 
 
 def test_groups_are_tables_of_their_own_and_failures_are_counted():
     made = cells()
     drifted = [Cell(c.key + "d", {**c.factors, "drift": "planted"}, c.measures, c.notes, 8) for c in made]
-    lost = Cell(
-        "x", {**made[0].factors, "object": "pan"}, {"cd_surface": None}, {"status": "failed: no mask"}, 9
-    )
-    first, second = make_tables([*made, *drifted, lost], RECONSTRUCTION)
-    assert (first.group["drift"], second.group["drift"]) == ("none", "planted")
-    assert {cell.run for cell in first.cells} == {7, 9}
-    assert [row.failed for row in first.rows] == [0, 1]
-    assert first.rows[1].entries[0].change.count == 2
+    lost = {"cd_surface": None}, {"status": "failed: no mask"}
+    failed = Cell("x", {**made[0].factors, "object": "pan"}, *lost, 9)
+    first, second = comparison_sheets([*made, *drifted, failed], RECONSTRUCTION)
+    assert ("drift none" in first.title, "drift planted" in second.title) == (True, True)
+    assert first.runs == (7, 9)
+    assert [row.label.endswith("(1 failed)") for row in first.rows] == [False, True]
 
 
 def test_of_a_cell_measured_twice_the_later_counts():
     made = cells()
     again = Cell("new", made[0].factors, {**made[0].measures, "cd_surface": 100.0}, made[0].notes, run=9)
-    (table,) = make_tables([again, *made], RECONSTRUCTION)
-    assert table.rows[1].entries[0].mean == pytest.approx((100 + 10 * 1.02 + 21 * 0.9 + 11 * 1.02) / 4)
-
-
-def test_a_change_of_nothing_has_no_worst_object():
-    (table,) = make_tables(cells(), RECONSTRUCTION)
-    psnr = table.rows[1].entries[2]
-    assert (psnr.change.percent, psnr.worst, psnr.worst_object) == (0, None, "")
+    (sheet,) = comparison_sheets([again, *made], RECONSTRUCTION)
+    mean = (100 + 10 * 1.02 + 21 * 0.9 + 11 * 1.02) / 4
+    assert lines(sheet, 1, "CD surface ×10³ ↓")[0].startswith(f"{mean:.2f}")
 
 
 def test_stages_that_the_views_refuted_are_counted_below_the_table():
@@ -85,11 +88,8 @@ def test_stages_that_the_views_refuted_are_counted_below_the_table():
     ]
     fused = [cell for cell in made if cell.factors["variant"] == "ab_fusion"]
     others = [replace(cell, notes={"status": "ok"}) for cell in made if cell not in fused]
-    tables = make_tables([*fused, *others], RECONSTRUCTION)
-    assert "refuted a stage: A + B fusion: axis 2 of 4." in to_markdown(
-        comparison_sheets([*fused, *others], RECONSTRUCTION)
-    )
-    assert [dict(row.rejected) for row in tables[0].rows] == [{}, {"axis": "2 of 4"}]
+    text = to_markdown(comparison_sheets([*fused, *others], RECONSTRUCTION))
+    assert "refuted a stage: A + B fusion: axis 2 of 4." in text
 
 
 def test_a_table_is_explained_by_its_own_suite():
