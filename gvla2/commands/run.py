@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import sys
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import Gvla2Error
-from gvla2.plugins.assembly import build_parts
+from gvla2.plugins.assembly import build_components
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gvla2.commands.run_config import RunConfig
-    from gvla2.episode.loop import Parts
+    from gvla2.episode.loop import Components
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
@@ -151,9 +150,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
-        parts = build_parts(config, registry, branch=config.branch)
-        gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
-        gc.enable()
+        parts = build_components(config, registry, branch=config.branch)
         stack.enter_context(closing(parts.robot))
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -212,7 +209,7 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
-def crashed_component(parts: Parts, error: BaseException) -> str:
+def crashed_component(parts: Components, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
@@ -232,7 +229,7 @@ def crashed_component(parts: Parts, error: BaseException) -> str:
 
 
 def _run_one(
-    parts: Parts,
+    parts: Components,
     config: RunConfig,
     seed: int,
     listener: EpisodeReporter,
@@ -241,7 +238,7 @@ def _run_one(
 ) -> EpisodeRecord:
     from gvla2.episode.loop import EpisodeRequest, run_episode
 
-    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
+    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
     options: dict[str, Any] = {name: getattr(config, name) for name in same}
     try:
         return run_episode(parts, EpisodeRequest(seed=seed, source=source, **options), listener)
@@ -260,11 +257,7 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.disable()  # until the first episode: see `run_episodes`
-    try:
-        from gvla2.commands.hydra_job import launch
-        from gvla2.commands.sweeps import conclude
+    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.sweeps import conclude
 
-        return conclude(launch("run", job, argv), argv)
-    finally:
-        gc.enable()
+    return conclude(launch("run", job, argv), argv)

@@ -13,7 +13,7 @@ from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.components import given_options, options_of
@@ -142,7 +142,7 @@ class Experience:
     @classmethod
     def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
         """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
-        return tuple(cls(record.task, record.seed, *reported) for reported in told_of(record, skills))
+        return tuple(cls(record.task, record.seed, *reported) for reported in stories_of(record, skills))
 
     def to_json(self) -> dict[str, Any]:
         """As a JSON object."""

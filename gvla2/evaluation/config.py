@@ -180,10 +180,9 @@ class RobotBench(MemoryArms, SimulatedBench):
     Experience comes from ``exploration_seeds``, where each planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
     an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
-    the planner fails, ``fallback`` plans, if there is one (``agreement``: it is asked first, and decides if it is
-    confident; null: where the planner defers). With ``planner_timeout`` > 0 (seconds), an episode whose planner takes
-    longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the next bench
-    measures it again. ``branch`` holds the options of the reconstruction branch, which runs where a
+    the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
+    planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
+    next bench measures it again. ``branch`` holds the options of the reconstruction branch, which runs where a
     ``reconstructor`` is chosen. ``videos`` failed episodes of each task and arm are run once more with the camera on.
     """
 
@@ -198,7 +197,6 @@ class RobotBench(MemoryArms, SimulatedBench):
     exploration_replan: int = 0
     replan: int = 0
     max_parts: int = 6
-    agreement: bool | None = False
     planner_timeout: float = 0.0
     videos: int = 1
     branch: BranchOptions = field(default_factory=BranchOptions)

@@ -10,26 +10,26 @@ from gvla2.plugins.kinds import NONE
 from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
-    from gvla2.episode.loop import Parts
+    from gvla2.episode.loop import Components
     from gvla2.reconstruction.options import BranchOptions
 
 LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 
-def build_parts(
+def build_components(
     config: object,
     registry: Registry,
     choices: Mapping[str, str] | None = None,
     branch: BranchOptions | None = None,
-) -> Parts:
+) -> Components:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
     ``choices`` are their names in the record, by default their names by group; ``branch`` the options of the
     reconstruction branch. Raises :class:`ConfigurationError` for a camera that the robot would not use.
     """
-    from gvla2.episode.loop import Parts
-    from gvla2.episode.refine import GeometryParts
+    from gvla2.episode.loop import Components
+    from gvla2.episode.refine import GeometryComponents
     from gvla2.reconstruction.options import BranchOptions
 
     _check_camera(config, registry)
@@ -39,9 +39,9 @@ def build_parts(
         chosen = [group for group in registry.groups if group != "language" or group in built]
         choices = {kind: getattr(config, kind).name for kind in chosen}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Parts(
+    return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()),
+        geometry=GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),

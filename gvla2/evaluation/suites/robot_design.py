@@ -262,7 +262,7 @@ def _around(
 ) -> dict[str, tuple[Any, ...]]:
     """What all episodes of a row share that could change their outcome, by the row's name."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    tries = (config.replan, config.max_parts, config.agreement)
+    tries = (config.replan, config.max_parts)
     found = {}
     for subject, task in rows.items():
         typed = configured(registry, components(config, task), (*LOOP, *GEOMETRY))
@@ -318,8 +318,7 @@ def _places(config: RobotBench) -> list[tuple[dict[str, str | int], int]]:
 def planner_label(config: RobotBench) -> str:
     """The planner in a table: its name, changed options, and fallback."""
     label = described(config.planner)
-    joint = {True: "agreeing with", False: "then", None: "with"}[config.agreement]
-    return label if config.fallback.name in ("", NONE) else f"{label}, {joint} {described(config.fallback)}"
+    return label if config.fallback.name in ("", NONE) else f"{label}, then {described(config.fallback)}"
 
 
 def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:

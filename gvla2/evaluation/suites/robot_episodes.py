@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, Parts, run_episode
+from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
@@ -30,7 +30,7 @@ from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Unit
 from gvla2.evaluation.results import Cell
 from gvla2.memory.contracts import Memory, MemoryTask
-from gvla2.plugins.assembly import GEOMETRY, LOOP, build_parts
+from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
 from gvla2.plugins.registry import Registry
 from gvla2.record.recorder import RunRecorder
 
@@ -128,9 +128,9 @@ class _Latest(SilentListener):
             self.recorder.frame(image)
 
 
-def _run(unit: EpisodeUnit, parts: Parts) -> tuple[EpisodeRecord, float]:
+def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
-    same = ("depth_noise", "planner_timeout", "max_parts", "agreement")
+    same = ("depth_noise", "planner_timeout", "max_parts")
     options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
     replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
     source = f"{unit.subject}-{unit.arm.name}-{unit.layout}"
@@ -238,7 +238,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _exploring(unit: EpisodeUnit, registry: Registry, parts: Parts) -> Any:
+def _exploring(unit: EpisodeUnit, registry: Registry, parts: Components) -> Any:
     """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
     planner: Any = unit.config.planner
     if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
@@ -260,17 +260,17 @@ def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
         yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
 
 
-_kept: dict[str, Parts] = {}
+_kept: dict[str, Components] = {}
 """The components of the task that this process worked on last: a robot takes a second to build."""
 
 
-def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
+def _parts_of(unit: EpisodeUnit, registry: Registry) -> Components:
     key = repr((unit.config, unit.task))
     if key not in _kept:
         release()
         root = components(unit.config, unit.task)
         names = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = build_parts(root, registry, {**names, "task": unit.subject}, unit.config.branch)
+        _kept[key] = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
-from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.memory_reporting import stories_of
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
@@ -33,7 +33,7 @@ class Answering:
 
 @pytest.fixture
 def parts(registry, compose_run):
-    made = build_parts(compose_run(*SMALL, "fallback=skill"), registry)
+    made = build_components(compose_run(*SMALL, "fallback=skill"), registry)
     with closing(made.robot), closing(made.memory):
         yield made
 
@@ -148,77 +148,9 @@ def test_a_conversation_is_told_to_memory_without_keys(parts):
         return replace(parts.fallback.plan(request), transcript=talk[:1])
 
     record = run(parts, Answering(talking))
-    ((story, _),) = told_of(record)
+    ((story, _),) = stories_of(record)
     assert "conversation with a language model" in story.transcript
     assert "a1B2a1B2" not in story.transcript
     long = replace(record, plan=replace(record.plan, transcript=talk))
-    ((story, _),) = told_of(long)
+    ((story, _),) = stories_of(long)
     assert len(story.transcript) < 15_000
-
-
-def agreeing(parts, planner, fallback=None):
-    return run(replace(parts, fallback=fallback or parts.fallback), planner, agreement=True)
-
-
-def unsure(parts, skill="pick"):
-    """A planner that plans as the parts' fallback does, and says that it is not sure."""
-    return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False, transcript=TALK)
-
-
-@pytest.mark.parametrize(("agreement", "asked"), [(None, False), (True, False), (False, True)])
-def test_a_planner_that_defers_is_asked_last_unless_told_otherwise(parts, agreement, asked):
-    planner = Answering(parts.fallback.plan)
-    planner.defers = True
-    record = run(parts, planner, agreement=agreement)
-    assert record.failure is None
-    assert bool(planner.requests) == asked
-
-
-def test_where_both_mean_the_same_the_planners_own_plan_is_taken(parts):
-    record = agreeing(parts, Answering(parts.fallback.plan), Answering(unsure(parts)))
-    assert (record.plan.fallback, record.failure) == ("", None)
-
-
-def test_where_the_fallback_is_sure_nobody_else_is_asked(parts):
-    planner = Answering()
-    record = agreeing(parts, planner)
-    assert (record.plan.fallback, record.plan.skill, record.failure) == ("skill", "pick", None)
-    assert not planner.requests
-    assert any("decided" in note for note in record.notes)
-
-
-@pytest.mark.parametrize(("kind", "who"), [("other", "skill"), ("nothing_matches", "")])
-def test_a_plan_that_is_not_sure_stands_where_the_planner_gives_way(parts, kind, who):
-    record = agreeing(parts, Answering(declined(kind)), Answering(unsure(parts)))
-    assert record.plan.fallback == who
-    assert (record.report is not None) == bool(who)
-    assert record.plan.transcript[: len(TALK)] == TALK
-
-
-@pytest.mark.parametrize(
-    ("kind", "moves"), [("nothing_matches", False), ("ambiguous", False), ("other", True)]
-)
-def test_a_refusal_for_good_decides_and_one_for_want_of_means_does_not(parts, kind, moves):
-    record = agreeing(parts, Answering(parts.fallback.plan), Answering(declined(kind), declined(kind)))
-    assert (record.report is not None) == moves
-    assert (record.failure is None) == moves
-    assert (record.plan.fallback == "skill") != moves
-
-
-def test_a_refusal_of_words_that_were_not_understood_leaves_the_plan(parts):
-    def unread(_):
-        return Plan(None, abstention=Abstention("nothing_matches", "Nothing is a carton.", unread=True))
-
-    record = agreeing(parts, Answering(parts.fallback.plan), Answering(unread, unread))
-    assert (record.plan.fallback, record.failure) == ("", None)
-
-
-def test_where_neither_is_sure_a_disagreement_moves_nothing(parts):
-    record = agreeing(parts, Answering(unsure(parts)), Answering(unsure(parts, "push")))
-    assert (record.failure.kind, record.report) == ("ambiguous", None)
-
-
-def test_a_fallback_that_cannot_agree_leaves_the_plan(parts):
-    record = agreeing(parts, Answering(parts.fallback.plan), Answering(ModelUnavailableError("nobody there")))
-    assert record.failure is None
-    assert any("nobody there" in note for note in record.notes)
