@@ -41,7 +41,9 @@ def build_components(
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()),
+        geometry=GeometryComponents(
+            **{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()
+        ),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
