@@ -12,7 +12,7 @@ from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
 from gvla2.plugins.registry import Registry, nothing_in
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:

@@ -11,7 +11,7 @@ from typing import Any
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 WORLDS = ("plain", "learnable")
 SANDBOXES = ("bubblewrap", "docker")
