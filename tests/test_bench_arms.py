@@ -103,7 +103,7 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
     from gvla2.commands.bench import main
 
     assert main(["perception", "arms=[off]", "--cfg", "job"]) == 1
-    assert "No option 'arms'" in capsys.readouterr().err
+    assert "Key 'arms' not in 'PerceptionBench'" in capsys.readouterr().err
     assert main(["robt"]) == 1
     assert "Did you mean 'robot'" in capsys.readouterr().err
 

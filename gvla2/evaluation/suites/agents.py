@@ -19,10 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gvla2.agents.contracts import AgentTask
-from gvla2.agents.sandbox import EnvironmentFailedError, SandboxLimits, bubblewrap
-from gvla2.agents.solving import Attempt, TestedSandbox, attempt
-from gvla2.agents.task_folder import read_tasks
+from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, TestedSandbox
+from gvla2.agents.folders import read_tasks
+from gvla2.agents.sandbox import SandboxLimits, bubblewrap, docker
+from gvla2.agents.solving import Attempt, attempt
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import BenchArm, chosen_arms, chosen_memory, has_bank
@@ -208,11 +208,7 @@ def _digest_of(task: AgentTask) -> str:
 def _sandbox(config: AgentsBench, task: AgentTask) -> AbstractContextManager[TestedSandbox]:
     agents = config.agents
     limits = SandboxLimits(agents.disk_mb, agents.memory_mb, agents.output)
-    if agents.sandbox == "docker":
-        from gvla2.agents.docker_sandbox import docker
-
-        return docker(task, limits=limits)
-    return bubblewrap(task, limits=limits)
+    return (docker if agents.sandbox == "docker" else bubblewrap)(task, limits=limits)
 
 
 def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
@@ -232,7 +228,7 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     registry.build_all(root, ("agent", "verifier", "memory"), built)
     language, memory, verifier = built.get("language"), built["memory"], built["verifier"]
     ledger = Ledger() if language is None else language.ledger
-    tests_told = getattr(unit.config.verifier, "name", "") == "exit_status"
+    show_tests = getattr(unit.config.verifier, "name", "") == "exit_status"
     with closing(memory):
         for place in range(unit.done, len(unit.tasks)):
             task, before = unit.tasks[place], ledger.totals()
@@ -247,9 +243,9 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
                         memory,
                         verifier,
                         source=row,
-                        tests_told=tests_told,
+                        show_tests=show_tests,
                         seed=unit.seed,
-                        tell=partial(_progress, unit, row),
+                        report=partial(_progress, unit, row),
                     )
             except EnvironmentFailedError as error:
                 status = f"not measured: {error}"

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any, Literal
 
-from gvla2.agents.trajectories import Trial, read_trials
+from gvla2.agents.folders import Trial, read_trials
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import BenchArm, chosen_memory
 from gvla2.evaluation.components import configured
@@ -30,7 +30,7 @@ from gvla2.plugins.registry import Registry
 
 VERSION = 1
 MEASURING_CODE = (
-    "gvla2.agents.trajectories",
+    "gvla2.agents.folders",
     "gvla2.evaluation.suites.trajectories",
     "gvla2.memory",
     "gvla2.language",
