@@ -15,6 +15,7 @@ from gvla2.geometry.view_archive import write_views
 from gvla2.geometry.views import Views
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
@@ -29,6 +30,13 @@ def composed(*overrides: str) -> ReconstructConfig:
         config = OmegaConf.to_object(compose("reconstruct", overrides=list(overrides)))
     assert isinstance(config, ReconstructConfig)
     return config
+
+
+@pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
+def test_the_branch_is_one_group_of_three_commands(command: str):
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        chosen = OmegaConf.to_object(compose(command, overrides=["branch=official", "branch.axis=false"]))
+    assert chosen.branch == BranchOptions(mode="paper", compat="official", axis=False)
 
 
 @pytest.mark.parametrize(

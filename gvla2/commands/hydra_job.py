@@ -24,7 +24,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, SCHEMAS, VERSION_BASE
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
@@ -90,7 +90,8 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(command)
     if {"-h", "--help"} & set(argv):
-        print_help(command, registry)
+        suite = next((word.removeprefix("suite=") for word in argv if word.startswith("suite=")), "")
+        print_help(command, registry, suite)
         return 0
     task = HydraTask(function, registry)
     try:
@@ -112,15 +113,17 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
     return 0
 
 
-def print_help(command: str, registry: Registry) -> None:
-    """The options of a command with types and defaults, and the components it chooses (Hydra's help takes 15 times)."""
+def print_help(command: str, registry: Registry, suite: str = "") -> None:
+    """Print the options of a command, or of a suite of ``bench``, and the components to choose (Hydra's is slow)."""
     from gvla2.commands.plugins import options
     from gvla2.commands.tables import console, row, table
 
-    schema, out = PRIMARY[command], console()
-    file: Any = OmegaConf.create((files(CONFIG_MODULE) / f"{command}.yaml").read_text(encoding="utf-8"))
+    schema, out = SCHEMAS[f"suite_schema/{suite}" if suite else command], console()
+    folder = files(CONFIG_MODULE)
+    file: Any = OmegaConf.create((folder / f"{command}.yaml").read_text(encoding="utf-8"))
+    chosen: Any = OmegaConf.create((folder / "suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
     defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
-    for entry in file.defaults:
+    for entry in chosen.defaults:
         defaults |= entry if isinstance(entry, DictConfig) else {}
     out.print(f"{file.hydra.help.header}\n\n{inspect.getdoc(schema)}", markup=False)
     listing = table("option", "type", "default")
@@ -177,7 +180,8 @@ def _register(command: str) -> Registry:
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
     groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(groups)
-    register(registry, {command: schema}, groups)
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite_schema/")}
+    register(registry, {command: schema, **(suites if command == "bench" else {})}, groups)
     return registry
 
 

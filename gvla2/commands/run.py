@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from inspect import unwrap
@@ -18,9 +18,11 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
+from gvla2.evaluation.config import ResultsConfig
+from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
-from gvla2.plugins.kinds import NONE
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count, printable
 from gvla2.robot.options import DepthNoise
 
@@ -39,20 +41,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 _OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
 """Options of a run that each of its episodes has."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
-
-
-@dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures existing results again."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
 
 
 @dataclass
@@ -63,8 +55,9 @@ class RunConfig(EveryKind):
     ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot observes and
     plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an answer after
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the means,
-    ``fallback`` plans, another planner or none. A program of several plans is carried out in at most ``max_parts``. A
-    sweep puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
+    ``fallback`` plans, another planner or none. A program of several plans is carried out in at most ``max_parts``.
+    ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is chosen. A sweep
+    puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -75,6 +68,7 @@ class RunConfig(EveryKind):
     planner_timeout: float = 60.0
     max_parts: int = 6
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    branch: BranchOptions = field(default_factory=BranchOptions)
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
@@ -192,7 +186,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     records: list[EpisodeRecord] = []
     with ExitStack() as stack:
-        components = build_components(config, registry)
+        components = build_components(config, registry, branch=config.branch)
         stack.enter_context(closing(components.robot))
         stack.enter_context(closing(components.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -263,44 +257,6 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
         return f"memory {options.name}, bank '{options.bank}': {error}"
     url = getattr(memory, "url", options.url)
     return f"memory {options.name}, bank '{options.bank}' of {url}: {count(held, 'lesson')}"
-
-
-def build_components(
-    config: object, registry: Registry, choices: Mapping[str, str] | None = None
-) -> Components:
-    """All components that the configuration chose; the caller closes the robot and the memory.
-
-    ``choices`` are their names in the record, by default their names by group.
-    """
-    from gvla2.episode.loop import Components
-    from gvla2.episode.refine import GeometryComponents
-
-    _check_camera(config, registry)
-    built: dict[str, Any] = {}
-    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
-    if choices is None:
-        chosen = [group for group in registry.groups if group != "language" or group in built]
-        choices = {kind: getattr(config, kind).name for kind in chosen}
-    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Components(
-        **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}),
-        choices=choices,
-        skills=registry.skills,
-        language=built.get("language"),
-        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
-    )
-
-
-def _check_camera(config: object, registry: Registry) -> None:
-    """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
-    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
-    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if camera not in ("", NONE) and robot not in takers:
-        raise ConfigurationError(
-            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
-            f"{', '.join(takers) or 'none is installed'}."
-        )
 
 
 def crashed_component(components: Components, error: BaseException) -> str:
