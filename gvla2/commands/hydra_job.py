@@ -124,7 +124,9 @@ def print_help(command: str, registry: Registry, suite: str = "") -> None:
     chosen: Any = OmegaConf.create((folder / "suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
     defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
     for entry in chosen.defaults:
-        defaults |= entry if isinstance(entry, DictConfig) else {}
+        defaults |= (
+            {key.lstrip("/"): name for key, name in entry.items()} if isinstance(entry, DictConfig) else {}
+        )
     out.print(f"{file.hydra.help.header}\n\n{inspect.getdoc(schema)}", markup=False)
     listing = table("option", "type", "default")
     for option in options(schema):

@@ -175,6 +175,8 @@ def _reconstruct(
     steps.progress.say(f"-> {page}")
     return record
 
+
+def _checked(made: Reconstruction | None, config: ReconstructConfig, registry: Registry) -> Reconstruction:
     name = config.reconstructor.name
     if made is None:
         others = ", ".join(other for other in registry.components("reconstructor") if other != "none")
@@ -318,7 +320,7 @@ def _gso_model(folder: Path) -> Path | None:
 
 def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:
     """The true mesh in the views' frame; a GSO-30 tree brings its own, scaled and turned as its views were."""
-    from gvla2.evaluation.gso_truth import true_mesh
+    from gvla2.evaluation.datasets import true_mesh
     from gvla2.geometry.mesh_files import read_mesh
     from gvla2.reconstruction.support import mask_support
 
