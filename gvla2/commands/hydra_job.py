@@ -123,7 +123,8 @@ def print_help(command: str, registry: Registry, suite: str = "") -> None:
     file: Any = OmegaConf.create((folder / f"{command}.yaml").read_text(encoding="utf-8"))
     chosen: Any = OmegaConf.create((folder / "suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
     defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
-    for entry in OmegaConf.to_container(chosen.defaults):
+    entries: Any = OmegaConf.to_container(chosen.defaults)
+    for entry in entries:
         if isinstance(entry, dict):
             defaults |= {str(key).lstrip("/"): name for key, name in entry.items()}
     out.print(f"{file.hydra.help.header}\n\n{inspect.getdoc(schema)}", markup=False)
