@@ -20,7 +20,7 @@ from gvla2.geometry.views import Views
 from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.reconstruction.branch import BranchOptions, BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.reconstruction.things import points_of
+from gvla2.reconstruction.objects import points_of
 from gvla2.record import reconstruction_pictures
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import Measures

@@ -18,10 +18,10 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.objects import outlined
 from gvla2.reconstruction.silhouette import silhouettes
 from gvla2.reconstruction.support import mask_of, mask_support
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.things import outlined
 
 Floats = NDArray[np.float32]
 
