@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.evaluation import metrics
-from gvla2.evaluation.judge import ReconstructionJudge
+from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.reconstruction.objects import outlined
 from gvla2.reconstruction.silhouette import silhouettes
 from gvla2.reconstruction.support import mask_of, mask_support
 from gvla2.reconstruction.surfels import surfels
+from gvla2.reconstruction.things import outlined
 
 Floats = NDArray[np.float32]
 
