@@ -5,6 +5,8 @@ that fit (leftmost, largest), or a material, which nobody sees. A name that perc
 look like colours or shapes; everyday words for shapes come last, and only for objects that are named by their shape.
 """
 
+# ruff: noqa: SIM905 - word lists read best as words
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -19,48 +21,44 @@ from gvla2.planning.selecting import extreme
 from gvla2.skills.parts import root_of
 from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
 
-_BLOCK = "block cube box brick"
-_VESSEL = "cylinder can tin"
-_PATCH = "square patch circle target"
-SHAPES: dict[str, str] = {
-    **dict.fromkeys(_BLOCK.split(), _BLOCK),
-    **dict.fromkeys(["can", "tin", "cylinder"], _VESSEL),
-    **dict.fromkeys(["target", "patch", "spot", "area", "zone", "marker", "mark", "pad", "goal"], _PATCH),
-    "square": "square patch", "mat": "square patch", "disc": "disc circle", "dot": "circle", "mug": "cup",
-    **dict.fromkeys(["peg", "pillar", "post", "pole", "column"], "post pillar"), "hoop": "ring", "frame": "ring",
-    **dict.fromkeys(["bin", "basket", "container", "crate", "tray"], "bin tray box container basket"),
-    **dict.fromkeys(["holder", "rack", "pot"], "stand block"), **dict.fromkeys(["stack", "pile"], "tower"),
-    **dict.fromkeys(["cap", "top", "cover", "stopper", "cork", "lid", "flap"], "lid cap"),
-    "board": "board plate", "lamp": "lamp base", "light": "lamp base", "flask": "bottle", "cupboard": "cabinet",
-    "switch": "button", "layer": "drawer", "parasol": "umbrella", "brolly": "umbrella", "grip": "handle",
+_LOOKS = {
+    "cube brick box block": "block cube box brick",
+    "cylinder can tin": "can tin cylinder",
+    "square patch circle target": "target patch spot area zone marker mark pad goal",
+    "square patch": "square mat", "circle": "disc dot", "cup": "mug", "post pillar": "peg pillar post pole column",
+    "ring": "hoop frame", "bin tray box container basket": "bin basket container crate tray",
+    "stand block": "holder rack pot", "tower": "stack pile", "lid cap": "cap top cover stopper cork lid flap",
+    "plate board": "board", "base lamp": "lamp light", "bottle": "flask", "cabinet": "cupboard",
+    "button": "switch", "drawer": "layer", "umbrella": "parasol brolly", "handle": "grip",
 }  # fmt: skip
+SHAPES = {word: frozenset(kinds.split()) for kinds, words in _LOOKS.items() for word in words.split()}
 """Everyday nouns, and the last words of the labels that perception by shape gives such objects."""
+_WINE = ("green", "maroon", "red", "black", "olive", "purple")
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "mustard bottle": ("bottle", ("yellow",)), "mustard": ("bottle", ("yellow",)),
-    "wine bottle": ("bottle", ("green", "maroon", "red", "black", "olive", "purple")),
-    "wine": ("bottle", ("green", "maroon", "red", "black", "olive", "purple")), "spray bottle": ("bottle", ()),
-    "jenga block": ("brick", ()), "jenga brick": ("brick", ()), "jenga tower": ("tower", ()), "square ring": ("ring", ()),
-    "umbrella stand": ("stand", ()), "chopping board": ("plate", ()), "cutting board": ("plate", ()),
+    **dict.fromkeys(["mustard", "mustard bottle"], ("bottle", ("yellow",))),
+    **dict.fromkeys(["wine", "wine bottle"], ("bottle", _WINE)),
+    **dict.fromkeys(["jenga block", "jenga brick"], ("brick", ())),
+    **dict.fromkeys(["chopping board", "cutting board"], ("plate", ())),
+    "spray bottle": ("bottle", ()), "jenga tower": ("tower", ()), "square ring": ("ring", ()),
+    "umbrella stand": ("stand", ()),
 }  # fmt: skip
 """Nouns whose kind shape does not show, what such objects look like, and their colours (any if none is given)."""
 ANYTHING = frozenset(("object", "thing", "item", "piece", "one"))
-MATERIALS = frozenset(
-    ("wooden", "wood", "plastic", "metal", "metallic", "steel", "glass", "ceramic", "cardboard", "rubber")
-)
-LOOSE = frozenset(("protruding", "loose", "upright", "standing", "whole", "painted", "coloured", "colored"))
-"""Adjectives that tell nothing apart that perception sees."""
-EXTREMES = {
-    "left": "left", "leftmost": "left", "right": "right", "rightmost": "right", "middle": "middle", "center": "middle",
-    "centre": "middle", "central": "middle", "nearest": "near", "closest": "near", "near": "near", "front": "near",
-    "farthest": "far", "furthest": "far", "back": "far", "rear": "far", "far": "far", "biggest": "big", "largest": "big",
-    "big": "big", "large": "big", "bigger": "big", "larger": "big", "smallest": "small", "small": "small", "little": "small",
-    "smaller": "small", "tallest": "tall", "tall": "tall", "taller": "tall", "shortest": "short", "short": "short",
-    "top": "top", "upper": "top", "topmost": "top", "bottom": "bottom", "lower": "bottom", "lowest": "bottom",
+MATERIALS = frozenset("wooden wood plastic metal metallic steel glass ceramic cardboard rubber".split())
+LOOSE = frozenset("protruding loose upright standing whole painted coloured colored other".split())
+"""Adjectives that tell nothing apart that perception sees, and "other", which is told by what was named before."""
+_EXTREMES = {
+    "left": "left leftmost", "right": "right rightmost", "middle": "middle center centre central",
+    "near": "nearest closest near front", "far": "farthest furthest far back rear",
+    "big": "biggest largest big large bigger larger", "small": "smallest small little smaller",
+    "tall": "tallest tall taller", "short": "shortest short shorter",
+    "top": "top upper topmost", "bottom": "bottom lower lowest",
 }  # fmt: skip
+EXTREMES = {word: by for by, words in _EXTREMES.items() for word in words.split()}
 """Adjectives that single one out, as :func:`gvla2.planning.selecting.extreme` calls them, or by height."""
-SIDES = frozenset(("top", "middle", "center", "centre", "front", "side", "edge", "rim"))
+SIDES = frozenset("top middle center centre front side edge rim".split())
 """Heads of phrases that mean their owner: "the top of the cabinet"."""
-HOLDERS = frozenset(("stand", "holder", "tower", "stack", "block", "rack", "pile", "pot", "vase"))
+HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
 """What something may be taken out of although perception has another name for it, or none."""
 TABLE = frozenset(("table", "tabletop", "desk", "ground", "floor", "counter"))
 CLOSE, BESIDE = 0.012, 0.25
@@ -183,7 +181,7 @@ def _heads(words: Sequence[str], thing: SceneObject, level: int) -> int:
     if thing.named_by:
         return 0
     if level == 1:
-        alike = {k for head in heads for k in SHAPES.get(head, "").split()}
+        alike = {kind for head in heads for kind in SHAPES.get(head, ())}
         whole = thing.shape != "region" and not thing.parent
         return int(label[-1] in alike or bool(heads & ANYTHING and whole))
     for width in (2, 1):
@@ -213,7 +211,7 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
 def _true(mods: Sequence[str], thing: SceneObject) -> tuple[str, ...] | None:
     """The adjectives that are a colour, if all others are true of an object; None if one is not."""
     label = _label(thing)
-    rest = [w for w in mods if w not in label and w not in LOOSE and w != "other"]
+    rest = [w for w in mods if w not in label and w not in LOOSE]
     other_material = MATERIALS & set(label)
     rest = [w for w in rest if w not in MATERIALS or other_material]
     rest = [w for w in rest if w not in EXTREMES]
@@ -229,7 +227,7 @@ def _true(mods: Sequence[str], thing: SceneObject) -> tuple[str, ...] | None:
 def _coloured(
     fits: Sequence[tuple[SceneObject, tuple[str, ...]]], scene_objects: Sequence[SceneObject]
 ) -> list[SceneObject]:
-    """Those of the colour that is said, if one is: their own, else one that lies between two words, else their whole's."""
+    """Those of the colour that is said, if one is: their own, else one between two words, else their whole's."""
     plain = [o for o, rest in fits if not rest]
     if plain or not fits:
         return plain

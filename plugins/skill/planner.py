@@ -1,4 +1,4 @@
-"""The planner: a sentence's readings, grounded in the scene, become skill calls; what a call means, the core decides."""
+"""The planner: a sentence's readings, grounded in the scene, become skill calls."""
 
 from __future__ import annotations
 

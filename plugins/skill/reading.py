@@ -20,40 +20,47 @@ from lark.visitors import CollapseAmbiguities
 from gvla2.planning.calls import WAYS
 
 Number = Literal["the", "any", "all", "it"]
-VERBS = ("TAKE", "PUT", "PUSH", "SLIDE", "PULL", "SWING", "OPEN", "CLOSE", "TWIST", "PRESS", "TURN", "SORT")
 LONGEST = 300
 """Characters of a sentence that is read at most; the number of readings grows with its length."""
 GOALS = re.compile(r"on ?to|over|around|in ?to|over to|towards?|to|against|(?:to|onto) .*")
 """Wordings of relations that always say where something goes, never where it is."""
 UNITS = {"mm": 0.001, "millim": 0.001, "cm": 0.01, "centim": 0.01, "m": 1.0, "met": 1.0, "inch": 0.0254}
 """Beginnings of length units, in metres; the longest that fits counts."""
-WORKED = {
-    "TAKE": "pick", "PUT": "place", "PUSH": "push", "SLIDE": "push", "PULL": "pull", "OPEN": "open", "CLOSE": "close",
-    "TWIST": "twist", "PRESS": "press", "SORT": "place",
-}  # fmt: skip
-"""Verb class to the skill that it asks for by itself."""
-PARTICLES = {
-    "TAKE": {"up", "out", "off", "high", "up high", "into the air", "up into the air", "in the air", "up to the target height"},
-    "PUT": {"down", "over", "in", "inside"}, "PUSH": {"over", "down", "in"}, "SLIDE": {"out", "over"},
-    "PULL": {"out", "up", "off"}, "SWING": {"over", "down", "up", "back"}, "OPEN": {"up"}, "CLOSE": set(),
-    "TWIST": {"off"}, "PRESS": {"down", "in", "on"}, "TURN": {"on", "off"}, "SORT": set(),
-}  # fmt: skip
-"""Particles that a verb may have without meaning something else."""
-STATES = {"TAKE", "PUSH", "SLIDE", "PULL", "SWING", "OPEN", "CLOSE"}
-"""Verbs that may be followed by the state that they lead to: "swing the lid open"."""
-MEANS = {
-    ("place", "push"): "push", ("pick", "push"): "push", ("press", "press"): "press", ("open", "twist"): "open",
-    ("open", "pull"): "open", ("open", "pick"): "open", ("open", "swing"): "open", ("close", "push"): "close",
-    ("close", "swing"): "close", ("twist", "turn"): "twist", ("open", "turn"): "open", ("pull", "pull"): "pull",
-    ("pick", "pull"): "pull", ("push", "push"): "push", ("close", "close"): "close", ("open", "open"): "open",
-}  # fmt: skip
-"""What is asked for, and by what it is to be done: the skill; any other pair is not understood."""
+_UP = frozenset(
+    ("up", "high", "up high", "into the air", "up into the air", "in the air", "up to the target height")
+)
+VERBS: dict[str, tuple[str, frozenset[str]]] = {
+    "TAKE": ("pick", _UP | {"out", "off"}),
+    "PUT": ("place", frozenset(("down", "over", "in", "inside"))),
+    "PUSH": ("push", frozenset(("over", "down", "in"))),
+    "SLIDE": ("push", frozenset(("out", "over"))),
+    "PULL": ("pull", frozenset(("out", "up", "off"))),
+    "SWING": ("", frozenset(("over", "down", "up", "back"))),
+    "OPEN": ("open", frozenset(("up",))),
+    "CLOSE": ("close", frozenset()),
+    "TWIST": ("twist", frozenset(("off",))),
+    "PRESS": ("press", frozenset(("down", "in", "on"))),
+    "TURN": ("", frozenset(("on", "off"))),
+    "SORT": ("place", frozenset()),
+}
+"""Verb classes of the grammar: the skill that each asks for by itself, and particles that it may have."""
+STATES = ("TAKE", "PUSH", "SLIDE", "PULL", "SWING", "OPEN", "CLOSE")
+"""Verb classes that may be followed by the state that they lead to: "swing the lid open"."""
 GERUNDS = {
-    "push": "push", "shov": "push", "nudg": "push", "slid": "push", "press": "press", "twist": "twist", "unscrew": "twist",
-    "turn": "turn", "lift": "pick", "rais": "pick", "pick": "pick", "grab": "pick", "hold": "pick", "pull": "pull",
-    "draw": "pull", "swing": "swing", "open": "open", "clos": "close",
+    "push": ("push", "shov", "nudg", "slid"),
+    "press": ("press",),
+    "twist": ("twist", "unscrew", "turn"),
+    "pick": ("lift", "rais", "pick", "grab", "hold"),
+    "pull": ("pull", "draw"),
+    "swing": ("swing", "open", "clos"),
+}
+"""How the words on -ing begin that say by what something is done; all others name mishaps."""
+MEANS = {
+    "push": ("push",), "place": ("push",), "pick": ("pull", "pick"), "pull": ("pull",), "press": ("push", "press"),
+    "open": ("twist", "pull", "pick", "swing"), "close": ("push", "swing"), "twist": ("twist",),
 }  # fmt: skip
-HOLDS = frozenset("handle rim grip edge lip side top knob neck shaft end body".split())  # noqa: SIM905
+"""What each skill may be said to be done by; placing by pushing is pushing."""
+HOLDS = ("handle", "rim", "grip", "edge", "lip", "side", "top", "knob", "neck", "shaft", "end", "body")
 """Where something may be said to be held."""
 
 
@@ -250,21 +257,17 @@ class _Reader(Transformer[Token, Any]):
         return Place("matching", (), True)
 
     def at(self, children: list[Any]) -> Where:
-        if children[0].goal or children[0].relation == "from":
+        *denied, place = children
+        if place.goal or place.relation == "from":
             raise UnreadableError("it says where something goes or comes from, not where it is")
-        return Where(children[0])
+        return Where(place, denied=bool(denied))
+
+    def being(self, children: list[Any]) -> Where:
+        *denied, words = children
+        return Where(words=words, denied=bool(denied))
 
     def from_you(self, tokens: list[Token]) -> Where:
         return Where(words=(tokens[0].split()[0],))
-
-    def not_at(self, children: list[Any]) -> Where:
-        return replace(self.at(children[1:]), denied=True)
-
-    def being(self, children: list[Any]) -> Where:
-        return Where(words=children[0])
-
-    def not_being(self, children: list[Any]) -> Where:
-        return Where(words=children[1], denied=True)
 
     def having(self, children: list[Any]) -> Where:
         return Where(having=children[-1])
@@ -303,8 +306,8 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
     if verb == "PUT" and particles & {"in", "inside"}:
         goals.append(Place("in", (ITS,), True))
     states = [str(c) for c in _of(adverbs, "state") if isinstance(c, Token)]
-    strange = particles - PARTICLES[verb]
-    skill = _skill(verb, themes, particles, states, goals, bool(origins))
+    strange = particles - VERBS[verb][1]
+    skill = _skill(verb, themes, particles, states, goals, origins)
     away = bool(origins) and not goals and verb in ("PUT", "PUSH")
     if strange or not skill or len(goals) > 1 or away:
         said = ", ".join([*sorted(strange), *(p.nouns[0].text for p in places if p.nouns)]) or verb.lower()
@@ -343,68 +346,64 @@ def _of(adverbs: Sequence[Tree[Any]], rule: str) -> Iterator[Any]:
 
 def _skill(
     verb: str,
-    themes: tuple[Noun, ...],
+    themes: Sequence[Noun],
     particles: set[str],
-    states: Sequence[str],
-    goals: Sequence[Place],
-    taken: bool,
+    states: Sequence[str] = (),
+    goals: Sequence[Place] = (),
+    origins: Sequence[Place] = (),
 ) -> str:
     """The skill that a verb with its particles, states and places asks for; "" where that is none."""
+    moves = bool(goals) and all(place.goal for place in goals)
+    heads = {noun.words[-1] for noun in themes if noun.words}
     if states:
         return ("open" if states[0] == "open" else "close") if verb in STATES else ""
-    if verb == "TURN":
-        return {frozenset({"on"}): "press", frozenset({"off"}): "turn off"}.get(frozenset(particles), "")
-    if verb == "SWING":
-        ways = particles & {"over", "down"}, particles & {"up", "back"}
-        return "close" if ways[0] and not ways[1] else "open" if ways[1] and not ways[0] else ""
-    moves = bool(goals) and all(p.goal for p in goals)
-    heads = {noun.words[-1] for noun in themes if noun.words}
-    if verb == "PUSH" and heads & {"button", "switch", "pushbutton"}:
-        return "press"
-    if verb == "PUSH" and "down" in particles:
-        return "close" if heads & {"lid", "flap"} else ""
-    if verb == "SLIDE" and ("out" in particles or taken):
-        return "place" if moves else "pull"
-    if verb in ("TAKE", "PULL") and goals:
-        return "place" if moves else ""
-    return WORKED[verb]
+    match verb:
+        case "TURN":
+            return {"on": "press", "off": "turn off"}.get(" ".join(particles), "")
+        case "SWING":
+            ways = {w in ("over", "down") for w in particles}
+            return "" if len(ways) != 1 else "close" if ways == {True} else "open"
+        case "PUSH" if heads & {"button", "switch", "pushbutton"}:
+            return "press"
+        case "PUSH" if "down" in particles:
+            return "close" if heads & {"lid", "flap"} else ""
+        case "SLIDE" if "out" in particles or origins:
+            return "place" if moves else "pull"
+        case "TAKE" | "PULL" if goals:
+            return "place" if moves else ""
+    return VERBS[verb][0]
 
 
 def _by_means(command: Command, how: Sequence[Any]) -> Command:
     """The command with what it is done by ("by pushing it"), or what it is for ("to switch the lamp on")."""
     verb, noun = how[0], next(c for c in how if isinstance(c, Noun))
-    particles = {str(c) for c in how[1:] if isinstance(c, Token)}
     if verb.type != "DOING":  # for
-        purpose = _skill(verb.type, (noun,), particles, (), (), False)
-        if purpose != command.skill or purpose not in ("press", "open", "close"):
-            raise UnreadableError(f"what it is for, '{verb} {noun.text}', cannot be read")
-        return replace(command, present=(*command.present, noun))
-    by = next(skill for stem, skill in GERUNDS.items() if verb.startswith(stem)) if _acts(verb) else ""
-    skill = MEANS.get((command.skill, by), "")
-    if by == "push" and command.skill == "press" and noun.words:
-        skill = "press"
-    if not skill:
+        particles = {str(c) for c in how[1:] if isinstance(c, Token)}
+        if command.skill in ("press", "open", "close") and command.skill == _skill(
+            verb.type, (noun,), particles
+        ):
+            return replace(command, present=(*command.present, noun))
+        raise UnreadableError(f"what it is for, '{verb} {noun.text}', cannot be read")
+    if _done_by(verb) not in MEANS[command.skill]:
         raise UnreadableError(f"'by {verb} {noun.text}' cannot be read")
-    if skill == "press" and noun.words:
+    if command.skill == "press" and noun.words:  # the button
         return replace(command, themes=(noun,), present=(*command.present, *command.themes))
+    skill = "push" if command.skill == "place" else command.skill
     return replace(command, skill=skill, present=(*command.present, noun))
 
 
-def _acts(verb: str) -> bool:
-    return any(verb.startswith(stem) for stem in GERUNDS)
+def _done_by(verb: str) -> str:
+    return next((skill for skill, stems in GERUNDS.items() if verb.startswith(stems)), "")
 
 
 def _sparing(command: Command, how: Sequence[Any]) -> Command:
     """The command with what is not to happen: what no motion does anyway, or lifting what is pushed."""
     verb, noun = str(how[0]), next(c for c in how if isinstance(c, Noun))
-    itself = not noun.words
-    if _acts(verb):
-        lifts = any(verb.startswith(s) and GERUNDS[s] == "pick" for s in GERUNDS)
-        if lifts and itself and command.skill in ("push", "place"):
-            return replace(command, skill="push")
-        raise UnreadableError(f"'without {verb} {noun.text}' cannot be read")
-    if itself and verb.startswith(("touch", "mov", "hit", "bump", "disturb")):
-        raise UnreadableError(f"'without {verb} {noun.text}' rules out what is asked for")
+    itself, by = not noun.words, _done_by(verb)
+    if by == "pick" and itself and command.skill in ("push", "place"):
+        return replace(command, skill="push")
+    if by or (itself and verb.startswith(("touch", "mov", "hit", "bump", "disturb"))):
+        raise UnreadableError(f"'without {verb} {noun.text}' cannot be read, or rules out what is asked for")
     return command if itself else replace(command, spared=(*command.spared, noun))
 
 

@@ -191,10 +191,10 @@ def seen(task: str, colour: str, other: str, target: str) -> Scene:
 
 
 SKILLS = {
-    "put_block": {"place"}, "push_block": {"push"}, "play_jenga": {"draw"}, "open_jar": {"twist"}, "close_box": {"close"},
-    "open_box": {"open"}, "pickup_cup": {"pick"}, "take_umbrella": {"pick"}, "sort_mustard": {"place"},
-    "open_wine": {"twist"}, "lamp_on": {"press"}, "put_knife": {"place"}, "pick_and_lift": {"pick"},
-    "insert_block": {"insert"}, "move_spray_bottle": {"place"}, "open_drawer": {"pull"}, "sort_object": {"place"},
+    "put_block": "place", "push_block": "push", "play_jenga": "draw", "open_jar": "twist", "close_box": "close",
+    "open_box": "open", "pickup_cup": "pick", "take_umbrella": "pick", "sort_mustard": "place", "open_wine": "twist",
+    "lamp_on": "press", "put_knife": "place", "pick_and_lift": "pick", "insert_block": "insert",
+    "move_spray_bottle": "place", "open_drawer": "pull", "sort_object": "place",
 }  # fmt: skip
 
 
@@ -217,7 +217,7 @@ def test_every_wording_of_every_task_is_read_in_all_colours(task):
         part = first_part(found.calls, where)
         what = [meant(call, where) for call in part.calls]
         assert all(isinstance(w, Meant) for w in what), (sentence, what)
-        assert {w.skill for w in what if isinstance(w, Meant)} == SKILLS[task], (sentence, what)
+        assert {w.skill for w in what if isinstance(w, Meant)} == {SKILLS[task]}, (sentence, what)
         named = {i for w in what if isinstance(w, Meant) for i in where.family(w.theme.id) | {w.theme.parent}}
         if task not in ("sort_object", "close_box"):
             assert not named & {"b", "b_lid", "p"}, (sentence, what)
@@ -278,8 +278,8 @@ LAMP = scene(
         ("could you please lift the cube between the blue cube and the lime cube?", CUBES, ["pick(m)"]),
         ("put the blue cube between the maroon and the lime cube", CUBES, None),
         ("put the blue cube between the maroon cube and the lime cube", CUBES, ["place(b, (0.300, 0.225) m)"]),
-        ("put the blue cube on the lime one, then put the maroon cube on it", CUBES, ["place(b, l, on)", "place(m, b, on)"]),
-        ("put the green box in the tray, then put the mustard in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
+        ("put the blue cube on the lime one, the maroon cube on it", CUBES, ["place(b, l, on)", "place(m, b, on)"]),
+        ("put the box in the tray, then put the mustard in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("put everything except the knife block in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("put both the green box and the yellow bottle in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("put the box in the tray and the bottle on the knife block", TRAY, ["place(g, t, in)", "place(y, k, on)"]),
