@@ -9,7 +9,7 @@ look like colours or shapes; everyday words for shapes come last, and only for o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -331,22 +331,30 @@ def _over(one: SceneObject, other: SceneObject) -> bool:
 
 
 def _at(thing: SceneObject, relation: str, marks: Sequence[SceneObject]) -> bool:
-    """Whether an object is in the relation to any of the marks; x is behind, y to the left, as the robot sees it."""
-    tests: dict[str, Callable[[SceneObject], bool]] = {
-        "on": lambda m: _over(thing, m) and thing.bottom > m.top - 2 * CLOSE,
-        "in": lambda m: thing.parent == m.id or (_over(thing, m) and thing.bottom < m.top - CLOSE),
-        "under": lambda m: _over(m, thing) and thing.top < m.bottom + CLOSE,
-        "from": lambda m: (
-            thing.parent == m.id or _over(thing, m) or bool((m.distances(thing.corners()) == 0.0).any())
-        ),
-        "beside": lambda m: _gap(thing, m) < BESIDE + 0.5 * float(m.extents[:2].max()),
-        "left_of": lambda m: (thing.centre - m.centre)[1] > 0.01,
-        "right_of": lambda m: (thing.centre - m.centre)[1] < -0.01,
-        "behind": lambda m: (thing.centre - m.centre)[0] > 0.01,
-        "front_of": lambda m: (thing.centre - m.centre)[0] < -0.01,
-    }
-    holds = tests.get(relation, lambda m: True)
-    return any(bool(holds(m)) for m in marks if m is not thing)
+    """Whether an object is in the relation to any of the marks."""
+    return any(_holds(thing, relation, mark) for mark in marks if mark is not thing)
+
+
+def _holds(thing: SceneObject, relation: str, at: SceneObject) -> bool:
+    """The relation to one mark; x is behind, y to the left, as the robot sees it."""
+    ahead, left = (thing.centre - at.centre)[:2]
+    match relation:
+        case "on":
+            return _over(thing, at) and thing.bottom > at.top - 2 * CLOSE
+        case "in":
+            return thing.parent == at.id or (_over(thing, at) and thing.bottom < at.top - CLOSE)
+        case "under":
+            return _over(at, thing) and thing.top < at.bottom + CLOSE
+        case "from":
+            touches = bool((at.distances(thing.corners()) == 0.0).any())
+            return thing.parent == at.id or _over(thing, at) or touches
+        case "beside":
+            return _gap(thing, at) < BESIDE + 0.5 * float(at.extents[:2].max())
+        case "left_of" | "right_of":
+            return bool((left if relation == "left_of" else -left) > CLOSE)
+        case "behind" | "front_of":
+            return bool((ahead if relation == "behind" else -ahead) > CLOSE)
+    return True  # nearest, farthest: a matter of degree
 
 
 def _between(thing: SceneObject, one: SceneObject, other: SceneObject) -> bool:

@@ -67,7 +67,7 @@ def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
         except UngroundedError as error:
             refused.append(error.abstention)
     if len(grounded) == 1:
-        return SentenceReading(*grounded.values())
+        return SentenceReading(next(iter(grounded.values())))
     if grounded:
         message = f"The instruction may mean {' or '.join(list(grounded)[:3])}; say it in another way."
         return Abstention("ambiguous", message)

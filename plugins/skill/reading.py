@@ -224,10 +224,10 @@ class _Reader(Transformer[Token, Any]):
 
     @v_args(meta=True)
     def named(self, meta: Any, children: list[Any]) -> Noun:
-        number: Number = next((c for c in children if isinstance(c, str)), "the")
+        number: Any = next((c for c in children if isinstance(c, str)), "the")
         (words,) = [c for c in children if isinstance(c, tuple)]
         owner = next((c for c in children if isinstance(c, Noun)), None)
-        besides = next((tuple(c.children) for c in children if isinstance(c, Tree)), ())
+        besides: tuple[Any, ...] = next((tuple(c.children) for c in children if isinstance(c, Tree)), ())
         if besides and number == "the" and not words[-1].endswith("s"):
             raise UnreadableError(f"'{besides[0].text}' is excepted from what is one")
         where = tuple(c for c in children if isinstance(c, Where))
@@ -326,8 +326,9 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
         raise UnreadableError("where 'back' is cannot be read")
     for kept in (t for t in adverbs if t.data == "except"):
         if len(themes) > 1 or themes[0].number != "all":
-            raise UnreadableError(f"'{kept.children[0].text}' is excepted from what is one")
-        made = replace(made, themes=(replace(themes[0], besides=tuple(kept.children)),))
+            raise UnreadableError("something is excepted from what is one")
+        nouns: tuple[Any, ...] = tuple(kept.children)
+        made = replace(made, themes=(replace(themes[0], besides=nouns),))
     for noun in _of(adverbs, "by_part"):
         if not noun.words or noun.words[-1] not in HOLDS:
             raise UnreadableError(f"'by {noun.text}' cannot be read")
