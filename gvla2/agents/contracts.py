@@ -81,7 +81,7 @@ class Agent(Protocol):
     ) -> AgentRun:
         """Work until done or out of steps or time; ``knowledge`` is what memory recalled, "" for nothing.
 
-        ``tell`` is called with a line per step. Raises :class:`~gvla2.language.failures.LanguageModelError` where the
+        ``tell`` is called with a line per step. Raises :class:`~gvla2.language.contracts.LanguageModelError` where the
         model cannot be asked: such a task is not counted.
         """
         ...

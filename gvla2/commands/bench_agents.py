@@ -135,7 +135,7 @@ def _root(bench: BenchRun, arm: str, bank: str) -> dict[str, Any]:
 
 def _crew(bench: BenchRun, arm: str, bank: Path) -> Crew:
     from gvla2.evaluation.agents.sequence import Crew
-    from gvla2.language.ledger import Ledger
+    from gvla2.language.contracts import Ledger
 
     built: dict[str, Any] = {}
     bench.registry.build_all(_root(bench, arm, str(bank)), ("agent", "verifier", "memory"), built)

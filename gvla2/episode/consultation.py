@@ -17,7 +17,7 @@ from gvla2.episode.advice import advice_for
 from gvla2.episode.fallback import check_plan
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.contracts import Abstention, Plan, Planner, PlanRequest

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gvla2.language.endpoint import LanguageModel
+from gvla2.language.contracts import LanguageModel
 from gvla2.perception.clicks import Located, locate
 from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
 from gvla2.perception.fusing import TOUCHING, Fused, MaskCandidate, objects_of

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.language.completion import Token, read_completion
+from gvla2.language.contracts import Token
+from gvla2.language.wire import read_completion
 from gvla2.language.score_tokens import LETTERS, TokenScore, phi, score_answer
 from gvla2.testing.language import said
 

@@ -14,7 +14,7 @@ from gvla2.language import (
     Request,
     picture,
 )
-from gvla2.language.request import without_system
+from gvla2.language.wire import without_system
 from gvla2.testing.language import LocalModel, Reply, refused, said
 
 SYSTEM = [{"role": "system", "content": "Be brief."}, {"role": "user", "content": "Well?"}]
