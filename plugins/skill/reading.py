@@ -46,20 +46,6 @@ VERBS: dict[str, tuple[str, frozenset[str]]] = {
 """Verb classes of the grammar: the skill that each asks for by itself, and particles that it may have."""
 STATES = ("TAKE", "PUSH", "SLIDE", "PULL", "SWING", "OPEN", "CLOSE")
 """Verb classes that may be followed by the state that they lead to: "swing the lid open"."""
-GERUNDS = {
-    "push": ("push", "shov", "nudg", "slid"),
-    "press": ("press",),
-    "twist": ("twist", "unscrew", "turn"),
-    "pick": ("lift", "rais", "pick", "grab", "hold"),
-    "pull": ("pull", "draw"),
-    "swing": ("swing", "open", "clos"),
-}
-"""How the words on -ing begin that say by what something is done; all others name mishaps."""
-MEANS = {
-    "push": ("push",), "place": ("push",), "pick": ("pull", "pick"), "pull": ("pull",), "press": ("push", "press"),
-    "open": ("twist", "pull", "pick", "swing"), "close": ("push", "swing"), "twist": ("twist",),
-}  # fmt: skip
-"""What each skill may be said to be done by; placing by pushing is pushing."""
 HOLDS = ("handle", "rim", "grip", "edge", "lip", "side", "top", "knob", "neck", "shaft", "end", "body")
 """Where something may be said to be held."""
 
@@ -266,8 +252,9 @@ class _Reader(Transformer[Token, Any]):
         *denied, words = children
         return Where(words=words, denied=bool(denied))
 
-    def from_you(self, tokens: list[Token]) -> Where:
-        return Where(words=(tokens[0].split()[0],))
+    def extreme(self, tokens: list[Token]) -> Where:
+        words = tokens[0].split()
+        return Where(words=(words[0] if tokens[0].type == "FROM_YOU" else words[-1],))
 
     def having(self, children: list[Any]) -> Where:
         return Where(having=children[-1])
@@ -322,8 +309,11 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
         amount=next(map(_metres, _of(adverbs, "amount")), None),
         direction=next(map(_way, _of(adverbs, "direction")), None),
     )  # fmt: skip
-    if "back" in _of(adverbs, "direction") and skill != "push":
-        raise UnreadableError("where 'back' is cannot be read")
+    ways = list(_of(adverbs, "direction"))
+    if len(ways) > 1 or (ways and goal) or ("back" in ways and skill != "push"):
+        raise UnreadableError(f"'{' '.join(ways)}' cannot be read here")
+    if len(list(_of(adverbs, "amount"))) > 1:
+        raise UnreadableError("several lengths cannot be read")
     for kept in (t for t in adverbs if t.data == "except"):
         if len(themes) > 1 or themes[0].number != "all":
             raise UnreadableError("something is excepted from what is one")
@@ -332,10 +322,13 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
     for noun in _of(adverbs, "by_part"):
         if not noun.words or noun.words[-1] not in HOLDS:
             raise UnreadableError(f"'by {noun.text}' cannot be read")
-    for how in (t for t in adverbs if t.data == "means"):
-        made = _by_means(made, how.children)
-    for how in (t for t in adverbs if t.data == "without"):
-        made = _sparing(made, how.children)
+    for how in adverbs:
+        if how.data in ("by_pushing", "by_pressing"):
+            made = _by(made, how.data, next(_of([how], how.data)))
+        elif how.data == "purpose":
+            made = _for(made, how.children)
+        elif how.data == "without":
+            made = _sparing(made, how.children)
     return made
 
 
@@ -375,37 +368,36 @@ def _skill(
     return VERBS[verb][0]
 
 
-def _by_means(command: Command, how: Sequence[Any]) -> Command:
-    """The command with what it is done by ("by pushing it"), or what it is for ("to switch the lamp on")."""
+def _for(command: Command, how: Sequence[Any]) -> Command:
+    """The command with what it is for: "press the button to switch the lamp on"."""
     verb, noun = how[0], next(c for c in how if isinstance(c, Noun))
-    if verb.type != "DOING":  # for
-        particles = {str(c) for c in how[1:] if isinstance(c, Token)}
-        if command.skill in ("press", "open", "close") and command.skill == _skill(
-            verb.type, (noun,), particles
-        ):
-            return replace(command, present=(*command.present, noun))
-        raise UnreadableError(f"what it is for, '{verb} {noun.text}', cannot be read")
-    if _done_by(verb) not in MEANS[command.skill]:
-        raise UnreadableError(f"'by {verb} {noun.text}' cannot be read")
-    if command.skill == "press" and noun.words:  # the button
+    particles = {str(c) for c in how[1:] if isinstance(c, Token)}
+    if command.skill in ("press", "open", "close") and command.skill == _skill(verb.type, (noun,), particles):
+        return replace(command, present=(*command.present, noun))
+    raise UnreadableError(f"what it is for, '{verb} {noun.text}', cannot be read")
+
+
+def _by(command: Command, way: str, noun: Noun) -> Command:
+    """The command with what it is done by: "move it there by pushing it", "switch it on by pressing the button"."""
+    if way == "by_pushing" and command.skill in ("push", "place"):
+        return replace(command, skill="push", present=(*command.present, noun))
+    if command.skill == "press" and noun.words:
         return replace(command, themes=(noun,), present=(*command.present, *command.themes))
-    skill = "push" if command.skill == "place" else command.skill
-    return replace(command, skill=skill, present=(*command.present, noun))
-
-
-def _done_by(verb: str) -> str:
-    return next((skill for skill, stems in GERUNDS.items() if verb.startswith(stems)), "")
+    raise UnreadableError(f"'{way.replace('_', ' ')} {noun.text}' cannot be read here")
 
 
 def _sparing(command: Command, how: Sequence[Any]) -> Command:
-    """The command with what is not to happen: what no motion does anyway, or lifting what is pushed."""
-    verb, noun = str(how[0]), next(c for c in how if isinstance(c, Noun))
-    itself, by = not noun.words, _done_by(verb)
-    if by == "pick" and itself and command.skill in ("push", "place"):
-        return replace(command, skill="push")
-    if by or (itself and verb.startswith(("touch", "mov", "hit", "bump", "disturb"))):
-        raise UnreadableError(f"'without {verb} {noun.text}' cannot be read, or rules out what is asked for")
-    return command if itself else replace(command, spared=(*command.spared, noun))
+    """The command with what is not to happen: lifting what is pushed, or what no motion does anyway."""
+    if isinstance(how[0], Noun) or how[0].type == "PRONOUN":
+        if command.skill in ("push", "place"):
+            return replace(command, skill="push")
+        raise UnreadableError("'without lifting it' cannot be read here")
+    verb, noun = str(how[0]), how[-1]
+    if noun.words:
+        return replace(command, spared=(*command.spared, noun))
+    if verb.startswith(("touch", "mov", "hit", "bump", "disturb")):
+        raise UnreadableError(f"'without {verb} {noun.text}' rules out what is asked for")
+    return command
 
 
 def _metres(token: str) -> float:

@@ -63,15 +63,6 @@ def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, An
             assert not answer.cached
 
 
-@pytest.mark.parametrize(("temperature", "cached"), [(0.0, True), (0.7, False)])
-def test_a_seed_matters_only_where_answers_are_drawn(tmp_path: Path, temperature: float, cached: bool):
-    with LocalModel(counting()) as model:
-        for seed in (0, 1):
-            request = Request(ASK, seed=seed, temperature=temperature)
-            (answer,) = Endpoint(options(model, tmp_path)).complete_all([request], purpose="plan")
-        assert answer.cached is cached
-
-
 @pytest.mark.parametrize(
     "damage",
     ["", "{", "[]", "[" * 100_000, '{"answer": {}}', '{"answer": {"choices": []}, "without": []}',
@@ -95,14 +86,6 @@ def test_a_destroyed_cache_loses_no_answer_and_is_told_once(tmp_path: Path, capl
         endpoint = Endpoint(options(model, tmp_path))
         assert [ask(endpoint).text, ask(endpoint).text] == ["2", "3"]
     assert [r.levelname for r in caplog.records if "not cached" in r.getMessage()] == ["WARNING"]
-
-
-def test_a_folder_that_cannot_be_written_loses_no_answer(tmp_path: Path):
-    (tmp_path / "file").write_text("in the way")
-    with LocalModel(counting()) as model:
-        endpoint = Endpoint(options(model, tmp_path / "file"))
-        assert ask(endpoint).text == "1"
-    assert (tmp_path / "file").read_text() == "in the way"
 
 
 def test_answers_without_words_are_not_kept(tmp_path: Path):
