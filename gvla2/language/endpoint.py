@@ -51,7 +51,6 @@ _ADVICE = {
 }
 
 
-
 class Endpoint:
     """A :class:`LanguageModel` at an OpenAI-compatible server. It keeps no connection: there is nothing to close.
 
@@ -177,7 +176,9 @@ class Endpoint:
         self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
     ) -> Completion:
         answer = read_completion(document, cached=cached)
-        unmet = set(without).intersection(refusable(request, grammars=self._server.grammars)) - {"alternatives"}
+        unmet = set(without).intersection(refusable(request, grammars=self._server.grammars)) - {
+            "alternatives"
+        }
         if request.logprobs and not answer.tokens:
             unmet.add("logprobs")
         if request.grammar and not self._server.grammars:

@@ -152,7 +152,9 @@ def read_completion(body: object, *, cached: bool = False, latency: float = 0.0)
     if not closed and answer.lstrip().startswith("<think>"):
         thought, answer = answer, ""
     spoken = thought.strip().removeprefix("<think>").strip()
-    reasoning = "\n".join([*[r for r in stated if isinstance(r, str) and r][:1], *([spoken] if spoken else [])])
+    reasoning = "\n".join(
+        [*[r for r in stated if isinstance(r, str) and r][:1], *([spoken] if spoken else [])]
+    )
     return Completion(
         text=answer.strip() if closed else answer,
         reasoning=reasoning,

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
 
-from gvla2.language.contracts import LanguageModel
-from gvla2.language.contracts import LanguageModelError
+from gvla2.language.contracts import LanguageModel, LanguageModelError
 from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.frames import BoolArray

@@ -10,9 +10,7 @@ import numpy as np
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
-from gvla2.language.contracts import LanguageModel
-from gvla2.language.contracts import LanguageModelError
-from gvla2.language.contracts import picture
+from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.labels import Naming
 from gvla2.planning.scene import Scene, SceneObject

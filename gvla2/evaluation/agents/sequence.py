@@ -17,8 +17,7 @@ from gvla2.agents.contracts import Agent, AgentTask
 from gvla2.agents.sandbox import EnvironmentFailedError
 from gvla2.agents.solving import Attempt, TestedSandbox, attempt
 from gvla2.evaluation.results import Cell
-from gvla2.language.contracts import LanguageModelError
-from gvla2.language.contracts import Ledger
+from gvla2.language.contracts import LanguageModelError, Ledger
 from gvla2.memory.contracts import Memory, Verifier
 
 DATABASE = "memory.db"
