@@ -100,14 +100,6 @@ def test_a_dripping_answer_meets_the_same_deadline(status: int):
         assert time.monotonic() - began < 3
 
 
-def test_too_many_requests_waits_as_long_as_it_is_told():
-    with LocalModel(replying(refused(429, "slow down", retry_after="0.4"), said("yes"))) as model:
-        answer = ask(endpoint(model))
-    assert answer.text == "yes"
-    assert answer.latency >= 0.4
-    assert len(model.requests) == 2
-
-
 def test_errors_of_the_server_pass(soon: None):
     replies = (refused(500, "oops"), Reply(b"<html>bad gateway", 502), said("yes"))
     with LocalModel(replying(*replies)) as model:
@@ -247,10 +239,3 @@ def test_making_one_imports_no_package():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_a_proxy_does_not_stand_before_this_machine(monkeypatch: pytest.MonkeyPatch):
-    for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY", "all_proxy"):
-        monkeypatch.setenv(name, "http://127.0.0.1:9")
-    with LocalModel(replying(said("yes"))) as model:
-        assert ask(endpoint(model, retries=0)).text == "yes"

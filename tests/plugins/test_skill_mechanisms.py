@@ -216,14 +216,6 @@ def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(arm, i
     assert held.theme.extents[1] == pytest.approx(0.16)
 
 
-def test_what_stands_free_is_not_stuck(arm):
-    cube = thing("a", "red cube", "box", (0.3, 0.1, 0.025), (0.05, 0.05, 0.05))
-    on_top = thing("b", "blue cube", "box", (0.3, 0.1, 0.075), (0.05, 0.05, 0.05))
-    scene = Scene((cube, on_top), TABLE, arm.workspace)
-    assert stuck(cube, scene) is None
-    assert stuck(on_top, scene) is None
-
-
 @pytest.mark.parametrize(
     ("sentence", "kind"),
     [
