@@ -8,7 +8,7 @@ from typing import cast
 
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.colours import colour_distance
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.chaining import is_container
@@ -55,7 +55,7 @@ def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
     try:
         found = readings(sentence)
     except UnreadableError as error:
-        kind = "unknown_skill" if error.verb or not sentence.strip() else "other"
+        kind: AbstentionKind = "unknown_skill" if error.verb or not sentence.strip() else "other"
         skills = f"; it can {', '.join(STANDARD)}" if kind == "unknown_skill" else ""
         return Abstention(kind, f"{error}{skills}.", unread=True)
     grounded: dict[str, tuple[SkillCall, ...]] = {}  # by their text: readings may come to the same

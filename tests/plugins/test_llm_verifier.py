@@ -17,8 +17,7 @@ from gvla2.testing.component import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.criteria import ROBOT, SOFTWARE, Criterion, criteria_set
-from gvla2_plugins.llm_verifier.prompts import as_data, messages
+from gvla2_plugins.llm_verifier.questions import ROBOT, SOFTWARE, Criterion, as_data, criteria_set, messages
 
 SHOWN = Evidence(
     "lift the red cube", "approach, grasp, lift. The cube rose by 24 cm.", {"gripper_width": 0.04}

@@ -9,7 +9,7 @@ from gvla2.language.score_tokens import LETTERS, phi, score_answer
 from gvla2.memory.contracts import Evidence
 from gvla2.plugins.registry import Registry
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.criteria import SOFTWARE
+from gvla2_plugins.llm_verifier.questions import SOFTWARE
 
 pytestmark = [pytest.mark.model, pytest.mark.timeout(600)]
 
