@@ -140,10 +140,7 @@ class Plan:
 
 
 class Planner(Protocol):
-    """Plans waypoints from an instruction, a scene and advice.
-
-    An optional attribute ``defers`` says that a fallback planner which is sure of its plan may go first.
-    """
+    """Plans waypoints from an instruction, a scene and advice."""
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan, or an abstention; never an exception for an impossible instruction."""

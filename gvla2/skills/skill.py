@@ -46,12 +46,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Example:
-    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, the
-    ``wish`` and the ``call`` that fulfils it.
+    """A worked example for prompts: ``objects`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, an
+    ``instruction`` and the ``call`` that carries it out.
     """
 
-    things: str
-    wish: str
+    objects: str
+    instruction: str
     call: str
 
 

@@ -12,9 +12,12 @@ from collections.abc import Sequence
 
 from gvla2.planning.colours import FAMILIES, NEARLY, first_colour, meant_by
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mentions import DETERMINERS, PLACES
 from gvla2.skills.parts import root_of
 
+DETERMINERS = frozenset("the a an my your our his her its that this these those".split())  # noqa: SIM905
+PLACES = frozenset(
+    "on onto in into inside to towards toward over around beside behind under near at by with from off".split()  # noqa: SIM905
+)
 _VESSEL = (
     "mug cup tumbler beaker glass goblet teacup tankard pot pail bucket vessel vase tub jar can tin canister"
 )

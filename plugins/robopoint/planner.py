@@ -15,8 +15,8 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.pixels import Sighting, pixel_at, sight
 from gvla2.planning.pointing import read_points
-from gvla2.skills.asked_paths import nothing_to_ask, told
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.model_planning import context, nothing_to_ask
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.robopoint.reading import form, question, read_answer, read_simply
 
@@ -116,7 +116,7 @@ class _Asking:
         """The object or place where the model points."""
         config, request = self._config, self._request
         view = config.view(request)
-        asked = config.question(view, [*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        asked = config.question(view, [*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
 
         def parse(text: str) -> list[Sighting]:
             seen, why = [], ""

@@ -15,7 +15,6 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.programs.array_expressions import Interpreter, Value
-from gvla2.skills.asked_paths import check_lengths
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
@@ -61,13 +60,6 @@ def read_program(text: str) -> MapProgram:
         has = f"{len(stages)} moves and {len(variables)} variables"
         raise ValueError(f"It has {has}; write 1 to {MOST_STAGES} and at most {MOST_VARIABLES}.")
     return MapProgram(tuple(stages), variables)
-
-
-def check_units(program: MapProgram, wish: str) -> None:
-    """Raise :class:`ValueError` if the program has a length of the instruction in another unit than mm."""
-    trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
-    nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    check_lengths({float(n.value) for n in nodes if isinstance(n.value, int | float)}, wish)
 
 
 class MapVocabulary:

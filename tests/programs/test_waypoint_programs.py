@@ -2,7 +2,7 @@
 
 from gvla2.planning.relative import relative_steps
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.programs.waypoints import path_of
+from gvla2.programs.waypoint_programs import path_of
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
