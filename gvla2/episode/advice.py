@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from gvla2.episode.failure_diagnosis import diagnose, theme_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import PlanningError
-from gvla2.loop.diagnosis import diagnose, theme_of
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Effect, reconciled
 from gvla2.planning.programs import Program
-from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.outcome import Signal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
