@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.config_errors import explain
+from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_parts, run_episodes
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import sys
@@ -154,8 +153,6 @@ def run_episodes(
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
         parts = build_parts(config, registry)
-        gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
-        gc.enable()
         stack.enter_context(closing(parts.robot))
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -298,11 +295,7 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.disable()  # until the first episode: see `run_episodes`
-    try:
-        from gvla2.commands.hydra_job import launch
-        from gvla2.commands.sweeps import conclude
+    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.sweeps import conclude
 
-        return conclude(launch("run", job, argv), argv)
-    finally:
-        gc.enable()
+    return conclude(launch("run", job, argv), argv)
