@@ -9,8 +9,8 @@ from gvla2.loop.diagnosis import theme_of
 from gvla2.loop.lessons import handled_lengths
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks import check_trajectory
+from gvla2.planning.effects import look_of, own_first
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.contents import EpisodeRecord

@@ -8,15 +8,14 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
-from gvla2.planning.check_limits import MAX_SPEED
-from gvla2.planning.findings import CheckReport, Finding
+from gvla2.planning.findings import MAX_SPEED, CheckReport, Finding
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
 
 VIA_MARGIN = 0.05
-"""Height of a via-point above the highest thing on the way, metres."""
+"""Height of a via-point above the highest object on the way, metres."""
 TUBE = 0.08
-"""Things this near to a straight move, seen from above, count as on its way, metres (half a hand's breadth)."""
+"""Objects this near to a straight move, seen from above, count as on its way, metres (half a hand's breadth)."""
 
 
 def repair(
@@ -104,13 +103,13 @@ def _via_points(points: list[Waypoint], finding: Finding, scene: Scene, arm: Arm
     return [replace(step, xyz=(float(p[0]), float(p[1]), height)) for p in (a, b)]
 
 
-def _near_line(thing: SceneObject, a: FloatArray, b: FloatArray) -> bool:
-    """Whether a thing lies on the way from ``a`` to ``b`` (3,), seen from above."""
+def _near_line(obj: SceneObject, a: FloatArray, b: FloatArray) -> bool:
+    """Whether an object lies on the way from ``a`` to ``b`` (3,), seen from above."""
     along = (b - a)[:2]
-    share = float(np.clip((thing.centre - a)[:2] @ along / max(float(along @ along), 1e-12), 0.0, 1.0))
+    share = float(np.clip((obj.centre - a)[:2] @ along / max(float(along @ along), 1e-12), 0.0, 1.0))
     nearest = a[:2] + share * along
-    reach = TUBE + 0.5 * float(np.linalg.norm(thing.extents[:2]))
-    return bool(np.linalg.norm(thing.centre[:2] - nearest) < reach)
+    reach = TUBE + 0.5 * float(np.linalg.norm(obj.extents[:2]))
+    return bool(np.linalg.norm(obj.centre[:2] - nearest) < reach)
 
 
 def _xyz(values: FloatArray) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from gvla2.loop.correspondence import correspond
 from gvla2.loop.diagnosis import approach_of
 from gvla2.loop.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.planning.contracts import Abstention, Candidate, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import effect_from_json
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
@@ -83,7 +83,7 @@ def test_success_without_parameters_tells_the_stages() -> None:
 def bounds(record: EpisodeRecord) -> list[tuple[str, str, str, float]]:
     lessons = memory_episode(record, FAIL).lessons
     assert all(lesson.type == "failure_avoidance" for lesson in lessons)
-    found = [Effect.from_json(lesson.effect) for lesson in lessons if lesson.effect]
+    found = [effect_from_json(lesson.effect) for lesson in lessons if lesson.effect]
     return [(e.kind, e.parameter, e.op, pytest.approx(e.value, abs=1e-9)) for e in found]
 
 

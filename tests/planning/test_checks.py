@@ -11,7 +11,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import width_along
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound, Order
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.scene import Box, Scene, SceneObject
@@ -134,7 +134,7 @@ def test_all_faults_are_reported_at_once_and_every_check_speaks():
         replace(GOOD[1], gripper=1.5, xyz=(0.9, 0.0, 0.505)),
         replace(GOOD[3], carries="wall"),
     )
-    report = check(*worst, effects=[Effect("bound", "lift_height", 0.2)], parameters={"lift_height": 0.1})
+    report = check(*worst, effects=[Bound("lift_height", 0.2)], parameters={"lift_height": 0.1})
     found = kinds(report)
     assert {("schema", "wrong_frame"), ("workspace", "too_fast"), ("workspace", "outside_workspace"),
             ("gripper", "opening_range"), ("memory", "bound_broken"),
@@ -197,14 +197,14 @@ def test_a_held_object_is_swept_along():
 
 
 def test_memory_bounds_hold_for_their_own_skill():
-    bound = Effect("bound", "lift_height", 0.2, ">=", skill="pick", source="r7")
+    bound = Bound("lift_height", 0.2, ">=", skill="pick", source="r7")
     parameters = {"lift_height": 0.1}
     report = check(*GOOD, effects=[bound], parameters=parameters, skill="pick")
     assert kinds(report) == {("memory", "bound_broken")}
     assert "r7" in report.reasons[0]
     assert check(*GOOD, effects=[bound], parameters=parameters, skill="push").passed
     assert check(*GOOD, effects=[bound], parameters={"lift_height": 0.25}, skill="pick").passed
-    upper = Effect("bound", "lift_height", 0.05, "<=")
+    upper = Bound("lift_height", 0.05, "<=")
     assert not check(*GOOD, effects=[upper], parameters=parameters).passed
 
 
@@ -252,7 +252,7 @@ def test_repair_never_makes_a_trajectory_too_long():
 
 
 def test_bounds_in_shares_bind_by_the_handled_objects_sides():
-    bound = Effect("bound", "grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
+    bound = Bound("grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
     for height, passes in ((0.04, True), (0.05, False)):
         report = check(*GOOD, effects=[bound], parameters={"grasp_depth": 0.022}, skill="pick",
                        lengths={"height": height})  # fmt: skip
@@ -265,7 +265,7 @@ def test_bounds_in_shares_bind_by_the_handled_objects_sides():
 
 
 def test_a_remembered_order_rejects_stages_the_other_way_round():
-    order = Effect("order", "lift before close", skill="pick", source="r9")
+    order = Order("lift", "close", skill="pick", source="r9")
     report = check(*GOOD, effects=[order], skill="pick")
     assert kinds(report) == {("memory", "order_broken")}
     assert "r9" in report.reasons[0]

@@ -5,14 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2.errors import PlanningError
-from gvla2.planning.effects import Effect, apply_effects, disordered, reconciled
+from gvla2.planning.effects import Ban, Bound, Prior, apply_effects, disordered, effect_from_json, reconciled
 
 THETA = {"lift_height": 0.25, "grasp_depth": 0.02}
 
 
 def test_a_prior_pulls_by_its_count_and_a_bound_clamps_after_it():
-    prior = Effect("prior", "lift_height", 0.35, count=2, source="r1")
-    bound = Effect("bound", "lift_height", 0.28, "<=", source="r2")
+    prior = Prior("lift_height", 0.35, count=2, source="r1")
+    bound = Bound("lift_height", 0.28, "<=", source="r2")
     changed, notes = apply_effects(THETA, [bound, prior], "pick")
     assert changed["lift_height"] == pytest.approx(0.28)  # 0.25 -> 0.30 by the prior, then bounded
     assert ["r1" in notes[0], "r2" in notes[1]] == [True, True]
@@ -20,22 +20,22 @@ def test_a_prior_pulls_by_its_count_and_a_bound_clamps_after_it():
 
 
 def test_effects_of_other_skills_or_unknown_parameters_change_nothing():
-    others = [Effect("bound", "lift_height", 0.5, skill="push"), Effect("bound", "twist_angle", 1.0),
-              Effect("prior", "lift_height", 0.5, count=0), Effect("forbid", "lift_height")]  # fmt: skip
+    others = [Bound("lift_height", 0.5, skill="push"), Bound("twist_angle", 1.0),
+              Prior("lift_height", 0.5, count=0), Ban("lift_height")]  # fmt: skip
     assert apply_effects(THETA, others, "pick") == (THETA, [])
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.sampled_from([">=", "<="]), st.integers(0, 50))
 def test_a_bound_holds_whatever_experience_says(limit, mean, op, count):
-    effects = [Effect("bound", "lift_height", limit, op), Effect("prior", "lift_height", mean, count=count)]
+    effects = [Bound("lift_height", limit, op), Prior("lift_height", mean, count=count)]
     value = apply_effects(THETA, effects, "pick")[0]["lift_height"]
     assert value >= limit if op == ">=" else value <= limit
 
 
 def test_effects_survive_json_and_bad_ones_are_refused():
-    effect = Effect("bound", "grasp_depth", 0.03, ">=", skill="pick", source="r9")
-    assert Effect.from_json(effect.to_json()) == effect
-    assert Effect.from_json(effect.to_json(), source="other").source == "other"
+    effect = Bound("grasp_depth", 0.03, ">=", skill="pick", source="r9")
+    assert effect_from_json(effect.to_json()) == effect
+    assert effect_from_json(effect.to_json(), source="other").source == "other"
     for bad in (
         {"kind": "bound"},
         {"kind": "wish", "parameter": "x"},
@@ -49,19 +49,17 @@ def test_effects_survive_json_and_bad_ones_are_refused():
         {"kind": "prior", "parameter": "x", "count": 2},
     ):
         with pytest.raises(PlanningError, match="Not a parameter effect"):
-            Effect.from_json(bad)
-    assert Effect.from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"
+            effect_from_json(bad)
+    assert effect_from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"
 
 
 def test_a_share_of_a_side_holds_for_other_sizes():
-    learnt = Effect("prior", "grasp_depth", 0.025, sd=0.002, count=2).shared(
-        {"grasp_depth": ("height", 0.05)}
-    )
+    learnt = Prior("grasp_depth", 0.025, sd=0.002, count=2).shared({"grasp_depth": ("height", 0.05)})
     assert (learnt.value, learnt.sd, learnt.scale) == (pytest.approx(0.5), pytest.approx(0.04), "height")
     for height in (0.04, 0.05, 0.08):
         changed, _ = apply_effects(THETA, [learnt], "pick", lengths={"height": height})
         assert changed["grasp_depth"] == pytest.approx(0.02 + 0.5 * (0.5 * height - 0.02))
-    tight = Effect("bound", "grasp_depth", 0.6, ">=", scale="height", source="r3")
+    tight = Bound("grasp_depth", 0.6, ">=", scale="height", source="r3")
     changed, notes = apply_effects(THETA, [tight], "pick", lengths={"height": 0.1})
     assert changed["grasp_depth"] == pytest.approx(0.06)
     assert "r3" in notes[0]
@@ -69,7 +67,7 @@ def test_a_share_of_a_side_holds_for_other_sizes():
 
 @given(st.floats(0.005, 0.5), st.floats(-2, 2), st.floats(0, 1))
 def test_shares_go_there_and_back(length, value, sd):
-    effect = Effect("prior", "grasp_depth", value, sd=sd, count=3)
+    effect = Prior("grasp_depth", value, sd=sd, count=3)
     share = effect.shared({"grasp_depth": ("height", length)})
     back = share.absolute({"height": length})
     assert back is not None
@@ -78,23 +76,23 @@ def test_shares_go_there_and_back(length, value, sd):
 
 
 def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
-    share = Effect("bound", "grasp_depth", 0.6, scale="width", source="r4")
+    share = Bound("grasp_depth", 0.6, scale="width", source="r4")
     assert share.absolute({"height": 0.1}) is None
     changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
     assert changed == THETA
     assert "r4 was ignored" in notes[0]
-    hand = Effect("bound", "standoff", 0.1)
+    hand = Bound("standoff", 0.1)
     assert hand.shared({"grasp_depth": ("height", 0.1)}) == hand
 
 
 def test_records_without_a_scale_read_and_write_as_before():
     old = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
            "skill": "pick", "source": ""}  # fmt: skip
-    assert Effect.from_json(old).to_json() == old
-    share = Effect("bound", "grasp_depth", 0.6, scale="height")
-    assert Effect.from_json(share.to_json()) == share
+    assert effect_from_json(old).to_json() == old
+    share = Bound("grasp_depth", 0.6, scale="height")
+    assert effect_from_json(share.to_json()) == share
     with pytest.raises(PlanningError, match="height"):
-        Effect.from_json({**old, "scale": "depth"})
+        effect_from_json({**old, "scale": "depth"})
 
 
 @pytest.mark.parametrize(
@@ -108,7 +106,7 @@ def test_records_without_a_scale_read_and_write_as_before():
     ],
 )
 def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
-    order = Effect.from_json({"kind": "order", "parameter": "lower before release"})
+    order = effect_from_json({"kind": "order", "parameter": "lower before release"})
     assert order.stages == ("lower", "release")
     assert disordered(order, stages) is wrong
 
@@ -116,14 +114,14 @@ def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
 @pytest.mark.parametrize("said", ["lower", " before release", "lower before", ""])
 def test_an_order_names_two_stages(said):
     with pytest.raises(PlanningError, match="before"):
-        Effect.from_json({"kind": "order", "parameter": said})
+        effect_from_json({"kind": "order", "parameter": said})
 
 
 def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
     def bound(op, value, **rest):
-        return Effect("bound", "press_depth", value, op, skill="press", **rest)
+        return Bound("press_depth", value, op, skill="press", **rest)
 
-    success = Effect("prior", "press_depth", 0.67, count=1, skill="press")
+    success = Prior("press_depth", 0.67, count=1, skill="press")
     assert reconciled([bound(">=", 0.70), bound("<=", 0.50), success]) == (
         bound(">=", 0.67), bound("<=", 0.67), success,
     )  # fmt: skip

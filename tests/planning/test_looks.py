@@ -3,8 +3,7 @@
 import numpy as np
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.effects import Effect
-from gvla2.planning.looks import look_of, own_first
+from gvla2.planning.effects import Bound, Effect, effect_from_json, look_of, own_first
 from gvla2.planning.scene import Box, Scene, SceneObject
 
 
@@ -19,7 +18,7 @@ def scene(*things: SceneObject) -> Scene:
 
 
 def turn(value: float, thing: str = "", skill: str = "twist", parameter: str = "turn") -> Effect:
-    return Effect("bound", parameter, value, ">=", skill=skill, object=thing)
+    return Bound(parameter, value, ">=", skill=skill, object=thing)
 
 
 def test_a_part_looks_like_itself_on_its_whole():
@@ -50,5 +49,5 @@ def test_other_parameters_and_skills_of_others_stay():
 
 
 def test_the_look_survives_json_and_is_left_out_where_there_is_none():
-    assert Effect.from_json(turn(3.0, "red").to_json()).object == "red"
+    assert effect_from_json(turn(3.0, "red").to_json()).object == "red"
     assert "object" not in turn(3.0).to_json()

@@ -32,8 +32,8 @@ from gvla2.hydra_bridge import register
 from gvla2.loop.consulting import Asked, Consultation
 from gvla2.plugins import load_plugins
 from gvla2.record.contents import EpisodeRecord
-from gvla2.skills.meaning import Meant, meant
-from gvla2.skills.parts import root_of
+from gvla2.skills.grounding import Meant, meant
+from gvla2.skills.part_hierarchy import root_of
 
 LAYOUT = 310
 ACTS = {
