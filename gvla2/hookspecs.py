@@ -4,7 +4,7 @@ A plugin is a module (or any object) with functions marked ``@hookimpl``, named 
 entry point of the group ``gvla2``, or passed to :func:`gvla2.register` in a notebook or a test. Each hook *collects*:
 it takes no arguments, and the results of all plugins are concatenated. A kind's hook returns components: a name, a
 dataclass of options, and a factory that is called only when the component was chosen. The name becomes a choice of the
-kind's Hydra group: ``gvla2 run planner=mine``. :data:`gvla2.kinds.KINDS` is the table of kinds.
+kind's Hydra group: ``gvla2 run planner=mine``. :data:`gvla2.plugins.kinds.KINDS` is the table of kinds.
 
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
     robot      perceiver   reconstructor  memory    planner  (core)   robot     verifier  memory
@@ -20,8 +20,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from gvla2.kinds import KINDS, Kind
-from gvla2.markers import hookspec
+from gvla2.component import hookspec
+from gvla2.plugins.kinds import KINDS, Kind
 
 if TYPE_CHECKING:
     from gvla2.skills.skill import Skill
@@ -33,7 +33,7 @@ SKILL_HOOK = "gvla2_skills"
 
 @hookspec
 def gvla2_kinds() -> Iterable[Kind]:
-    """Return kinds of components that this plugin adds to those of :data:`gvla2.kinds.KINDS`.
+    """Return kinds of components that this plugin adds to those of :data:`gvla2.plugins.kinds.KINDS`.
 
     Each has a hook and a Hydra group of its own, may be chosen in every ``gvla2 run``, and is built where another
     component ``needs`` it.

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import Offer, Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, ResultsConfig
 from gvla2.commands.bench_perception import chosen_parts, chosen_tasks
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, PerceptionError, UnknownComponentError
 from gvla2.evaluation.perception.suite import layout_seed
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.registry import Offer, Registry
 
 PLUGIN = Plugin("tests")
 

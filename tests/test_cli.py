@@ -12,7 +12,7 @@ import pytest
 
 from gvla2 import __version__, cli
 from gvla2.commands import COMMANDS
-from gvla2.kinds import KINDS
+from gvla2.plugins.kinds import KINDS
 
 HEAVY = {"numpy", "scipy", "torch", "sapien", "ompl", "numba", "pinocchio"}
 

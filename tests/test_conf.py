@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
 from gvla2.commands.hydra_job import launch
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.hydra_bridge import register
-from gvla2.kinds import KINDS
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.registry import Registry
 from gvla2.robot.noise_options import DepthNoise
 from tests.composing import composition
 

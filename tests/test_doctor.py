@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from gvla2 import cli
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import checkup, doctor
 from gvla2.commands.checkup import Check
 from gvla2.commands.probe import imports
-from gvla2.discovery import PluginProblem
+from gvla2.plugins.discovery import PluginProblem
+from gvla2.plugins.registry import Registry, load_plugins
 
 
 def test_this_installation_is_well(

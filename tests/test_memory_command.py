@@ -16,13 +16,13 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2 import cli
-from gvla2.catalog import Registry
 from gvla2.commands.memory import MemoryCommandConfig, VerbJob, tell
 from gvla2.commands.memory_answers import clock
 from gvla2.commands.memory_line import VERBS, UsageError, parser_of, understood
 from gvla2.commands.memory_looking import events_listing
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.plugins.registry import Registry
 
 DEFAULTS = {"retriever": "hybrid", "embedder": "static", "verifier": "exit_status"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")

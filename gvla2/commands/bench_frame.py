@@ -12,14 +12,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.component import ComponentConfig, described
-from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.record.files import write_bytes
+from gvla2.io.files import write_bytes
+from gvla2.plugins.discovery import closest
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.robot.noise_options import DepthNoise
 
 if TYPE_CHECKING:

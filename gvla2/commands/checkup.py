@@ -20,12 +20,12 @@ import hydra
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig
 
-from gvla2.catalog import Registry
 from gvla2.commands.completion import hydra_application
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import PRIMARY
-from gvla2.discovery import DISABLE_VARIABLE
-from gvla2.kinds import chosen_kinds
+from gvla2.plugins.discovery import DISABLE_VARIABLE
+from gvla2.plugins.kinds import chosen_kinds
+from gvla2.plugins.registry import Registry
 
 PROBE_SECONDS = 90
 PACKAGES = ("gvla2", "hydra-core", "omegaconf", "numpy", "scipy", "numba", "trimesh", "sqlmodel")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from gvla2.commands import COMMANDS
 
 if TYPE_CHECKING:
-    from gvla2.catalog import Registry
+    from gvla2.plugins.registry import Registry
 
 SHELLS = ("bash", "zsh", "fish")
 _FLAGS = ("--help", "--version", "--shell-completion")
@@ -89,7 +89,7 @@ def _overrides(command: str, words: list[str]) -> list[str]:
     from hydra.plugins.completion_plugin import DefaultCompletionPlugin
     from hydra.types import RunMode
 
-    from gvla2.catalog import load_plugins
+    from gvla2.plugins.registry import load_plugins
 
     registry = load_plugins()
     with hydra_application(registry) as application:
@@ -114,9 +114,9 @@ def hydra_application(registry: Registry | None = None) -> Iterator[Any]:
     from hydra import initialize_config_module
     from hydra.core.global_hydra import GlobalHydra
 
-    from gvla2.catalog import load_plugins
     from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-    from gvla2.hydra_bridge import register
+    from gvla2.plugins.hydra_config import register
+    from gvla2.plugins.registry import load_plugins
 
     register(load_plugins() if registry is None else registry, PRIMARY)
     with initialize_config_module(version_base=VERSION_BASE, config_module=CONFIG_MODULE):

@@ -22,10 +22,10 @@ from omegaconf.errors import (
     OmegaConfBaseException,
 )
 
-from gvla2.catalog import Registry
 from gvla2.commands.primary import CONFIG_MODULE
-from gvla2.discovery import closest, describe
 from gvla2.errors import Gvla2Error, UnknownComponentError
+from gvla2.plugins.discovery import closest, describe
+from gvla2.plugins.registry import Registry
 
 
 def explain(error: BaseException, registry: Registry | None = None) -> str:

@@ -8,8 +8,8 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gvla2.catalog import load_plugins
 from gvla2.commands.tables import console, row, table
+from gvla2.plugins.registry import load_plugins
 
 if TYPE_CHECKING:
     from gvla2.commands.checkup import Check

@@ -10,8 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.plugins.discovery import closest
 from gvla2.record.text import count, printable
 
 if TYPE_CHECKING:

@@ -27,12 +27,12 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.config_errors import explain, unreadable_choice
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
 from gvla2.errors import Gvla2Error, OutputError
-from gvla2.hydra_bridge import register, register_resolvers
-from gvla2.kinds import KINDS, SLOTS
+from gvla2.plugins.hydra_config import register, register_resolvers
+from gvla2.plugins.kinds import KINDS, SLOTS
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.text import printable
 
 JobFunction = Callable[[Any, Registry, Path], object]

@@ -19,7 +19,7 @@ from gvla2.record.text import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 
 STATES = ("active", "provisional", "summary", "archive")

@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2.commands.memory import MemoryCommandConfig
-from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import BankView
+from gvla2.plugins.discovery import closest
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
 _DATE = re.compile(r"[0-9]{8}")

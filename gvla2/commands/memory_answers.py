@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from gvla2.commands.tables import Listing, console
+from gvla2.io.files import plain
 from gvla2.memory.records import Record
-from gvla2.record.files import plain
 from gvla2.record.text import one_line, printable
 
 T = TypeVar("T")

@@ -12,10 +12,10 @@ from gvla2.commands.memory_access import VerbRequest, WrongWordError, opened, op
 from gvla2.commands.memory_answers import Answer
 from gvla2.commands.tables import row, table
 from gvla2.errors import MemoryStoreError
+from gvla2.io.files import plain
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
 from gvla2.memory.storage.audit import repair as mend
-from gvla2.record.files import plain
 from gvla2.record.text import count, one_line, printable
 
 MOST_REMARKS = 20

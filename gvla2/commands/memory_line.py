@@ -10,7 +10,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 
-from gvla2.discovery import closest
+from gvla2.plugins.discovery import closest
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer

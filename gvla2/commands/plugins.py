@@ -13,13 +13,13 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Offer, Registry, load_plugins
 from gvla2.commands.tables import console, row, table
 from gvla2.component import ComponentConfig
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.fitness import structured
-from gvla2.kinds import KINDS
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.registry import Offer, Registry, load_plugins
+from gvla2.plugins.validation import structured
 from gvla2.record.text import printable
 from gvla2.skills.skill import Skill
 

@@ -40,12 +40,12 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Build each component that the named primary configuration chooses: an error or "", and seconds."""
     import hydra
 
-    from gvla2.catalog import load_plugins
     from gvla2.commands.completion import hydra_application
-    from gvla2.discovery import describe
     from gvla2.errors import Gvla2Error
-    from gvla2.kinds import NONE, chosen_kinds
     from gvla2.memory.contracts import MemoryTask
+    from gvla2.plugins.discovery import describe
+    from gvla2.plugins.kinds import NONE, chosen_kinds
+    from gvla2.plugins.registry import load_plugins
 
     registry = load_plugins()
     with hydra_application(registry):

@@ -17,7 +17,7 @@ from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Views
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
     from gvla2.reconstruction.branch import BranchOptions, BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.kinds import NONE
+from gvla2.plugins.kinds import NONE
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gvla2.commands.run_config import RunConfig
-    from gvla2.episode import Parts
+    from gvla2.episode.loop import Parts
+    from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
-    from gvla2.plugins import Registry
-    from gvla2.record.contents import EpisodeRecord, Stage
+    from gvla2.plugins.registry import Registry
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
     from gvla2.robot.backend import Moment
@@ -142,8 +142,8 @@ def run_episodes(
     otherwise the crash is raised.
     """
     from gvla2.commands.tracking import Tracking
-    from gvla2.loop.failures import ABANDONED, planner_crashed
-    from gvla2.record.files import write_text
+    from gvla2.episode.record import ABANDONED, planner_crashed
+    from gvla2.io.files import write_text
     from gvla2.record.overview import write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder, write_index
@@ -219,8 +219,8 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
 
     ``choices`` are their names in the record, by default their names by group.
     """
-    from gvla2.episode import Parts
-    from gvla2.loop.refine import GeometryParts
+    from gvla2.episode.loop import Parts
+    from gvla2.episode.refine import GeometryParts
 
     _check_camera(config, registry)
     built: dict[str, Any] = {}
@@ -277,7 +277,7 @@ def _run_one(
     blame: Callable[[BaseException], str],
     source: str,
 ) -> EpisodeRecord:
-    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.episode.loop import EpisodeRequest, run_episode
 
     same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
     options: dict[str, Any] = {name: getattr(config, name) for name in same}

@@ -26,7 +26,7 @@ demonstration carries it out. The demonstrations know the true state; no planner
 def main(argv: Sequence[str]) -> int:
     """Write the page; the exit status is 1 when a task could not be laid out."""
     options = _parser().parse_args(argv)
-    from gvla2.record.files import write_text
+    from gvla2.io.files import write_text
     from gvla2.record.overview import gallery_page
 
     try:
@@ -41,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
 
 def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[TaskShown]:
     """The named tasks, or all that need no option, one by one as they are rendered; progress goes to stderr."""
-    from gvla2.catalog import load_plugins
+    from gvla2.plugins.registry import load_plugins
     from gvla2.record.overview import TaskShown
 
     registry = load_plugins()
@@ -114,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def complete(words: Sequence[str]) -> list[str]:
     """Completions of the last word: tasks and options."""
-    from gvla2.catalog import load_plugins
+    from gvla2.plugins.registry import load_plugins
 
     del words
     return [*load_plugins().components("task"), "--robot", "--seed", "--output", "--start-only"]

@@ -18,7 +18,7 @@ SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
 
 
 def extreme(objects: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
-    """The most extreme of ``objects`` by one of :data:`SELECTORS`, or all that perception cannot distinguish from it."""
+    """The most extreme of ``objects`` by one of :data:`SELECTORS`, or all that are not clearly less so."""
     if by not in SELECTORS:
         raise ValueError(f"Unknown selector '{by}'; there are {', '.join(SELECTORS)}.")
     if not objects:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error, RobotError
 from gvla2.geometry.transform import FloatArray
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.playback import Playback
 from gvla2_plugins.piper.command_log import LogEntry, read_log
 from gvla2_plugins.piper.virtual_arm import RATE, VirtualArm
@@ -132,8 +132,8 @@ def film(replayed: ReplayedSession, path: Path) -> None:
 
     from PIL import Image
 
+    from gvla2.io.files import write_whole
     from gvla2.planning.scene import Box, Scene
-    from gvla2.writing import write_whole
     from gvla2_plugins.piper.arm import TCP_OFFSET
     from gvla2_plugins.piper.looks import ArmLooks, Preview
 

@@ -12,7 +12,7 @@ from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import width_along
 from gvla2.planning.effects import Bound, Order
-from gvla2.planning.findings import CheckReport
+from gvla2.planning.findings import TABLE_MARGIN, CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
@@ -216,7 +216,7 @@ def test_the_width_of_a_thing_is_that_of_its_outline(shape):
 
 
 def repaired(*waypoints: Waypoint) -> tuple[Trajectory, tuple[str, ...]]:
-    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM)
+    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM, ARM.forward(ARM.home))
 
 
 @pytest.mark.parametrize(
@@ -243,6 +243,16 @@ def test_repair_leaves_alone_what_it_cannot_mend():
         mended, said = repaired(*waypoints)
         assert said == ()
         assert len(mended) == len(waypoints)
+
+
+def test_repair_moves_a_waypoint_by_a_few_centimetres_at_most_and_only_as_far_as_needed():
+    below_and_behind = changed(0, xyz=(-0.6, 0.0, TABLE - 0.65))
+    assert repaired(*below_and_behind) == (Trajectory(below_and_behind), ())
+    slightly = changed(1, xyz=(0.3, 0.0, TABLE - 0.02))  # outside the workspace and below the table's margin
+    mended, notes = repaired(*slightly)
+    assert len(notes) == 1
+    tip = mended.waypoints[1].xyz[2] - ARM.hand.tip_beyond_tcp - TABLE
+    assert TABLE_MARGIN < tip < TABLE_MARGIN + 0.001
 
 
 def test_repair_never_makes_a_trajectory_too_long():

@@ -1,11 +1,26 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2.errors import PlanningError
-from gvla2.planning.effects import Ban, Bound, Prior, apply_effects, disordered, effect_from_json, reconciled
+from gvla2.geometry.transform import rigid
+from gvla2.planning.effects import (
+    Ban,
+    Bound,
+    Order,
+    Prior,
+    absolute,
+    apply_effects,
+    as_shares,
+    effect_from_json,
+    look_of,
+    own_first,
+    reconciled,
+)
+from gvla2.planning.scene import Box, Scene, SceneObject
 
 THETA = {"lift_height": 0.25, "grasp_depth": 0.02}
 
@@ -34,7 +49,9 @@ def test_a_bound_holds_whatever_experience_says(limit, mean, op, count):
 
 def test_effects_survive_json_and_bad_ones_are_refused():
     effect = Bound("grasp_depth", 0.03, ">=", skill="pick", source="r9")
-    assert effect_from_json(effect.to_json()) == effect
+    others = (Prior("x", 0.5, 3, 0.1, "height", object="red"), Ban("approach:top"), Order("lower", "release"))
+    for one in (effect, *others):
+        assert effect_from_json(one.to_json()) == one
     assert effect_from_json(effect.to_json(), source="other").source == "other"
     for bad in (
         {"kind": "bound"},
@@ -50,11 +67,11 @@ def test_effects_survive_json_and_bad_ones_are_refused():
     ):
         with pytest.raises(PlanningError, match="Not a parameter effect"):
             effect_from_json(bad)
-    assert effect_from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"
 
 
 def test_a_share_of_a_side_holds_for_other_sizes():
-    learnt = Prior("grasp_depth", 0.025, sd=0.002, count=2).shared({"grasp_depth": ("height", 0.05)})
+    learnt = as_shares(Prior("grasp_depth", 0.025, sd=0.002, count=2), {"grasp_depth": ("height", 0.05)})
+    assert isinstance(learnt, Prior)
     assert (learnt.value, learnt.sd, learnt.scale) == (pytest.approx(0.5), pytest.approx(0.04), "height")
     for height in (0.04, 0.05, 0.08):
         changed, _ = apply_effects(THETA, [learnt], "pick", lengths={"height": height})
@@ -68,27 +85,27 @@ def test_a_share_of_a_side_holds_for_other_sizes():
 @given(st.floats(0.005, 0.5), st.floats(-2, 2), st.floats(0, 1))
 def test_shares_go_there_and_back(length, value, sd):
     effect = Prior("grasp_depth", value, sd=sd, count=3)
-    share = effect.shared({"grasp_depth": ("height", length)})
-    back = share.absolute({"height": length})
+    share = as_shares(effect, {"grasp_depth": ("height", length)})
+    back = absolute(share, {"height": length})
     assert back is not None
     assert (back.value, back.sd, back.scale) == (pytest.approx(value), pytest.approx(sd), "")
-    assert share.shared({"grasp_depth": ("height", length)}) == share  # once is enough
+    assert as_shares(share, {"grasp_depth": ("height", length)}) == share  # once is enough
 
 
 def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
     share = Bound("grasp_depth", 0.6, scale="width", source="r4")
-    assert share.absolute({"height": 0.1}) is None
+    assert absolute(share, {"height": 0.1}) is None
     changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
     assert changed == THETA
     assert "r4 was ignored" in notes[0]
     hand = Bound("standoff", 0.1)
-    assert hand.shared({"grasp_depth": ("height", 0.1)}) == hand
+    assert as_shares(hand, {"grasp_depth": ("height", 0.1)}) == hand
 
 
-def test_records_without_a_scale_read_and_write_as_before():
+def test_records_without_a_scale_are_still_read():
     old = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
            "skill": "pick", "source": ""}  # fmt: skip
-    assert effect_from_json(old).to_json() == old
+    assert effect_from_json(old) == Prior("grasp_depth", 0.02, count=1, skill="pick")
     share = Bound("grasp_depth", 0.6, scale="height")
     assert effect_from_json(share.to_json()) == share
     with pytest.raises(PlanningError, match="height"):
@@ -107,8 +124,8 @@ def test_records_without_a_scale_read_and_write_as_before():
 )
 def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
     order = effect_from_json({"kind": "order", "parameter": "lower before release"})
-    assert order.stages == ("lower", "release")
-    assert disordered(order, stages) is wrong
+    assert order == Order("lower", "release")
+    assert order.broken_by(stages) is wrong
 
 
 @pytest.mark.parametrize("said", ["lower", " before release", "lower before", ""])
@@ -133,3 +150,49 @@ def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
     assert reconciled([bound(">=", 0.70), bound("<=", 0.50), bound("<=", 0.90), other]) == (
         bound("<=", 0.90), other,
     )  # fmt: skip
+
+
+def thing(id_: str, colour: str, parent: str = "") -> SceneObject:
+    return SceneObject(
+        id_, f"{colour} thing", "box", colour, rigid(), np.ones(3), np.zeros((0, 3)), parent=parent
+    )
+
+
+def scene(*things: SceneObject) -> Scene:
+    return Scene(things, 0.75, Box(-np.ones(3), np.ones(3)))
+
+
+def turn(value: float, thing: str = "", skill: str = "twist", parameter: str = "turn") -> Bound:
+    return Bound(parameter, value, ">=", skill=skill, object=thing)
+
+
+def test_a_part_looks_like_itself_on_its_whole():
+    jar, lid = thing("jar", "red"), thing("lid", "gray", parent="jar")
+    assert look_of(jar, scene(jar, lid)) == "red"
+    assert look_of(lid, scene(jar, lid)) == "gray on red"
+    assert look_of(None, scene()) == ""
+    assert look_of(thing("x", ""), scene()) == "", "unsure of the colour: it looks like nothing in particular"
+    knob = thing("knob", "blue", parent="lid")
+    assert look_of(knob, scene(jar, lid, knob)) == "blue on red", "the whole, however deep the part"
+    one, other = thing("a", "red", parent="b"), thing("b", "blue", parent="a")
+    assert look_of(one, scene(one, other)) == "red on blue", "parents in a ring come to an end"
+
+
+def test_what_was_learnt_on_its_like_replaces_what_was_learnt_on_others():
+    own, other, any_ = turn(3.0, "gray on red"), turn(5.0, "gray on blue"), turn(1.0)
+    assert own_first([other, own, any_], "gray on red") == (own, any_)
+    assert own_first([other, own, any_], "gray on lime") == (other, own, any_), (
+        "nothing of its own: all count"
+    )
+    assert own_first([other, own], "") == (other, own), "it looks like nothing in particular"
+
+
+def test_other_parameters_and_skills_of_others_stay():
+    own = turn(3.0, "red")
+    depth, push = turn(0.1, "blue", parameter="grasp_depth"), turn(0.2, "blue", skill="push")
+    assert own_first([own, depth, push], "red") == (own, depth, push)
+
+
+def test_the_look_survives_json_and_is_left_out_where_there_is_none():
+    assert effect_from_json(turn(3.0, "red").to_json()).object == "red"
+    assert "object" not in turn(3.0).to_json()

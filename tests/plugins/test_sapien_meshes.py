@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from gvla2.geometry.transform import rigid
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.noise_options import DepthNoise

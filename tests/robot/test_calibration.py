@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.catalog import load_plugins
 from gvla2.commands.calibrate import CalibrateConfig, job
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import invert_rigid, look_along, rigid
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.calibration import Calibration, Intrinsics, load_recording
 from gvla2.robot.hand_eye import PosePair, solve
 from gvla2.robot.hand_eye_solvers import solvers

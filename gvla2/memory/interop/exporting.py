@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gvla2.errors import OutputError
+from gvla2.io.files import write_whole
 from gvla2.memory.interop.states import STATES, to_bytes, write_record
 from gvla2.memory.storage.store import Store
-from gvla2.writing import write_whole
 
 
 @dataclass(frozen=True)

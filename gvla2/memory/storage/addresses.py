@@ -6,8 +6,8 @@ import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 
-from gvla2.databases import parsed
 from gvla2.errors import ConfigurationError
+from gvla2.io.database_url import parsed
 
 LONGEST_NAME = 200
 

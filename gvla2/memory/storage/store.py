@@ -9,8 +9,8 @@ from typing import Any
 
 from sqlalchemy import delete, select
 
-from gvla2.databases import Closing, parsed
 from gvla2.errors import MemoryStoreError
+from gvla2.io.database_url import Closing, parsed
 from gvla2.memory.storage.addresses import wrong_bank_name
 from gvla2.memory.storage.database import Database
 from gvla2.memory.storage.forgetting import Transaction

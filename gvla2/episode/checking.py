@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gvla2.loop.advice import advice_for
-from gvla2.loop.diagnosis import theme_of
-from gvla2.loop.lessons import handled_lengths
+from gvla2.episode.advice import advice_for
+from gvla2.episode.failure_diagnosis import theme_of
+from gvla2.episode.lessons import handled_lengths
+from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.effects import look_of, own_first
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
-from gvla2.record.contents import EpisodeRecord
 
 
 def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckReport]:
@@ -34,7 +34,7 @@ def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckRep
     report = check(record.plan.trajectory)
     if report.passed:
         return record, report
-    repaired, repairs = repair(record.plan.trajectory, report, scene, arm)
+    repaired, repairs = repair(record.plan.trajectory, report, scene, arm, start)
     if not repairs:
         return record, report
     second = replace(check(repaired), repairs=repairs)

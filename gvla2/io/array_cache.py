@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import OutputError
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

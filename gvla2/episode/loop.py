@@ -16,17 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gvla2.errors import (
-    Gvla2Error,
-    SimulationError,
-    kept_alive,
-)
-from gvla2.geometry.exchange import read_only
-from gvla2.geometry.views import Observation
-from gvla2.loop.advice import with_sound_effects
-from gvla2.loop.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
-from gvla2.loop.consulting import Asked, Consultation
-from gvla2.loop.continuing import (
+from gvla2.episode.advice import with_sound_effects
+from gvla2.episode.consultation import Asked, Consultation
+from gvla2.episode.evidence import RobotEvidence
+from gvla2.episode.lessons import memory_task, transcript
+from gvla2.episode.listener import EpisodeListener, SilentListener
+from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.multi_step import (
     clear_the_view,
     goes_on,
     next_part,
@@ -34,19 +30,22 @@ from gvla2.loop.continuing import (
     too_long,
     words_of_part,
 )
-from gvla2.loop.evidence import RobotEvidence
-from gvla2.loop.failures import ABANDONED, VOID, failure_of
-from gvla2.loop.lessons import memory_task, transcript
-from gvla2.loop.listener import EpisodeListener, SilentListener
-from gvla2.loop.refine import GeometryParts, refine_scene
-from gvla2.loop.telling import told_of
+from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
+from gvla2.episode.refine import GeometryParts, refine_scene
+from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, pooled, worth_another
+from gvla2.errors import (
+    Gvla2Error,
+    SimulationError,
+    kept_alive,
+)
+from gvla2.geometry.exchange import read_only
+from gvla2.geometry.views import Observation
 from gvla2.memory.asking import context_of, learned_of, verdict_of
 from gvla2.memory.contracts import Memory, Verifier
 from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
-from gvla2.record.contents import EpisodeRecord, Failure, Stage
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.noise_options import DepthNoise
@@ -93,7 +92,7 @@ class EpisodeRequest:
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
     there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
-    it is confident; None leaves that to the planner (:mod:`gvla2.loop.consulting`).
+    it is confident; None leaves that to the planner (:mod:`gvla2.episode.consultation`).
     """
 
     seed: int
@@ -113,7 +112,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     """Run one episode and return its record, whose ``failure`` says where and why it ended early, if so.
 
     Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
-    failures of a kind in :data:`~gvla2.loop.failures.ABANDONED` (the listener has then seen the record) and raised
+    failures of a kind in :data:`~gvla2.episode.record.ABANDONED` (the listener has then seen the record) and raised
     again.
     """
     record = EpisodeRecord(

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gvla2.record.contents import EpisodeRecord
-from gvla2.record.files import plain
+from gvla2.episode.record import EpisodeRecord
+from gvla2.io.files import plain
 
 _SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
 """Patterns of common services' access keys, and of keys in headers."""

@@ -1,7 +1,7 @@
 """The kinds of components, one line each: this table is where a kind is declared.
 
-Hooks (:mod:`gvla2.hookspecs`), Hydra groups (:mod:`gvla2.hydra_bridge`), the configuration of ``gvla2 run`` and its
-default choices follow from it. A plugin declares further kinds with the hook ``gvla2_kinds``.
+Hooks (:mod:`gvla2.hookspecs`), Hydra groups, the configuration of ``gvla2 run`` and its default choices
+follow from it. A plugin declares further kinds with the hook ``gvla2_kinds``.
 """
 
 from __future__ import annotations

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gvla2.episode.evidence import correspond
+from gvla2.episode.record import EpisodeRecord, Failure
+from gvla2.episode.replan import back_off
 from gvla2.errors import PerceptionError, PlanningError
-from gvla2.loop.attempts import back_off
-from gvla2.loop.correspondence import correspond
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.skills.carry_out import carry_out
 

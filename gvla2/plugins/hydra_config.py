@@ -21,10 +21,10 @@ from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSou
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.component import Component, ComponentConfig
-from gvla2.fitness import structured
-from gvla2.kinds import KINDS, NONE, SLOTS
+from gvla2.plugins.kinds import KINDS, NONE, SLOTS
+from gvla2.plugins.registry import Registry, load_plugins
+from gvla2.plugins.validation import structured
 
 PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"

@@ -13,15 +13,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from gvla2.episode.advice import advice_for
+from gvla2.episode.checking import check_plan
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
 from gvla2.language.failures import LanguageModelError
-from gvla2.loop.advice import advice_for
-from gvla2.loop.checking import check_plan
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.contracts import Abstention, Plan, Planner, PlanRequest
 from gvla2.planning.findings import CheckReport
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.skills.skill import Skill
 
 _FAILED = (LanguageModelError, PlanningError)

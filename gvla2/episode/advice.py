@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from gvla2.episode.failure_diagnosis import diagnose, theme_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import PlanningError
-from gvla2.loop.diagnosis import diagnose, theme_of
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Bound, effect_from_json, reconciled
 from gvla2.planning.programs import Program
-from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.diagnosis import Signal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.loop.correspondence import correspond
+from gvla2.episode.evidence import correspond
+from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Ban, Bound, Effect, Order, as_shares, look_of
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Waypoint
-from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.skills.diagnosis import EMPTY, Outcome, Reached, Signal
 from gvla2.skills.skill import Skill

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.record.contents import EpisodeRecord, Stage
+from gvla2.episode.record import EpisodeRecord, Stage
 
 
 class EpisodeListener(Protocol):

@@ -2,7 +2,7 @@
 
 :func:`collect` registers the plugins with one :class:`pluggy.PluginManager` and calls each hook once, by pluggy's rules
 of order and wrapping. pluggy lets the first error end a call; so what it registers is a guarded twin of each plugin,
-whose functions return nothing instead and record a :class:`~gvla2.discovery.PluginProblem`.
+whose functions return nothing instead and record a :class:`~gvla2.plugins.discovery.PluginProblem`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import pluggy
 from pluggy import HookimplOpts
 
 from gvla2 import hookspecs
-from gvla2.discovery import Plugin, PluginProblem, closest, describe, stdout_kept_clean
-from gvla2.fitness import fault_of_item, fault_of_kind
+from gvla2.component import PROJECT
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
-from gvla2.kinds import KINDS, SLOTS, Kind
-from gvla2.markers import PROJECT
+from gvla2.plugins.discovery import Plugin, PluginProblem, closest, describe, stdout_kept_clean
+from gvla2.plugins.kinds import KINDS, SLOTS, Kind
+from gvla2.plugins.validation import fault_of_item, fault_of_kind
 
 _MARK = f"{PROJECT}_impl"
 """The attribute in which pluggy's marker leaves a function's options."""

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Learned
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD

@@ -1,4 +1,4 @@
-"""Which object of a later scene is which of an earlier one: by look and size, by place where looks are alike."""
+"""Input of a robot's verifier: scenes before and after, the plan, the report, and how objects of both scenes match."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from gvla2.memory.contracts import Evidence
+from gvla2.planning.contracts import Plan
+from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.robot.report import ExecutionReport
 
 MAX_DIFFERENCE = 1.0
 """Objects that differ by more are different ones."""
@@ -16,6 +20,21 @@ MAX_DIFFERENCE = 1.0
 _UNMATCHED = 10.0
 _PLACE_WEIGHT = 0.15
 _STILL, _STILL_WEIGHT = 0.03, 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotEvidence(Evidence):
+    """Evidence of one episode, as the robot itself could gather it: perceived scenes, never true state.
+
+    ``after`` is None when nothing could be perceived at the end. ``gripper_width`` at the end, metres.
+    """
+
+    before: Scene
+    after: Scene | None
+    plan: Plan
+    checks: CheckReport
+    report: ExecutionReport
+    gripper_width: float
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,14 @@ import re
 from collections.abc import Mapping
 
 import gvla2
-from gvla2.loop.diagnosis import approach_of, diagnose, theme_of
+from gvla2.episode.failure_diagnosis import approach_of, diagnose, theme_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.calls import written
 from gvla2.planning.effects import ON, Prior, as_shares, look_of, sides_of
 from gvla2.planning.programs import calls_program, kind_of, relative_steps, waypoints_program
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.scene_brief import unique_names
-from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 

@@ -12,12 +12,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
-from gvla2.fitness import structured
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
-from gvla2.kinds import KINDS, NONE, SLOTS, Kind, kind_of
-from gvla2.manager import collect
+from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
+from gvla2.plugins.kinds import KINDS, NONE, SLOTS, Kind, kind_of
+from gvla2.plugins.manager import collect
+from gvla2.plugins.validation import structured
 from gvla2.skills.skill import Skill
 
 
@@ -102,10 +102,10 @@ class Registry:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
 
         ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind; the
-        field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; it gives None where it chose
-        ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a wrong option or circular
-        needs, and :class:`PluginError` for a component that fails or breaks its protocol; a :class:`Gvla2Error` of the
-        component itself passes through. ``built`` as for :meth:`build_all`.
+        field's ``name`` chooses. A slot (:data:`~gvla2.plugins.kinds.SLOTS`) may stand for a kind; it gives None
+        where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a wrong option
+        or circular needs, and :class:`PluginError` for a component that fails or breaks its protocol; a
+        :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
         """
         return self.build_all(root, (kind,), built)[kind]
 
@@ -238,7 +238,7 @@ def _checked(task: Any, config: ComponentConfig, who: str) -> Any:
 
 
 def nothing_in(root: object, kind: str) -> bool:
-    """Whether the kind is a slot (:data:`~gvla2.kinds.SLOTS`) that ``root`` leaves empty."""
+    """Whether the kind is a slot (:data:`~gvla2.plugins.kinds.SLOTS`) that ``root`` leaves empty."""
     return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
 
 

@@ -10,11 +10,10 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import describe
+from gvla2.component import PROJECT, Component, ComponentConfig
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
-from gvla2.kinds import SLOTS, TAKEN, Kind
-from gvla2.markers import PROJECT
+from gvla2.plugins.discovery import describe
+from gvla2.plugins.kinds import SLOTS, TAKEN, Kind
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})

@@ -16,8 +16,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 
-from gvla2.markers import PROJECT
-from gvla2.registering import registered
+from gvla2.component import PROJECT, registered
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
 """Environment variable with the names of plugins to skip, separated by commas; ``*`` skips all."""

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gvla2.loop.continuing import with_whole_program
-from gvla2.loop.lessons import memory_episode
+from gvla2.episode.conversation import turns
+from gvla2.episode.lessons import memory_episode
+from gvla2.episode.multi_step import with_whole_program
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import MemoryEpisode, Verdict
-from gvla2.record.contents import EpisodeRecord
-from gvla2.record.conversation import turns
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
