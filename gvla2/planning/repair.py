@@ -1,6 +1,6 @@
 """One round of small repairs before a rejection: clamp, split, slow down, go over.
 
-A planner's mistake of a few centimetres is mended; a larger one goes back to the planner with the checks' reasons, since
+A planner's mistake of a few centimetres is mended; a larger one goes back to the planner with the checks' reasons, as
 nobody knows what it meant.
 """
 

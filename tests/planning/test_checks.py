@@ -280,4 +280,4 @@ def test_a_remembered_order_rejects_stages_the_other_way_round():
     assert kinds(report) == {("memory", "order_broken")}
     assert "r9" in report.reasons[0]
     assert check(*GOOD, effects=[order], skill="push").passed
-    assert check(*GOOD, effects=[replace(order, parameter="close before lift")], skill="pick").passed
+    assert check(*GOOD, effects=[Order("close", "lift")], skill="pick").passed

@@ -62,7 +62,7 @@ def test_models_count_to_what_they_were_taught():
         ("[]", "no list of points"),
         ("<ans>[]</ans>", "no point"),
         ("<ans>[<action>Open Gripper</action>]</ans>", "no point"),
-        ("[(0.2, 0.3), (1.2, 0.3)]", "outside the picture; coordinates go from 0 to 1"),
+        ("[(0.2, 0.3), (1.2, 0.3)]", "outside the picture; coordinates are 0 to 1"),
         ("[(nan, 0.3)]", "outside the picture"),
         ("[(-inf, 0.3)]", "outside the picture"),
         ("[(0.2, -0.3)]", "outside the picture"),

@@ -40,7 +40,7 @@ def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default()
         "kind": "program",
         "skill": "pick",
         "language": "calls",
-        "roles": {},
+        "roles": {"theme": "red cube box"},
         "steps": ["pick({theme})"],
     }
     told = experience(3, 0.5, GOOD)
