@@ -10,8 +10,8 @@ from gvla2.episode.lessons import handled_lengths
 from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks import check_trajectory
+from gvla2.planning.effects import look_of, own_first
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
 
@@ -34,7 +34,7 @@ def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckRep
     report = check(record.plan.trajectory)
     if report.passed:
         return record, report
-    repaired, repairs = repair(record.plan.trajectory, report, scene, arm)
+    repaired, repairs = repair(record.plan.trajectory, report, scene, arm, start)
     if not repairs:
         return record, report
     second = replace(check(repaired), repairs=repairs)

@@ -38,7 +38,7 @@ SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 """Synonyms of the colour words."""
 NEARLY = SYNONYMS | {f"{word}ish": word for word in (*COLOURS, "brown")}
 NEARLY |= {"reddish": "red", "bluish": "blue", "purplish": "purple", "whitish": "white", "pinkish": "pink"}
-"""What is nearly of a colour as well: in a wish it tells things apart all the same."""
+"""What is nearly of a colour as well: in a wish it tells objects apart all the same."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),

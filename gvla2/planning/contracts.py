@@ -80,7 +80,7 @@ class Abstention:
 
     ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
     ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so a more capable planner may
-    find a plan; the thing need not be absent.
+    find a plan; the object need not be absent.
     """
 
     kind: str

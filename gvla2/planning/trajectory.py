@@ -181,6 +181,12 @@ class Trajectory:
             rotation = waypoint.orientation.resolve(rotation)
             yield rigid(rotation, waypoint.xyz)
 
+    def poses_if_valid(self, start: FloatArray) -> list[FloatArray] | None:
+        """:meth:`poses`, or None when an orientation or position is malformed."""
+        if any(w.orientation.fault or len(w.xyz) != 3 for w in self.waypoints):
+            return None
+        return self.poses(start)
+
     def straight_after(self, index: int, poses: Sequence[FloatArray]) -> Sequence[FloatArray]:
         """Those of all waypoints' ``poses`` (4, 4) that belong to the straight moves right after waypoint ``index``."""
         following = self.waypoints[index + 1 :]

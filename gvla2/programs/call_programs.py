@@ -15,7 +15,7 @@ from typing import Any
 from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
 from gvla2.planning.contracts import Abstention, PlanRequest
 from gvla2.planning.scene_brief import SceneBrief
-from gvla2.skills.affordances import goals, themes
+from gvla2.skills.grounding import goals, themes
 from gvla2.skills.skill import Skill
 
 DECLINE = "decline"
@@ -124,7 +124,7 @@ def _call(
         )
     if len(roles) == 2 and skills[skill].role("goal") is None:
         raise ValueError(f"{skill} takes one object and no goal.")
-    return SkillCall(skill, *roles, **fields)
+    return SkillCall(skill, roles[0], roles[1] if len(roles) == 2 else "", **fields)
 
 
 def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief) -> Fitting:

@@ -16,7 +16,7 @@ from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import told
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief
-from gvla2.skills.lifting import MOST_POINTS, PathPoint, lift
+from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
 
 FARTHEST = 1000.0
 """Largest offset, millimetres."""

@@ -126,19 +126,19 @@ class Skin:
         return np.asarray(axes[:, :, 0])
 
 
-def skin_of(thing: SceneObject) -> Skin | None:
+def skin_of(obj: SceneObject) -> Skin | None:
     """The object's surface, from its scan if it has one, else from its seen points; None if there are too few."""
-    if thing.known is not None:
-        whole = _skin_of_scan(thing.known.path, thing.known.scale)
-        pose = thing.known.world_from_scan
+    if obj.known is not None:
+        whole = _skin_of_scan(obj.known.path, obj.known.scale)
+        pose = obj.known.world_from_scan
         normals = whole.normals @ pose[:3, :3].T
-        return Skin(transform_points(pose, whole.points), normals, foot=thing.bottom)
-    points = thing.points[np.isfinite(thing.points).all(axis=1)]
+        return Skin(transform_points(pose, whole.points), normals, foot=obj.bottom)
+    points = obj.points[np.isfinite(obj.points).all(axis=1)]
     if len(points) < FEWEST:
         return None
     if len(points) > MOST:
         points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
-    return Skin(points, foot=thing.bottom)
+    return Skin(points, foot=obj.bottom)
 
 
 def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -163,16 +163,16 @@ def _skin_of_scan(path: str, scale: float) -> Skin:
     return Skin(scale * points, mesh.normals[faces])
 
 
-def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:
+def antipodal(obj: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:
     """The best grasps of an object on a table at height ``table``, metres, best first.
 
     ``outward`` (3,) points from the arm's foot to the object: the hand leans, and approaches from the side, that way.
     """
-    skin = skin_of(thing)
+    skin = skin_of(obj)
     if skin is None:
         return []
     found: list[Antipodal] = []
-    yaw = float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
+    yaw = float(np.arctan2(obj.world_from_object[1, 0], obj.world_from_object[0, 0]))
     for family, rotation in _ways(outward, yaw):
         found += _by_slabs(skin, family, rotation, hand, table)
     return _apart(sorted(found, key=lambda g: -g.worth))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,22 +12,17 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Done, Plan, PlanRequest
-from gvla2.planning.effects import apply_effects, sides_of
-from gvla2.planning.looks import look_of, own_first
+from gvla2.planning.effects import Bound, apply_effects, look_of, own_first, sides_of
 from gvla2.planning.scene import SceneObject
 from gvla2.skills.candidates import choose
-from gvla2.skills.chaining import first_part
-from gvla2.skills.exploring import varied
-from gvla2.skills.joined import joined
-from gvla2.skills.meaning import Meant, meant, whole_meant
+from gvla2.skills.grounding import Meant, meant, whole_meant
+from gvla2.skills.multi_step import all_in_one, first_part
 from gvla2.skills.parameters import limited, scales
+from gvla2.skills.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.skills.proposals import Job, Proposal
-from gvla2.skills.room import no_room
-from gvla2.skills.several import all_in_one
 from gvla2.skills.skill import Skill
-from gvla2.skills.soundness import nonsense, unaimed, unknown
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wholes import CLEAR, assembled, rise
+from gvla2.skills.validation import no_room, nonsense, unaimed, unknown
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
@@ -92,7 +89,7 @@ def _no_amount(call: SkillCall, skill: Skill, goal: SceneObject | None) -> Abste
     else:
         sides = ", ".join(r.replace("front_of", "in front of").replace("_", " ") for r in role.relations)
         message = (
-            f"A distance from another thing is not supported; {asked} from the {goal.label} was asked for. "
+            f"A distance from another object is not supported; {asked} from the {goal.label} was asked for. "
             f"'{skill.name}' takes an amount only with a direction ('10 cm to the right'), and a goal without one: "
             f"{sides} the {goal.label}."
         )
@@ -191,7 +188,7 @@ def _theta(
     if options.explore > 0.0:
         said = frozenset(own) | stepwise
         theta, tried = varied(theta, options.explore, options.explore_seed, request, theme.id, said)
-        bounds = [e for e in effects if e.kind == "bound"]
+        bounds = [e for e in effects if isinstance(e, Bound)]
         theta, kept = apply_effects(theta, bounds, skill.name, lengths=lengths)
         notes += [*tried, *kept]
     theta, limits = limited(theta, theme, request.scene)
@@ -221,3 +218,38 @@ def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> Float
 
 def _all_forbidden(found: Sequence[Proposal], reasons: str) -> bool:
     return bool(found) and reasons.startswith("memory forbids") and ";" not in reasons
+
+
+SPEEDS = ("speed", "contact_speed")
+"""Never varied, for safety."""
+
+LEAST, MOST = 0.5, 1.5
+"""Bounds of the factors; a larger change would be a different motion."""
+
+
+def varied(
+    theta: Mapping[str, float],
+    spread: float,
+    seed: int,
+    request: PlanRequest,
+    theme: str,
+    said: frozenset[str] = frozenset(),
+) -> tuple[dict[str, float], list[str]]:
+    """Theta with each number except the speeds multiplied by a log-normal factor, and one sentence for each change.
+
+    ``spread`` is the standard deviation of the factors' logarithm, 0 for no variation. The factors are the same for the
+    same seed, instruction, scene and ``theme`` (an id); each is independent of the other parameters. Numbers that are 0
+    or that the instruction ``said`` (names) are kept.
+    """
+    changed: dict[str, float] = dict(theta)
+    notes: list[str] = []
+    if spread <= 0.0:
+        return changed, notes
+    seen = [[o.id, o.label, [round(1e3 * float(v)) for v in o.centre]] for o in request.scene.objects]
+    for name in (n for n in theta if n not in SPEEDS and n not in said):
+        key = json.dumps([seed, request.instruction, theme, name, seen]).encode()
+        draw = np.random.default_rng(int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), "big"))
+        changed[name] = theta[name] * float(np.clip(np.exp(spread * draw.standard_normal()), LEAST, MOST))
+        if f"{changed[name]:.4g}" != f"{theta[name]:.4g}":
+            notes.append(f"{name}: {theta[name]:.4g} -> {changed[name]:.4g} to explore")
+    return changed, notes

@@ -16,7 +16,7 @@ from gvla2.planning.pixels import object_at
 from gvla2.planning.programs import Program, remembered, waypoints_program
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief
-from gvla2.skills.lifting import PathPoint, lift
+from gvla2.skills.path_lifting import PathPoint, lift
 
 AT_HAND = 0.02
 """A hand that closes this close to an object grasps it, metres."""

@@ -15,7 +15,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.skills.parameters import TABLE_GAP
-from gvla2.skills.wholes import holders, rise, way_out
+from gvla2.skills.part_hierarchy import holders, rise, way_out
 
 LONGEST_LINE = 0.5
 """Longer straight motions are split, metres."""

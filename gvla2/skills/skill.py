@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from gvla2.planning.calls import SkillOptions
     from gvla2.planning.contracts import Abstention
     from gvla2.planning.scene import Scene, SceneObject
-    from gvla2.skills.outcome import Outcome, Signal
+    from gvla2.skills.diagnosis import Outcome, Signal
     from gvla2.skills.proposals import Job, Proposal
 
 RoleName = Literal["theme", "goal", "part"]
@@ -57,7 +57,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Skill:
-    """One thing that a hand can do, called by planners and learnt about by memory.
+    """One object that a hand can do, called by planners and learnt about by memory.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
     proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand

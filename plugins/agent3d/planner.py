@@ -21,7 +21,6 @@ from gvla2.programs.waypoint_programs import (
     with_ids,
     written,
 )
-from gvla2.skills.lifting import MOST_POINTS, lift
 from gvla2.skills.model_planning import (
     InfeasiblePlanError,
     ask_for_plan,
@@ -29,6 +28,7 @@ from gvla2.skills.model_planning import (
     nothing_to_ask,
     rejected_answer,
 )
+from gvla2.skills.path_lifting import MOST_POINTS, lift
 from gvla2_plugins.agent3d import Agent3dConfig
 
 EXAMPLE_OBJECTS = {

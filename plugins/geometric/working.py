@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.planning.scene import SceneObject
+from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
 from gvla2_plugins.geometric.case import Case, CriterionScore, something_at
 from gvla2_plugins.geometric.placing import placed
 

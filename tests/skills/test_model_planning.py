@@ -7,7 +7,6 @@ import pytest
 
 from gvla2.language import AskingOptions, Endpoint, EndpointOptions
 from gvla2.planning.contracts import Advice
-from gvla2.skills.lifting import PathPoint
 from gvla2.skills.model_planning import (
     MAX_CHARACTERS,
     ask_for_path,
@@ -15,6 +14,7 @@ from gvla2.skills.model_planning import (
     instruction_in,
     nothing_to_ask,
 )
+from gvla2.skills.path_lifting import PathPoint
 from gvla2.testing import inputs
 from gvla2.testing.language import LocalModel, said
 

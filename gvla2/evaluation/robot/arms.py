@@ -16,7 +16,7 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Prior, effect_from_json
 
 FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
 CERTAIN = 1_000_000
@@ -70,9 +70,10 @@ class BestTheta:
     def __init__(self, experiences: Sequence[Experience]) -> None:
         won = [e for e in experiences if e.verdict.outcome == "verified_success"]
         told = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
-        tried: dict[tuple[str, str], list[Effect]] = {}
-        for effect in (Effect.from_json(one) for one in told if one.get("kind") == "prior"):
-            tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        tried: dict[tuple[str, str], list[Prior]] = {}
+        for effect in map(effect_from_json, told):
+            if isinstance(effect, Prior):
+                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
         self._best = [
             replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
             for some in tried.values()
