@@ -14,7 +14,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks_gripper import check_gripper
 from gvla2.planning.checks_motion import check_clearance, check_kinematics, resolve_motion
-from gvla2.planning.effects import Bound, Effect, Order, absolute
+from gvla2.planning.effects import Bound, Effect, Order
 from gvla2.planning.findings import (
     EPS,
     MAX_FREE,
@@ -150,7 +150,7 @@ def check_memory(
                         f"put '{earlier}' first."
                     )
                     found.fail(-1, "order_broken", message)
-            case Bound(parameter=name) if name in parameters and (bound := absolute(effect, lengths)):
+            case Bound(parameter=name) if name in parameters and (bound := effect.absolute(lengths)):
                 held += 1
                 value = parameters[name]
                 if abs(bound.clamped(value) - value) > EPS:

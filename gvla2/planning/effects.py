@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self
 
 from gvla2.errors import PlanningError
 from gvla2.planning.programs import Program
@@ -51,53 +51,61 @@ class _Lesson:
 
 
 @dataclass(frozen=True)
-class Bound(_Lesson):
-    """``parameter`` ``op`` ``value`` must hold: a constraint from a failure.
+class _Measured(_Lesson):
+    """A lesson about a number: in the parameter's own unit, or in shares of the side ``scale`` of the object."""
 
-    ``value`` is in the parameter's own unit, or a share of the side ``scale`` of the handled object.
-    """
-
-    kind: ClassVar[str] = "bound"
     parameter: str
     value: float
+    scale: str = field(default="", kw_only=True)
+
+    def absolute(self, lengths: Mapping[str, float]) -> Self | None:
+        """The effect in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
+
+        None if it is a share of a side that they do not give.
+        """
+        if not self.scale:
+            return self
+        length = lengths.get(self.scale, 0.0)
+        return self.scaled(length, "") if length > 0.0 else None
+
+    def scaled(self, factor: float, scale: str) -> Self:
+        """The effect multiplied by ``factor``, in shares of ``scale``."""
+        return replace(self, value=self.value * factor, scale=scale)
+
+    def _own(self) -> dict[str, Any]:
+        scale = {"scale": self.scale} if self.scale else {}
+        return {"parameter": self.parameter, "value": self.value, **scale}
+
+
+@dataclass(frozen=True)
+class Bound(_Measured):
+    """``parameter`` ``op`` ``value`` must hold: a constraint from a failure."""
+
+    kind: ClassVar[str] = "bound"
     op: Literal[">=", "<="] = ">="
-    scale: str = ""
 
     def clamped(self, value: float) -> float:
         """The allowed value nearest to ``value``, if the bound is in the parameter's own unit."""
         return max(value, self.value) if self.op == ">=" else min(value, self.value)
 
-    def scaled(self, factor: float, scale: str) -> Self:
-        """The bound in another unit: multiplied by ``factor``, in shares of ``scale``."""
-        return replace(self, value=self.value * factor, scale=scale)
-
     def _own(self) -> dict[str, Any]:
-        scale = {"scale": self.scale} if self.scale else {}
-        return {"parameter": self.parameter, "value": self.value, "op": self.op, **scale}
+        return {**super()._own(), "op": self.op}
 
 
 @dataclass(frozen=True)
-class Prior(_Lesson):
-    """``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint.
-
-    ``value`` and ``sd`` are in the parameter's own unit, or shares of the side ``scale`` of the handled object.
-    """
+class Prior(_Measured):
+    """``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint."""
 
     kind: ClassVar[str] = "prior"
-    parameter: str
-    value: float
     count: int
     sd: float = 0.0
-    scale: str = ""
 
     def scaled(self, factor: float, scale: str) -> Self:
-        """The prior in another unit: multiplied by ``factor``, in shares of ``scale``."""
-        return replace(self, value=self.value * factor, sd=self.sd * factor, scale=scale)
+        """The prior multiplied by ``factor``, in shares of ``scale``."""
+        return replace(super().scaled(factor, scale), sd=self.sd * factor)
 
     def _own(self) -> dict[str, Any]:
-        scale = {"scale": self.scale} if self.scale else {}
-        numbers = {"value": self.value, "sd": self.sd, "count": self.count}
-        return {"parameter": self.parameter, **numbers, **scale}
+        return {**super()._own(), "sd": self.sd, "count": self.count}
 
 
 @dataclass(frozen=True)
@@ -133,7 +141,6 @@ class Order(_Lesson):
 
 
 Effect = Bound | Prior | Ban | Order
-Measured = TypeVar("Measured", bound=Bound | Prior)
 _KINDS = ("bound", "prior", "forbid", "order", "program")
 _FIELDS = {"kind", "parameter", "value", "op", "sd", "count", "scale", "skill", "object", "source"}
 
@@ -169,10 +176,12 @@ def _parsed(data: Mapping[str, Any], source: str) -> Effect:
         case "bound":
             if data["op"] not in (">=", "<="):
                 raise ValueError(f"has the op {data['op']!r}; it is >= or <=")
-            return Bound(parameter, _number(data["value"]), data["op"], scale, **about)
+            return Bound(parameter, _number(data["value"]), data["op"], scale=scale, **about)
         case "prior":
             spread = _number(data.get("sd", 0.0))
-            return Prior(parameter, _number(data["value"]), _number(data["count"]), spread, scale, **about)
+            return Prior(
+                parameter, _number(data["value"]), _number(data["count"]), spread, scale=scale, **about
+            )
         case "forbid":
             return Ban(parameter, **about)
         case "order":
@@ -204,17 +213,6 @@ def as_shares(effect: Effect, scales: Mapping[str, Scale]) -> Effect:
             return effect.scaled(1.0 / length, side) if scaled else effect
         case Ban() | Order():
             return effect
-
-
-def absolute(effect: Measured, lengths: Mapping[str, float]) -> Measured | None:
-    """The effect in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
-
-    None if it is a share of a side that they do not give.
-    """
-    if not effect.scale:
-        return effect
-    length = lengths.get(effect.scale, 0.0)
-    return effect.scaled(length, "") if length > 0.0 else None
 
 
 def sides_of(obj: SceneObject) -> dict[str, float]:
@@ -317,7 +315,7 @@ def apply_effects(
             continue
         if effect.parameter not in changed:
             continue
-        if (own := absolute(effect, lengths or {})) is None:
+        if (own := effect.absolute(lengths or {})) is None:
             notes.append(
                 f"{effect.parameter}: {effect.source} was ignored, the object's {effect.scale} is unknown"
             )

@@ -12,7 +12,6 @@ from gvla2.planning.effects import (
     Bound,
     Order,
     Prior,
-    absolute,
     apply_effects,
     as_shares,
     effect_from_json,
@@ -49,7 +48,11 @@ def test_a_bound_holds_whatever_experience_says(limit, mean, op, count):
 
 def test_effects_survive_json_and_bad_ones_are_refused():
     effect = Bound("grasp_depth", 0.03, ">=", skill="pick", source="r9")
-    others = (Prior("x", 0.5, 3, 0.1, "height", object="red"), Ban("approach:top"), Order("lower", "release"))
+    others = (
+        Prior("x", 0.5, 3, 0.1, scale="height", object="red"),
+        Ban("approach:top"),
+        Order("lower", "release"),
+    )
     for one in (effect, *others):
         assert effect_from_json(one.to_json()) == one
     assert effect_from_json(effect.to_json(), source="other").source == "other"
@@ -86,7 +89,7 @@ def test_a_share_of_a_side_holds_for_other_sizes():
 def test_shares_go_there_and_back(length, value, sd):
     effect = Prior("grasp_depth", value, sd=sd, count=3)
     share = as_shares(effect, {"grasp_depth": ("height", length)})
-    back = absolute(share, {"height": length})
+    back = share.absolute({"height": length})
     assert back is not None
     assert (back.value, back.sd, back.scale) == (pytest.approx(value), pytest.approx(sd), "")
     assert as_shares(share, {"grasp_depth": ("height", length)}) == share  # once is enough
@@ -94,7 +97,7 @@ def test_shares_go_there_and_back(length, value, sd):
 
 def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
     share = Bound("grasp_depth", 0.6, scale="width", source="r4")
-    assert absolute(share, {"height": 0.1}) is None
+    assert share.absolute({"height": 0.1}) is None
     changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
     assert changed == THETA
     assert "r4 was ignored" in notes[0]
