@@ -8,13 +8,21 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from types import FrameType, NoneType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Candidate, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.contracts import (
+    Abstention,
+    AbstentionKind,
+    Candidate,
+    Perceiver,
+    Plan,
+    Planner,
+    PlanRequest,
+)
 from gvla2.planning.effects import SIDES
 from gvla2.planning.programs import Program
 from gvla2.planning.scene import Box, Scene, SceneObject
@@ -85,7 +93,13 @@ def fault_of_plan(plan: object) -> str:
         return f"a plan with {problem}"
     trajectory: object = plan.trajectory
     if plan.abstention is not None:
-        return ""
+        kinds = get_args(AbstentionKind)
+        known = plan.abstention.kind in kinds
+        return (
+            ""
+            if known
+            else f"an abstention of kind {plan.abstention.kind!r:.40}; kinds are {', '.join(kinds)}"
+        )
     if not isinstance(trajectory, Trajectory | None):
         return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
     if trajectory is None:

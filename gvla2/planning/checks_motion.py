@@ -19,6 +19,7 @@ from gvla2.planning.findings import (
     MIN_MANIPULABILITY,
     SWEEP_STEP,
     Finding,
+    FindingKind,
     Findings,
 )
 from gvla2.planning.scene import Scene, SceneObject
@@ -158,7 +159,9 @@ def check_clearance(trajectory: Trajectory, legs: Sequence[Leg], scene: Scene, a
 
 
 def _check_leg(leg: Leg, scene: Scene, arm: Arm, found: Findings) -> None:
-    def gap(kind: str, all_joints: Sequence[FloatArray], opening: float, needed: float, advice: str) -> bool:
+    def gap(
+        kind: FindingKind, all_joints: Sequence[FloatArray], opening: float, needed: float, advice: str
+    ) -> bool:
         """Whether the arm keeps its distance at all of the joints."""
         allowed = leg.waypoint.allowed_contacts
         gaps = (arm.clearance(q, opening, scene, allowed, leg.attached) for q in all_joints)

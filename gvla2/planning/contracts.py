@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
@@ -74,16 +74,20 @@ class PlanRequest:
     rejected: Plan | None = None
 
 
+AbstentionKind = Literal[
+    "unknown_skill", "nothing_matches", "ambiguous", "no_goal", "unreachable", "too_wide", "other"
+]
+
+
 @dataclass(frozen=True)
 class Abstention:
     """A planner's typed refusal: nothing is moved.
 
-    ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
-    ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so a more capable planner may
-    find a plan; the object need not be absent.
+    ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object need
+    not be absent.
     """
 
-    kind: str
+    kind: AbstentionKind
     message: str
     unread: bool = False
 

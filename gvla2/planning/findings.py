@@ -31,20 +31,38 @@ EPS = 1e-6
 
 CheckName = Literal["schema", "workspace", "gripper", "kinematics", "clearance", "memory"]
 """The six checks, in the order they run."""
+FindingKind = Literal[
+    "",
+    "unchecked",
+    # schema
+    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", "wrong_frame", "bad_motion", "not_finite",
+    "not_positive", "negative", "bad_guard", "bad_orientation",
+    # workspace
+    "outside_workspace", "table_margin", "segment_too_long", "too_fast",
+    # gripper
+    "opening_range", "opens_while_carrying", "not_released", "carries_without_grasp", "grasp_misses",
+    "dropped_silently", "closes_on_nothing",
+    # kinematics
+    "unreachable", "no_straight_line", "joint_limit", "singular", "joint_jump",
+    # clearance
+    "collision", "blocked_start", "hand_blocked", "too_wide",
+    # memory
+    "order_broken", "bound_broken",
+]  # fmt: skip
+"""What a check found, a stable word; "" with ``passed`` for a check that found nothing wrong."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """One object a check measured at one waypoint (``index`` -1: the whole trajectory).
 
-    ``kind`` is a stable word ("too_few_waypoints", "outside_workspace", "unreachable", "collision", ...); "" with
-    ``passed`` for a check that found nothing wrong. ``value`` against ``limit`` in SI units, if numeric.
+    ``value`` against ``limit`` in SI units, if numeric.
     """
 
     check: CheckName
     passed: bool
     index: int = -1
-    kind: str = ""
+    kind: FindingKind = ""
     message: str = ""
     value: float | None = None
     limit: float | None = None
@@ -58,7 +76,12 @@ class Findings:
         self._failed: list[Finding] = []
 
     def fail(
-        self, index: int, kind: str, message: str, value: float | None = None, limit: float | None = None
+        self,
+        index: int,
+        kind: FindingKind,
+        message: str,
+        value: float | None = None,
+        limit: float | None = None,
     ) -> None:
         """Add a fault of waypoint ``index``, of the whole trajectory if it is negative."""
         if index >= 0:
@@ -66,13 +89,15 @@ class Findings:
             message = f"Waypoint {index} ({stage or 'no stage'}): {message}"
         self._failed.append(Finding(self._check, False, index, kind, message, value, limit))
 
-    def least(self, index: int, kind: str, what: str, value: float, limit: float, advice: str) -> bool:
+    def least(
+        self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str
+    ) -> bool:
         """Whether a value is at least its limit; a fault if not. ``what`` names the value and its unit in brackets."""
         if value < limit - EPS:
             self.fail(index, kind, f"{what} is {value:.3g}, below {limit:.3g}; {advice}.", value, limit)
         return value >= limit - EPS
 
-    def most(self, index: int, kind: str, what: str, value: float, limit: float, advice: str) -> bool:
+    def most(self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str) -> bool:
         """As :meth:`least`, for a value that must not be above its limit."""
         if value > limit + EPS:
             self.fail(index, kind, f"{what} is {value:.3g}, above {limit:.3g}; {advice}.", value, limit)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Done, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
 from gvla2.planning.effects import Bound, apply_effects, look_of, own_first, sides_of
 from gvla2.planning.scene import SceneObject
 from gvla2.skills.candidates import choose
@@ -156,7 +156,9 @@ def answer(
     plan = replace(plan, candidates=ranking.candidates)
     if ranking.chosen is None:
         reasons = ranking.reasons()
-        kind = "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
+        kind: AbstentionKind = (
+            "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
+        )
         return replace(plan, abstention=Abstention(kind, f"{refusal}: {reasons}."))
     return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
 
