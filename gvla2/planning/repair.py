@@ -12,7 +12,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
-from gvla2.planning.findings import MAX_SPEED, TABLE_MARGIN, CheckReport, Finding
+from gvla2.planning.findings import MAX_SPEED, TABLE_MARGIN, CheckReport, Finding, FindingKind
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
 
@@ -62,7 +62,7 @@ def repair(
     return (Trajectory(tuple(points)), tuple(notes)) if notes else (trajectory, ())
 
 
-def _adjusted(w: Waypoint, kinds: set[str], scene: Scene, arm: Arm, down: float) -> Waypoint:
+def _adjusted(w: Waypoint, kinds: set[FindingKind], scene: Scene, arm: Arm, down: float) -> Waypoint:
     """The waypoint with its faults mended, each from its present values: one correction may make another superfluous.
 
     ``down`` is the vertical component of the hand's approach, -1 if it points down.

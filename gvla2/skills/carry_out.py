@@ -22,7 +22,7 @@ from gvla2.skills.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.skills.proposals import Job, Proposal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
-from gvla2.skills.validation import no_room, nonsense, unaimed, unknown
+from gvla2.skills.validation import no_room, nonsense, unaimed, unknown, wrong_parameters
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
@@ -40,6 +40,8 @@ def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOp
     program = tuple(calls)
     refusal = unknown(program, request.scene, skills)
     if refusal is not None:
+        return Plan(None, abstention=refusal, options=options)
+    if (refusal := wrong_parameters(options.parameters, skills)) is not None:
         return Plan(None, abstention=refusal, options=options)
     for call in program:
         if (refusal := nonsense(call, request.scene, skills)) is not None:
@@ -128,7 +130,7 @@ def _planned(
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
     job = Job(
         skill.name, scene, request.arm.hand, request.arm.workspace, theta, theme, goal, relation,
-        _target(call, theme, options), share, done,
+        _target(call, theme, options), share, done, options.grasp,
     )  # fmt: skip
     refusal = f"No way to {skill.name} the {theme.label}"
     return answer(job, skill, skill.propose(job), request, options, refusal, notes)
@@ -175,6 +177,7 @@ def _theta(
     ``stepwise`` ones) and the scene's limits.
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
+    theta |= {k: float(v) for k, v in options.parameters.items() if k in theta}
     own = {k: float(v) for k, v in call.theta.items() if k in theta}
     if skill.amount and call.amount is not None:
         own[skill.amount] = call.amount

@@ -13,6 +13,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
+from gvla2.planning.calls import GraspOptions
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.trajectory import Orientation, grasp_rotation
@@ -31,10 +32,7 @@ FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("
 """Families of approaches for each part: a leaning hand needs room that there is none of beside a wall."""
 WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
 
-GRASP_PLAY = 0.004
-"""The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
-SNUG = 0.008
-"""Gap on each side if the hand is not fully opened, metres."""
+DEFAULT = GraspOptions()
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 SLIMMER = 0.012
@@ -66,18 +64,20 @@ class Hold:
     part: str = ""
 
 
-def holds(theme: SceneObject, hand: Hand) -> list[Hold]:
+def holds(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
     """All holds that fit in the hand, those of the whole object first."""
-    return [*_fitting(theme, hand), *slim_top(theme, hand), *wall(theme, hand)]
+    return [*_fitting(theme, hand, options), *slim_top(theme, hand, options), *wall(theme, hand, options)]
 
 
-def has_hold(theme: SceneObject, hand: Hand) -> bool:
+def has_hold(theme: SceneObject, hand: Hand, options: GraspOptions = DEFAULT) -> bool:
     """Whether there is any hold; the upper end, which takes longest, is looked at last."""
-    return bool(_fitting(theme, hand) or wall(theme, hand) or slim_top(theme, hand))
+    return bool(
+        _fitting(theme, hand, options) or wall(theme, hand, options) or slim_top(theme, hand, options)
+    )
 
 
-def _fitting(theme: SceneObject, hand: Hand) -> list[Hold]:
-    return [h for h in whole(theme, hand) if h.width + GRASP_PLAY <= hand.max_width]
+def _fitting(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
+    return [h for h in whole(theme, hand) if h.width + options.clearance <= hand.max_width]
 
 
 def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
@@ -100,7 +100,7 @@ def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
             yield Hold(sign * flat, width, f"across its {width * 1000:.0f} mm{flip}", xy, slide=slide)
 
 
-def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
+def slim_top(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
     """Around an upper end that is slimmer than the whole, as deep as it fits in the hand."""
     if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
         return []
@@ -110,19 +110,23 @@ def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
         band = theme.points[theme.points[:, 2] > top - depth - hand.tip_beyond_tcp]
         if len(band) < FEWEST:
             return []
-        found = [h for h in _around(theme, band[:, :2], float(depth), hand) if h.width < broad - SLIMMER]
+        found = [
+            h for h in _around(theme, band[:, :2], float(depth), hand, options) if h.width < broad - SLIMMER
+        ]
         if found:
             return found
     return []
 
 
-def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> list[Hold]:
+def _around(
+    theme: SceneObject, band: FloatArray, depth: float, hand: Hand, options: GraspOptions
+) -> list[Hold]:
     """Holds that fit around points (N, 2) of an upper end, starting with its slimmest side."""
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
     widths = np.ptp(spans(band, turns), axis=0)
-    if widths.min() + GRASP_PLAY > hand.max_width or widths.min() >= theme.extents[:2].max() - SLIMMER:
+    if widths.min() + options.clearance > hand.max_width or widths.min() >= theme.extents[:2].max() - SLIMMER:
         return []
     yaw = float(turns[widths.argmin()])
     found = []
@@ -132,7 +136,7 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
         closing = horizontal(yaw + np.pi * k / YAWS)
         beside = np.array([-closing[1], closing[0], 0.0])
         width = float(high - low)
-        if width + GRASP_PLAY > hand.max_width:
+        if width + options.clearance > hand.max_width:
             continue
         xy = closing[:2] * 0.5 * (low + high) + beside[:2] * 0.5 * (left + right)
         name = f"the slim top, {width * 1000:.0f} mm, yaw {np.degrees(yaw + np.pi * k / YAWS) % 360:.0f}°"
@@ -142,15 +146,15 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
     return [h for h in found if h.width < slimmest + 0.004]
 
 
-def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
+def wall(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
     """By the wall of an open round object, with one finger inside if there is room for it."""
     broad = float(theme.extents[:2].max())
     room = theme.opening - hand.finger_thickness - 0.01  # between the inner finger and the opposite wall
     if theme.opening <= 0.0 or theme.shape not in ("cylinder", "other") or room < 0.01:
         return []
     thickness = max(0.002, 0.5 * (broad - theme.opening))
-    opening = min(1.0, (thickness + min(2 * SNUG + 0.012, room)) / hand.max_width)
-    if thickness + GRASP_PLAY > hand.max_width * opening:
+    opening = min(1.0, (thickness + min(2 * options.snug + 0.012, room)) / hand.max_width)
+    if thickness + options.clearance > hand.max_width * opening:
         return []
     radius = 0.5 * (broad - thickness)
     found = []
@@ -202,8 +206,8 @@ class Grasp:
 def grasps(job: Job) -> list[Grasp] | Abstention:
     """Grasps by every hold from above, leaning or from the side, and by the surface, that the seen points allow."""
     found = []
-    for hold in holds(job.theme, job.hand):
-        snug = min(hold.opening, (hold.width + 2 * SNUG) / job.hand.max_width)
+    for hold in holds(job.theme, job.hand, job.grasp):
+        snug = min(hold.opening, (hold.width + 2 * job.grasp.snug) / job.hand.max_width)
         grips = [(hold.opening, "")]
         if snug < hold.opening:
             grips.append((snug, ", hand opened just enough"))
@@ -213,11 +217,12 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
         found = by_what_is_there(job, found)
     if found:
         return found
-    width = min(h.width for h in whole(job.theme, job.hand))
+    width = 1000 * min(h.width for h in whole(job.theme, job.hand))
+    clearance, opening = 1000 * job.grasp.clearance, 1000 * job.hand.max_width
     return Abstention(
         "too_wide",
-        f"The {job.theme.label} is {width * 1000:.0f} mm wide at its narrowest, with {GRASP_PLAY * 1000:.0f} mm of "
-        f"play the hand opens {job.hand.max_width * 1000:.0f} mm: it cannot be grasped from above.",
+        f"The {job.theme.label} is {width:.0f} mm wide at its narrowest; the hand opens {opening:.0f} mm and needs "
+        f"{clearance:.0f} mm of clearance: it cannot be grasped from above.",
     )
 
 
@@ -252,7 +257,7 @@ def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
 def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     """Grasps by the object's surface, either way round, whose sides face the fingers by this cosine at least."""
     hand, found = job.hand, []
-    for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward()):
+    for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward(), job.grasp.facing):
         if grasp.facing < square:
             continue
         size = 1000 * grasp.width

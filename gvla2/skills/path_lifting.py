@@ -192,7 +192,8 @@ def _job(
     theta, notes = apply_effects(theta, bounds, skill.name, lengths=sides_of(theme))
     theta, limits = limited(theta, theme, request.scene)
     hand, workspace = request.arm.hand, request.arm.workspace
-    return Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on"), [*notes, *limits]
+    job = Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
+    return job, [*notes, *limits]
 
 
 def _answer(

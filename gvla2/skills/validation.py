@@ -85,16 +85,27 @@ def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
 
 
 def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
-    """Theta may be another skill's: opening a drawer means pulling it."""
     if call.amount is not None and call.amount <= 0.0:
         return Abstention("other", f"An amount must be positive; {call.amount:g} m was asked for.")
     if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:
         return Abstention("other", "A direction must not be (0, 0).")
-    own = {p.name: p for p in skills[call.skill].parameters}
-    ranges = {p.name: p for skill in skills.values() for p in skill.parameters} | own
-    for name, value in call.theta.items():
+    return wrong_parameters(call.theta, skills, call.skill)
+
+
+def wrong_parameters(
+    values: Mapping[str, float], skills: Mapping[str, Skill], skill: str = ""
+) -> Abstention | None:
+    """The refusal of a parameter that no skill has or that is out of its range; None if all are right.
+
+    They may be another skill's than ``skill``: opening a drawer means pulling it.
+    """
+    own = {p.name: p for p in skills[skill].parameters} if skill else {}
+    ranges = {p.name: p for each in skills.values() for p in each.parameters} | own
+    for name, value in values.items():
         if name not in ranges:
-            return Abstention("other", f"'{call.skill}' has no parameter '{name}'; it has {', '.join(own)}.")
+            who, there = (f"'{skill}' has", own) if skill else ("No skill has", ranges)
+            no = "no " if skill else "the "
+            return Abstention("other", f"{who} {no}parameter '{name}'; there are {', '.join(there)}.")
         least, most = ranges[name].least, ranges[name].most
         if not least <= value <= most:
             unit = f" {ranges[name].unit}" if ranges[name].unit else ""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.calls import OPTION_RANGES
+from gvla2.planning.calls import OPTION_RANGES, GraspOptions
 
 if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
@@ -22,7 +22,8 @@ class CodePoliciesConfig(ComponentConfig):
     ``samples`` answers are drawn per try and the most frequent one is taken. ``agreement`` in [0, 1]: the planner
     abstains if a smaller share of the samples agrees. ``programs`` is the maximum number of remembered successes in the
     prompt, ``calls`` the maximum number of calls in a program. ``lift_height`` and ``push_distance`` (metres) apply if
-    the program gives no amount; ``speed`` of the tool in free space and ``contact_speed`` in contact, m/s.
+    the program gives no amount; ``speed`` of the tool in free space and ``contact_speed`` in contact, m/s;
+    ``parameters`` and ``grasp`` are as in :class:`~gvla2.planning.calls.SkillOptions`.
     ``explore`` > 0 varies each plan's parameters by this relative spread; ``explore_seed`` selects the variation.
     """
 
@@ -36,6 +37,8 @@ class CodePoliciesConfig(ComponentConfig):
     push_distance: float = 0.10
     speed: float = 0.25
     contact_speed: float = 0.08
+    parameters: dict[str, float] = field(default_factory=dict)
+    grasp: GraspOptions = field(default_factory=GraspOptions)
     explore: float = 0.0
     explore_seed: int = 0
 

@@ -36,7 +36,7 @@ class CodePolicies:
 
     def __init__(self, config: CodePoliciesConfig, language: LanguageModel) -> None:
         self.config, self._language = config, language
-        shared = {f.name for f in fields(SkillOptions)} & {f.name for f in fields(config)}
+        shared = {f.name for f in fields(SkillOptions)} & {f.name for f in fields(config)} - {"tries"}
         self._options = SkillOptions(**{name: getattr(config, name) for name in shared})
 
     def plan(self, request: PlanRequest) -> Plan:
