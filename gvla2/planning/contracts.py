@@ -122,8 +122,7 @@ class Plan:
 
     A plan may be one part of a longer program: ``calls`` are the skill calls that this trajectory carries out,
     ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is the plan in
-    the planner's own language, as memory keeps it after a success. ``sure`` says that the planner parsed the
-    instruction by rules that decline anything uncertain; a language model is never sure.
+    the planner's own language, as memory keeps it after a success.
     """
 
     trajectory: Trajectory | None
@@ -140,7 +139,6 @@ class Plan:
     remaining: tuple[SkillCall, ...] = ()
     options: SkillOptions = field(default_factory=SkillOptions)
     program: Program | None = None
-    sure: bool = False
 
 
 class Planner(Protocol):

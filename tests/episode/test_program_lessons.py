@@ -10,7 +10,7 @@ from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.programs import Program, told
 from gvla2.planning.scene_brief import unique_names
-from tests.loop.test_lessons_through_a_bank import open_bank
+from tests.episode.test_lessons_through_a_bank import open_bank
 from tests.picking import (
     FAIL,
     SUCCESS,
