@@ -269,7 +269,7 @@ def reconciled(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """The effects without bounds on one parameter (of one skill, look and scale) that exclude each other.
 
     No plan could obey both. What succeeded is a fact, why something failed is a guess: such bounds are moved to admit
-    what succeeded; those that exclude each other even then, or of which nothing succeeded, are left out.
+    what succeeded; those that exclude each other even then, or without any success, are left out.
     """
     given = tuple(effects)
     moved = [_admitting(e, given) if isinstance(e, Bound) and _excluded(e, given) else e for e in given]

@@ -161,7 +161,7 @@ def bind(
     return bound
 
 
-def told(
+def adapted(
     program: Program,
     scene: Scene,
     names: Mapping[str, str],

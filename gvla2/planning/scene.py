@@ -113,7 +113,7 @@ class SceneObject:
         return float(np.abs(way @ self.world_from_object[:3, :3]) @ (0.5 * self.extents))
 
     def covers(self, point: FloatArray) -> bool:
-        """Whether a point, of which x and y count, is within the oriented box's footprint."""
+        """Whether a point (3,), by its x and y, is within the oriented box's footprint."""
         level = np.array([*point[:2], self.centre[2]])
         local = transform_points(invert_rigid(self.world_from_object), level)
         return bool((np.abs(local[:2]) <= 0.5 * self.extents[:2]).all())

@@ -43,11 +43,11 @@ class SceneBrief:
         """The words on one line with names in place of labels and ids: perceived text must not reach a model through a
         rejection's reason.
         """
-        told = {o.id: self.names[o.id] for o in scene.objects}
-        told |= {o.label: self.names[o.id] for o in scene.objects if o.label}
-        longest = "|".join(sorted(map(re.escape, told), key=len, reverse=True))
-        if told:
-            words = re.sub(rf"(?<!\w)(?:{longest})(?!\w)", lambda m: told[m.group()], words)
+        named = {o.id: self.names[o.id] for o in scene.objects}
+        named |= {o.label: self.names[o.id] for o in scene.objects if o.label}
+        longest = "|".join(sorted(map(re.escape, named), key=len, reverse=True))
+        if named:
+            words = re.sub(rf"(?<!\w)(?:{longest})(?!\w)", lambda m: named[m.group()], words)
         return " ".join(words.split())
 
 

@@ -13,7 +13,7 @@ from gvla2.errors import PlanningError
 from gvla2.language import json_in
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import PlanRequest
-from gvla2.planning.programs import told
+from gvla2.planning.programs import adapted
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
@@ -50,7 +50,7 @@ def remembered_paths(
             break
         if program.language != "waypoints" or skill not in ("", program.skill):
             continue
-        steps = told(program, request.scene, brief.names, request.instruction)
+        steps = adapted(program, request.scene, brief.names, request.instruction)
         if steps is not None and _feasible(steps, brief, request, options):
             skill = program.skill
             found.append(RememberedPath(" ".join(program.instruction.split())[:400], steps))

@@ -115,8 +115,8 @@ def _planned(
             return Abstention("other", message)
         request, theme = replace(request, scene=scene), assembled(theme, scene)
     seen = next((o for o in perceived.objects if o.id == theme.id), None)
-    told = own_first(request.advice.effects, look_of(seen, perceived))
-    request = replace(request, advice=replace(request.advice, effects=told))
+    effects = own_first(request.advice.effects, look_of(seen, perceived))
+    request = replace(request, advice=replace(request.advice, effects=effects))
     done = _done(request.advice.done, skill, theme)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
     done = {
@@ -200,11 +200,11 @@ def _theta(
     return theta, [*raised, *notes, *limits]
 
 
-def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
+def _done(attempts: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
     """The lasting effects of earlier attempts on this object, by parameter; the last one counts."""
     return {
         one.parameter: one.value
-        for one in told
+        for one in attempts
         if one.skill == skill.name
         and float(np.linalg.norm(np.subtract(one.place, theme.centre))) <= SAME_PLACE
     }

@@ -149,12 +149,12 @@ def _lip(
     ways = [(sign * _flat(axes[:, i]), float(lid.extents[i])) for i in sides for sign in (1.0, -1.0)]
     if body is not None:
         stands_out = [_reach(lid, way) - _reach(body, way) for way, _ in ways]
-        told = [k for k, (_, length) in enumerate(ways) if stands_out[k] < OVERHANG * length]
-        order = sorted(told, key=lambda k: -stands_out[k])
+        seen = [k for k, (_, length) in enumerate(ways) if stands_out[k] < OVERHANG * length]
+        order = sorted(seen, key=lambda k: -stands_out[k])
         if len(order) > 1 and stands_out[order[0]] - stands_out[order[1]] > LIP:
             return (*ways[order[0]], False)
         # An unseen wall may be hidden by the lip; a wall flush with the lid is not.
-        ways = [way for k, way in enumerate(ways) if k not in told] or ways
+        ways = [way for k, way in enumerate(ways) if k not in seen] or ways
     near = np.array([scene.workspace.low[0], 0.5 * (scene.workspace.low[1] + scene.workspace.high[1])])
     to_robot = np.array([*(near - lid.centre[:2]), 0.0])
     way, length = max(ways, key=lambda w: float(w[0] @ to_robot))
@@ -318,7 +318,7 @@ def opening_angle(lid: SceneObject, body: SceneObject | None) -> float:
 def hinged(
     obj: SceneObject, objects: tuple[SceneObject, ...]
 ) -> tuple[SceneObject | None, SceneObject | None]:
-    """The lid and the box of which an object is one: (lid, box), None for a missing one.
+    """The lid and the box that an object belongs to: (lid, box), None for a missing one.
 
     A lid is a flat part of something broader than the lid is thick.
     """

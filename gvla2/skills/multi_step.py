@@ -28,7 +28,9 @@ INTO = ("", "on", "in", "to")
 
 @dataclass(frozen=True)
 class Part:
-    """Calls that make one plan. Each call ``took`` so many calls of the program, and is the k-th of n with its goal."""
+    """Calls that make one plan. Each merges ``took`` calls of the program; its ``shares`` (k, n) say that it is the k-th
+    of n calls with its goal.
+    """
 
     calls: tuple[SkillCall, ...]
     took: tuple[int, ...]
@@ -36,7 +38,7 @@ class Part:
 
 
 def first_part(program: Sequence[SkillCall], scene: Scene) -> Part:
-    """The first part of a program, of which all skills and objects exist."""
+    """The first part of a program whose skills and objects all exist."""
     calls: list[SkillCall] = []
     took: list[int] = []
     at = 0

@@ -100,7 +100,7 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
     obj = _object_at(points[take], request.scene)
     if obj is None:
         raise PlanningError(
-            f"The hand closes at {told(points[take], request.scene)} where there is nothing to hold."
+            f"The hand closes at {in_millimetres(points[take], request.scene)} where there is nothing to hold."
         )
     theme, scene = joined(whole_meant(obj, request.scene), request.scene)
     theme, request = assembled(theme, scene), replace(request, scene=scene)
@@ -113,7 +113,7 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
         for point in points[opened + 1 :]:
             if point.closed and (second := _object_at(point, scene)) is not None and second.id not in done:
                 raise PlanningError(
-                    f"The hand closes again, at {told(point, scene)}: a path handles one object only."
+                    f"The hand closes again, at {in_millimetres(point, scene)}: a path handles one object only."
                 )
     name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
     depth = theme.top - points[take].xyz[2]
@@ -121,7 +121,7 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
     return _answer(job, carried(job, points, take, opened), notes, request, options)
 
 
-def told(point: PathPoint, scene: Scene) -> str:
+def in_millimetres(point: PathPoint, scene: Scene) -> str:
     """A point for messages: millimetres, z above the table."""
     x, y, z = (1e3 * v for v in point.xyz)
     return f"({x:.0f}, {y:.0f}, {z - 1e3 * scene.table_height:.0f}) mm"
@@ -143,7 +143,9 @@ def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOpti
     obj = _object_at(low, scene)
     button = button_of(obj, scene) if obj is not None else None
     if button is None:
-        raise PlanningError(f"The closed hand touches nothing: its lowest point is {told(low, scene)}.")
+        raise PlanningError(
+            f"The closed hand touches nothing: its lowest point is {in_millimetres(low, scene)}."
+        )
     depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
     job, notes = _job("press", button, None, {"press_depth": depth}, request, options)
     return _answer(job, propose_press(job), notes, request, options)

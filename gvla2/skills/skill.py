@@ -68,7 +68,7 @@ class Skill:
     named part means its whole. ``words`` is the skill's name in lessons ("Pick up (grasp, lift)"), so that other
     wordings of an instruction find them; ``key`` are the most important parameters, which successes teach; ``scaled``
     names those that scale with a side of the theme ("height"). ``held_back``: the moved object may resist, so that a
-    slip is due to theta. ``lasting`` are the parameters of which a failed attempt's share stays done. ``diagnose``
+    slip is due to theta. ``lasting`` are the parameters whose effect stays after a failed attempt. ``diagnose``
     finds what went wrong in an outcome, and what to change. ``fits`` is whether the skill applies to an object at all
     (None: to any), and ``examples`` show a language model how it is called. ``implied`` skills are left out of prompts:
     others turn into them if the scene requires it.

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from gvla2.language import LanguageModel, Message
 from gvla2.planning.calls import SkillCall, SkillOptions, written
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.programs import calls_program, remembered, told
+from gvla2.planning.programs import adapted, calls_program, remembered
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.programs.call_programs import Declined, Fitting, fitting, grammar, read_calls
 from gvla2.programs.examples import EXAMPLES
@@ -120,7 +120,7 @@ def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> str:
     for program in request.advice.programs:
         if program.language != "calls" or len(lines) == programs:
             continue
-        steps = told(program, request.scene, brief.names, request.instruction)
+        steps = adapted(program, request.scene, brief.names, request.instruction)
         if steps is not None:
             task = " ".join(program.instruction.split())[:200]
             lines.append(f"- {task}: {'; '.join(steps)} succeeded")
