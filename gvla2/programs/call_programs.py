@@ -143,9 +143,13 @@ def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief
     return found
 
 
-def grammar(skills: Mapping[str, Skill], fits: Fitting, max_calls: int = MAX_CALLS) -> str:
-    """llama.cpp's grammar of a program with at most ``max_calls`` calls, one per line, each of a skill that fits."""
-    rules = (_rule(skills[s], theme, to) for s, each in fits.items() for theme, to in each.items())
+def grammar(skills: Mapping[str, Skill], fits: Fitting, instruction: str, max_calls: int = MAX_CALLS) -> str:
+    """llama.cpp's grammar of a program with at most ``max_calls`` calls, one per line, each of a skill that fits.
+
+    Amounts are allowed only if the instruction has a number: a model would make them up.
+    """
+    amounts = any(character.isdigit() for character in instruction)
+    rules = (_rule(skills[s], theme, to, amounts) for s, each in fits.items() for theme, to in each.items())
     calls = [rule for rule in rules if rule]
     lines = (
         f'root ::= call ("\\n" call){{0,{max_calls - 1}}} "\\n"?',
@@ -156,7 +160,7 @@ def grammar(skills: Mapping[str, Skill], fits: Fitting, max_calls: int = MAX_CAL
     return "\n".join(lines) + "\n"
 
 
-def _rule(skill: Skill, theme: str, to: Sequence[str]) -> str:
+def _rule(skill: Skill, theme: str, to: Sequence[str], amounts: bool) -> str:
     """One skill on one theme with its possible goals; "" if it needs a goal and has none."""
     goal, aims = skill.role("goal"), []
     if to and goal is not None:
@@ -164,12 +168,12 @@ def _rule(skill: Skill, theme: str, to: Sequence[str]) -> str:
         how = f' ", " ({_choice(relations)})' if relations and skill.aimed else ""
         aims.append(f'", " ({_choice(to)}){how}')
     if skill.free and skill.aimed:
-        aims.append('", " way ", " amount')
+        aims.append('", " way ", " amount' if amounts else '", " way')
     if skill.aimed and not aims:
         return ""
     aim = f" ({' | '.join(aims)})" if aims else ""
     optional = "?" if aim and not skill.aimed else ""
-    amount = ' (", " amount)?' if skill.amount and goal is None else ""
+    amount = ' (", " amount)?' if skill.amount and goal is None and amounts else ""
     return f'({json.dumps(f"{skill.name}({theme}")}{aim}{optional}{amount} ")")'
 
 

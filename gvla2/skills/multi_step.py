@@ -28,8 +28,8 @@ INTO = ("", "on", "in", "to")
 
 @dataclass(frozen=True)
 class Part:
-    """Calls that make one plan. Each merges ``took`` calls of the program; its ``shares`` (k, n) say that it is the k-th
-    of n calls with its goal.
+    """Calls that make one plan. Each merges ``took`` calls of the program; its ``shares`` (k, n) say that it is the
+    k-th of n calls with its goal.
     """
 
     calls: tuple[SkillCall, ...]

@@ -74,7 +74,7 @@ class CodePolicies:
             tries=config.tries,
             samples=config.samples,
             same=lambda plan: repr((plan.calls, plan.remaining, plan.abstention)),
-            grammar=grammar(skills, fits, config.calls),
+            grammar=grammar(skills, fits, request.instruction, config.calls),
             max_tokens=config.max_tokens,
         )
         if share < config.agreement:

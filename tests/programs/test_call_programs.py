@@ -98,9 +98,11 @@ def rules(text):
 
 
 def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
-    found = rules(grammar(STANDARD, FITS))
+    found = rules(grammar(STANDARD, FITS, "push the cube 5 cm to the left"))
     assert '"pick(red_cube"' in found["call"]
     assert '"pull(' not in found["call"]
+    assert "amount" in found["call"]
+    assert "amount" not in rules(grammar(STANDARD, FITS, "push the cube to the left"))["call"]
 
 
 def test_the_grammar_of_waypoints_is_well_formed():
