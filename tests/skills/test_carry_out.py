@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import gvla2.skills.carry_out as carry_out_module
-from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.errors import ConfigurationError
+from gvla2.planning.calls import GraspOptions, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Advice, Done, Plan
 from gvla2.planning.effects import Ban, Bound
 from gvla2.skills.carry_out import carry_out
@@ -101,6 +102,18 @@ def test_an_amount_and_theta_override_the_defaults_and_memory_bounds_them():
     ] == pytest.approx(0.15)
     pulled = carry_out([SkillCall("open", "drawer", amount=0.08)], request(*drawer()))
     assert pulled.parameters["pull_distance"] == pytest.approx(0.08)
+
+
+def test_options_replace_defaults_of_parameters_and_say_how_grasps_are_chosen():
+    pick = [SkillCall("pick", "a")]
+    plan = carry_out(pick, request(A), SkillOptions(parameters={"standoff": 0.08, "turn": 1.0}))
+    assert plan.parameters["standoff"] == pytest.approx(0.08)
+    wrong = carry_out(pick, request(A), SkillOptions(parameters={"standof": 0.08}))
+    assert "there are standoff, approach_tilt" in wrong.abstention.message
+    careful = SkillOptions(grasp=GraspOptions(clearance=0.04))
+    assert "40 mm of clearance" in carry_out(pick, request(A), careful).abstention.message
+    with pytest.raises(ConfigurationError, match=r"planner\.grasp\.clearance"):
+        GraspOptions(clearance=-0.1)
 
 
 def test_exploring_leaves_what_the_call_said():
