@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.hydra_job import explain
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
@@ -242,7 +242,9 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
 
 def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
     out = tmp_path / "out"
-    share = run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
+    share = success_rate(
+        run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
+    )
     told = json.loads((out / "result.json").read_text())
     assert (told["episodes"], told["success_share"]) == (2, share)
     assert [row["seed"] for row in told["rows"]] == [0, 1]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.advice import advice_for
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
@@ -185,7 +185,8 @@ def test_the_folder_keeps_every_attempt(registry, compose_run, tmp_path, monkeyp
 
     monkeypatch.setattr(SkillPlanner, "plan", first_beside)
     out = tmp_path / "out"
-    assert run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out) == 1.0
+    records = run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out)
+    assert success_rate(records) == 1.0
     told = json.loads((out / "result.json").read_text())
     assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
     (kept,) = json.loads((out / "attempts.json").read_text())
