@@ -18,7 +18,7 @@ from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_col
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme
-from gvla2.skills.parts import root_of
+from gvla2.skills.part_hierarchy import root_of
 from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
 
 _LOOKS = {
