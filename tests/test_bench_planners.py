@@ -186,9 +186,9 @@ def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
 
 
 def test_a_leading_word_is_the_suite():
-    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
+    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["bench_suite=robot", "tasks=[lamp_on]"]
     assert as_overrides(["--help"]) == ["--help"]
-    assert as_overrides(["suite=agents"]) == ["suite=agents"]
+    assert as_overrides(["suite=agents"]) == ["bench_suite=agents"]
     assert as_overrides([]) == []
 
 

@@ -37,7 +37,7 @@ class BenchConfig:
     """What every suite takes.
 
     ``seeds`` repeat the measurement; ``workers`` processes share it, 0 for one per core (8 at most); ``quiet`` leaves
-    only the table on the terminal. ``suite`` is chosen by the Hydra group of that name.
+    only the table on the terminal. ``suite`` is chosen by the Hydra group ``bench_suite``.
     """
 
     suite: str = ""
