@@ -24,10 +24,9 @@ from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
 from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
-from gvla2_plugins.piper.arming import ask_person
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
 from gvla2_plugins.piper.scenery import Preview
-from gvla2_plugins.piper.session import PERIOD, Session, bounds_of
+from gvla2_plugins.piper.session import PERIOD, Session, ask_person, bounds_of
 
 FILM_EVERY = 1.0
 """Seconds between pictures while the arm moves; drawing one delays the control loop by some milliseconds."""

@@ -12,8 +12,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2_plugins.piper.arm import MAX_WIDTH
-from gvla2_plugins.piper.limits import Bounds
+from gvla2_plugins.piper.arm import MAX_WIDTH, Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import ControlLoop
 

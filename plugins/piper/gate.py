@@ -13,9 +13,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
-from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH
+from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH, Bounds
 from gvla2_plugins.piper.command_log import CommandLog
-from gvla2_plugins.piper.limits import Bounds
 
 _ECHO_SECONDS = 1.0
 

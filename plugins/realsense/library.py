@@ -1,13 +1,15 @@
-"""Loading librealsense: its Python wheel links to libusb without bundling it."""
+"""librealsense: loading it, and finding the connected camera or the reason why it is missing."""
 
 from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
-from gvla2.errors import MissingDependencyError
+from gvla2.errors import MissingDependencyError, RobotError
 
 _INSTALL = "pip install 'gvla2[realsense]'"
 
@@ -53,3 +55,88 @@ def _offer_libusb() -> None:
             ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
     except (ImportError, OSError):
         return
+
+
+LAST_WITH_L515 = (2, 54)
+"""The last librealsense that knows the L500 and SR300 series; 2.55 dropped them, and does not list them at all."""
+
+_WEBCAM = "Platform Camera"
+"""librealsense's name for a foreign camera."""
+
+_USB = Path("/sys/bus/usb/devices")
+_INTEL = "8086"
+_RETIRED = {"0b3d": "L515", "0b64": "L515", "0b68": "L535", "0aa5": "SR300", "0b48": "SR305"}
+"""USB product numbers, from librealsense 2.54's own tables."""
+
+
+def choose(rs: Any, devices: Sequence[Any], serial: str = "", usb: Path = _USB) -> Any:
+    """The device of that serial, or the only one there is.
+
+    ``usb`` is where Linux lists USB devices. Raises :class:`RobotError`, listing the connected ones; a camera that this
+    librealsense no longer supports is named.
+    """
+    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
+    if serial in found:
+        return found[serial]
+    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items())
+    if serial and found:
+        raise RobotError(
+            f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_retired_note(usb)}"
+        )
+    if not found:
+        asked = f" '{serial}'" if serial else ""
+        raise RobotError(
+            f"librealsense finds no camera{asked}. Plug it into a USB 3 port; on Linux, librealsense's udev rules "
+            f"give users access to it.{_retired_note(usb)}"
+        )
+    if len(found) > 1:
+        raise RobotError(f"Several cameras are plugged in: {listing}. Choose one with camera.serial=...")
+    return next(iter(found.values()))
+
+
+def serial_of(rs: Any, device: Any) -> str:
+    """The device's serial number, "" for a device that has none."""
+    return _info(device, rs.camera_info.serial_number)
+
+
+def name_of(rs: Any, device: Any) -> str:
+    """The maker's name for it."""
+    return _info(device, rs.camera_info.name) or "a camera without a name"
+
+
+def link_note(rs: Any, device: Any) -> str:
+    """A sentence for a camera on a slow port, which offers fewer sizes; "" otherwise."""
+    usb = _info(device, rs.camera_info.usb_type_descriptor)
+    return f" It is connected by USB {usb}; a USB 3 port offers more." if usb.startswith("2") else ""
+
+
+def _info(device: Any, what: Any) -> str:
+    return str(device.get_info(what)) if device.supports(what) else ""
+
+
+def _retired_note(usb: Path) -> str:
+    if version() <= LAST_WITH_L515:
+        return ""
+    major, minor = version()
+    cure = (
+        f"librealsense 2.54 was the last to support it, this is {major}.{minor}. Install 'pyrealsense2<2.55', "
+        "or record with other software and use camera=replay."
+    )
+    if models := retired_models(usb):
+        return f" An Intel {' and an '.join(models)} is plugged in: {cure}"
+    if usb.is_dir():
+        return ""
+    return f" If it is an L515: {cure}"
+
+
+def retired_models(usb: Path = _USB) -> list[str]:
+    """Plugged-in cameras whose support has ended, by Linux's own list of USB devices; [] where there is none."""
+    models = set()
+    for vendor in usb.glob("*/idVendor"):
+        try:
+            if vendor.read_text().strip().lower() == _INTEL:
+                product = vendor.with_name("idProduct").read_text().strip().lower()
+                models |= {_RETIRED[product]} if product in _RETIRED else set()
+        except OSError:
+            continue  # it was unplugged while we read
+    return sorted(models)

@@ -14,7 +14,7 @@ from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.testing.camera import check_camera
 from gvla2.testing.component import check_component
 from gvla2_plugins import realsense
-from gvla2_plugins.realsense import RealsenseConfig, attached
+from gvla2_plugins.realsense import RealsenseConfig, library
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.library import load, version
 from tests.plugins.software_camera import Optics, SoftwareCamera
@@ -298,15 +298,15 @@ def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, ca
 
 def test_which_camera_is_taken(rs, tmp_path):
     one, two = SoftwareCamera(serial="a").device, SoftwareCamera(serial="b").device
-    assert attached.choose(rs, [one], usb=tmp_path) is one
-    assert attached.choose(rs, [one, two], "b", usb=tmp_path) is two
+    assert library.choose(rs, [one], usb=tmp_path) is one
+    assert library.choose(rs, [one, two], "b", usb=tmp_path) is two
     with pytest.raises(RobotError, match=r"Several cameras.*'a'.*'b'.*camera\.serial"):
-        attached.choose(rs, [one, two], usb=tmp_path)
+        library.choose(rs, [one, two], usb=tmp_path)
     with pytest.raises(RobotError, match=r"No camera with the serial 'c' is plugged in; there is .*'a'"):
-        attached.choose(rs, [one], "c", usb=tmp_path)
+        library.choose(rs, [one], "c", usb=tmp_path)
     webcam = SoftwareCamera(name="Platform Camera").device
     with pytest.raises(RobotError, match="finds no camera"):
-        attached.choose(rs, [webcam], usb=tmp_path)
+        library.choose(rs, [webcam], usb=tmp_path)
 
 
 def plug(usb, name, vendor, product):
@@ -319,19 +319,19 @@ def test_the_end_of_the_l515_is_named_when_one_is_met(rs, tmp_path, monkeypatch)
     usb = tmp_path / "usb"
     plug(usb, "1-1", "8086", "0b07")  # a D435
     plug(usb, "1-2", "1d6b", "0b64")  # somebody else's product of that number
-    assert attached.retired_models(usb) == []
+    assert library.retired_models(usb) == []
     plug(usb, "2-1", "8086", "0B64")
     (usb / "2-1:1.0").mkdir()  # an interface has no numbers of its own
-    assert attached.retired_models(usb) == ["L515"]
+    assert library.retired_models(usb) == ["L515"]
     assert version() > (0, 0)
-    monkeypatch.setattr(attached, "version", lambda: (2, 59))
+    monkeypatch.setattr(library, "version", lambda: (2, 59))
     with pytest.raises(RobotError, match=r"An Intel L515 is plugged in: librealsense 2\.54 was the last"):
-        attached.choose(rs, [], usb=usb)
+        library.choose(rs, [], usb=usb)
     with pytest.raises(RobotError, match="If it is an L515"):
-        attached.choose(rs, [], usb=tmp_path / "not linux")
-    monkeypatch.setattr(attached, "version", lambda: (2, 54))
+        library.choose(rs, [], usb=tmp_path / "not linux")
+    monkeypatch.setattr(library, "version", lambda: (2, 54))
     with pytest.raises(RobotError, match=r"access to it\.$"):
-        attached.choose(rs, [], usb=usb)
+        library.choose(rs, [], usb=usb)
 
 
 def test_the_real_library_is_asked_for_what_is_plugged_in(calibrate):

@@ -1,7 +1,7 @@
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.robot.mesh_library import chosen, mesh_library, spoken
+from gvla2.robot.scan import chosen, mesh_library, spoken
 from tests.scanning import box, write
 
 
