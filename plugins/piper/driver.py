@@ -66,7 +66,7 @@ class PathGuard:
 def measured(link: PiperLink) -> DriverState:
     """The arm's present measurement; raises :class:`RobotError` when it is stale."""
     seen = link.feedback.snapshot()
-    if seen.joints is None or seen.joint_age > 0.5 or seen.gripper_age > 0.5:
+    if seen.joint_age > 0.5 or seen.gripper_age > 0.5:
         age = max(seen.joint_age, seen.gripper_age)
         raise RobotError(f"The arm on '{link.channel}' was last heard {age:.2f} s ago: is the cable out?")
     return DriverState(seen.joints, seen.gripper_width, time.monotonic())

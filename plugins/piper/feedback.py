@@ -20,14 +20,14 @@ NEVER = float("inf")
 class Snapshot:
     """Everything known at one moment of the monotonic clock.
 
-    ``joints`` (6,) radians are the last plausible ones, None before any came; ``joint_age`` seconds, of the oldest of
+    ``joints`` (6,) radians are the last plausible ones, NaN before any came; ``joint_age`` seconds, of the oldest of
     the three frames that make them up; ``zeros`` says that all six were exactly 0 when last heard. ``gripper_width``
     metres. ``state``, ``error_code`` and ``control`` come from the status frame; ``enabled`` by drive; ``faults`` in
     words. ``foreign`` describes a command of another program; ``unbelievable`` an impossible measurement.
     """
 
     time: float
-    joints: FloatArray | None
+    joints: FloatArray
     joint_age: float
     zeros: bool
     gripper_width: float
@@ -115,7 +115,7 @@ class Feedback:
             known = [self._drives.get(i) for i in range(6)]
             return Snapshot(
                 time=now,
-                joints=self._joints.copy() if np.isfinite(self._believed).all() else None,
+                joints=self._joints.copy() if np.isfinite(self._believed).all() else np.full(6, np.nan),
                 joint_age=now - min(self._heard),
                 zeros=all(v == 0 for v in self._raw),
                 gripper_width=self._width,
@@ -213,7 +213,6 @@ class Watch:
         return ""
 
     def _tracking(self, seen: Snapshot, target: FloatArray) -> str:
-        assert seen.joints is not None
         error = np.abs(seen.joints - target)
         worst = int(error.argmax())
         self._off = self._off + 1 if error[worst] > self.limits.tracking else 0
@@ -224,7 +223,6 @@ class Watch:
         )
 
     def _frozen(self, seen: Snapshot, target: FloatArray) -> str:
-        assert seen.joints is not None
         if self._same is None or not np.array_equal(self._same[1], seen.joints):
             self._same = (seen.time, seen.joints, target.copy())
         since, _, then = self._same

@@ -89,7 +89,7 @@ class PiperLink:
         end = time.monotonic() + seconds
         while True:
             seen = self.feedback.snapshot()
-            if seen.joints is not None and np.isfinite([seen.status_age, seen.drive_age]).all():
+            if np.isfinite([*seen.joints, seen.status_age, seen.drive_age]).all():
                 return seen
             if time.monotonic() > end:
                 break

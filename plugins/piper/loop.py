@@ -217,7 +217,7 @@ class ControlLoop:
                 if self._interrupted and self.moving:
                     self.hold("interrupted")
             self._send(now)
-            if self._ticks % _NOTE_EVERY == 0 and seen.joints is not None and not self.stopped:
+            if self._ticks % _NOTE_EVERY == 0 and np.isfinite(seen.joints).all() and not self.stopped:
                 self._log.joints(seen.joints.tolist())
 
     def _absence(self, now: float, late: float) -> str:

@@ -42,8 +42,6 @@ def check_health(link: PiperLink) -> Snapshot:
     first = link.wait_for_feedback()
     time.sleep(LISTEN_SECONDS)
     seen = link.feedback.snapshot()
-    assert first.joints is not None
-    assert seen.joints is not None
     refusal = "Nothing was sent to the arm: "
     if seen.zeros:
         raise RobotError(
@@ -130,7 +128,6 @@ def power_up(link: PiperLink) -> Snapshot:
             link.enable(everything=elapsed > 1.0)
         else:
             # The measured pose is sent before CAN control is taken, so the arm cannot move to an older target.
-            assert seen.joints is not None
             link.move_joints(seen.joints)
             link.joint_mode()
             link.move_joints(seen.joints)
@@ -161,7 +158,7 @@ class Session:
 
     def __init__(self, config: PiperConfig, ask: Callable[[str], str] = ask_person) -> None:
         self.virtual: VirtualArm | None = None
-        self.link: PiperLink | None = None
+        self._link: PiperLink | None = None
         self.loop: ControlLoop | None = None
         self.log: CommandLog | None = None
         self._handlers: dict[signal.Signals, Any] = {}
@@ -180,25 +177,29 @@ class Session:
                 )
             if own:
                 self.virtual = VirtualArm("virtual", channel).start()
-            self.link = PiperLink(config.bus, channel, bounds, self.log)
+            self._link = PiperLink(config.bus, channel, bounds, self.log)
             check_health(self.link)
-            if config.armed:
+            if self.log is not None:
                 if not own:
                     confirm(channel, bounds.percent, ask)
-                self._arm(config)
+                self._arm(config, self.link, self.log)
         except BaseException:
             self.close()
             raise
 
-    def _arm(self, config: PiperConfig) -> None:
-        assert self.link is not None
-        assert self.log is not None
-        seen = power_up(self.link)
-        assert seen.joints is not None
-        self.log.event("armed", joints=seen.joints.tolist())
-        self.link.feedback.forget_trouble()
+    @property
+    def link(self) -> PiperLink:
+        """The open connection; raises :class:`RobotError` where opening it has failed."""
+        if self._link is None:
+            raise RobotError("The arm is not connected.")
+        return self._link
+
+    def _arm(self, config: PiperConfig, link: PiperLink, log: CommandLog) -> None:
+        seen = power_up(link)
+        log.event("armed", joints=seen.joints.tolist())
+        link.feedback.forget_trouble()
         watch = Watch(WatchLimits(tracking=config.tracking_limit))
-        self.loop = ControlLoop(self.link, watch, self.log, PERIOD)
+        self.loop = ControlLoop(link, watch, log, PERIOD)
         self.loop.start(seen.joints)
         self._watch_signals()
 
@@ -225,8 +226,8 @@ class Session:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._handlers.clear()
-        if self.link is not None:
-            self.link.close()
+        if self._link is not None:
+            self._link.close()
         if self.virtual is not None:
             self.virtual.stop()
         if self.log is not None:

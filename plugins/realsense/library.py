@@ -5,8 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Sequence
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from gvla2.errors import MissingDependencyError, RobotError
@@ -31,15 +29,6 @@ def load() -> Any:
     return pyrealsense2
 
 
-def version() -> tuple[int, int]:
-    """Major and minor of the installed librealsense, (0, 0) when they can't be told."""
-    try:
-        major, minor = metadata.version("pyrealsense2").split(".")[:2]
-        return int(major), int(minor)
-    except (metadata.PackageNotFoundError, ValueError):
-        return 0, 0
-
-
 def _offer_libusb() -> None:
     """Load the libusb of the package ``libusb_package`` for all, so that pyrealsense2 finds its symbols there.
 
@@ -57,37 +46,30 @@ def _offer_libusb() -> None:
         return
 
 
-LAST_WITH_L515 = (2, 54)
-"""The last librealsense that knows the L500 and SR300 series; 2.55 dropped them, and does not list them at all."""
-
 _WEBCAM = "Platform Camera"
 """librealsense's name for a foreign camera."""
 
-_USB = Path("/sys/bus/usb/devices")
-_INTEL = "8086"
-_RETIRED = {"0b3d": "L515", "0b64": "L515", "0b68": "L535", "0aa5": "SR300", "0b48": "SR305"}
-"""USB product numbers, from librealsense 2.54's own tables."""
+_RETIRED = (
+    " L5xx and SR3xx cameras need pyrealsense2<2.55; or record with other software and use camera=replay."
+)
 
 
-def choose(rs: Any, devices: Sequence[Any], serial: str = "", usb: Path = _USB) -> Any:
+def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
     """The device of that serial, or the only one there is.
 
-    ``usb`` is where Linux lists USB devices. Raises :class:`RobotError`, listing the connected ones; a camera that this
-    librealsense no longer supports is named.
+    Raises :class:`RobotError`, listing the connected ones.
     """
     found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
     if serial in found:
         return found[serial]
     listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items())
     if serial and found:
-        raise RobotError(
-            f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_retired_note(usb)}"
-        )
+        raise RobotError(f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_RETIRED}")
     if not found:
         asked = f" '{serial}'" if serial else ""
         raise RobotError(
             f"librealsense finds no camera{asked}. Plug it into a USB 3 port; on Linux, librealsense's udev rules "
-            f"give users access to it.{_retired_note(usb)}"
+            f"give users access to it.{_RETIRED}"
         )
     if len(found) > 1:
         raise RobotError(f"Several cameras are plugged in: {listing}. Choose one with camera.serial=...")
@@ -112,31 +94,3 @@ def link_note(rs: Any, device: Any) -> str:
 
 def _info(device: Any, what: Any) -> str:
     return str(device.get_info(what)) if device.supports(what) else ""
-
-
-def _retired_note(usb: Path) -> str:
-    if version() <= LAST_WITH_L515:
-        return ""
-    major, minor = version()
-    cure = (
-        f"librealsense 2.54 was the last to support it, this is {major}.{minor}. Install 'pyrealsense2<2.55', "
-        "or record with other software and use camera=replay."
-    )
-    if models := retired_models(usb):
-        return f" An Intel {' and an '.join(models)} is plugged in: {cure}"
-    if usb.is_dir():
-        return ""
-    return f" If it is an L515: {cure}"
-
-
-def retired_models(usb: Path = _USB) -> list[str]:
-    """Plugged-in cameras whose support has ended, by Linux's own list of USB devices; [] where there is none."""
-    models = set()
-    for vendor in usb.glob("*/idVendor"):
-        try:
-            if vendor.read_text().strip().lower() == _INTEL:
-                product = vendor.with_name("idProduct").read_text().strip().lower()
-                models |= {_RETIRED[product]} if product in _RETIRED else set()
-        except OSError:
-            continue  # it was unplugged while we read
-    return sorted(models)

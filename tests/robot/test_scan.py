@@ -84,13 +84,6 @@ def test_a_very_fine_mesh_is_thinned_and_keeps_its_colours(tmp_path, monkeypatch
     assert (blue > 0.8).mean() > 0.3
 
 
-def test_holes_and_loose_faces_do_not_matter(tmp_path):
-    mesh = box(0.06, 0.08, 0.1)
-    torn = trimesh.Trimesh(mesh.vertices, np.concatenate([mesh.faces[5:], mesh.faces[10:20]]), process=False)
-    assert not torn.is_watertight
-    assert read_scan(write(tmp_path, "torn", painted(torn))).size[2] == pytest.approx(0.1)
-
-
 def test_a_file_that_is_no_mesh_says_so(tmp_path):
     with pytest.raises(GeometryError, match="no such file"):
         read_scan(tmp_path / "absent.obj")
