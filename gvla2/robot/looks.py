@@ -4,33 +4,56 @@ from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder, cached_arrays
-from gvla2.robot.collada import GREY, PaintedMesh, read_collada, thin
-from gvla2.robot.scan import Scan
+from gvla2.robot.scan import Scan, clustered
 from gvla2.robot.task import Body, Primitive, Solid
 
 CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under
 the white ones show through, and cast hardly faster."""
 
+GREY = (0.7, 0.7, 0.7)
+
 _SEGMENTS = 48
-_COLLADA_VERSION = 1
+_VERSION = 2
 """Changes whenever a thinned mesh would: it is part of the cache's keys."""
+
+
+@dataclass(frozen=True)
+class PaintedMesh:
+    """``vertices`` (V, 3) metres, ``faces`` (F, 3) indices, ``rgb`` (F, 3) in [0, 1]."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    rgb: FloatArray
+
+
+def joined(meshes: Iterable[PaintedMesh]) -> PaintedMesh:
+    """Several meshes as one."""
+    meshes = list(meshes)
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return PaintedMesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+        np.concatenate([m.rgb for m in meshes]),
+    )
 
 
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
@@ -71,31 +94,45 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
 
 @lru_cache(maxsize=64)
 def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
-    """A file's triangles; COLLADA with colours of its own, others in ``rgb``."""
-    if path.suffix.lower() == ".dae":
-        return _thinned_collada(path) if thinned else read_collada(path)
-    if thinned:
-        return thin(_read_mesh(path, rgb, False), CELL)
+    """A file's triangles in its own colours, else in ``rgb``; ``thinned`` ones come from the cache where they are."""
+    if not thinned:
+        return _load(path, rgb)
+    key = f"{_VERSION} {CELL} {rgb} {path.suffix} {hashlib.sha256(path.read_bytes()).hexdigest()}"
+
+    def thin() -> dict[str, NDArray[Any]]:
+        mesh = _load(path, rgb)
+        vertices, faces, kept = clustered(TriangleMesh(mesh.vertices, mesh.faces), CELL)
+        return {"vertices": vertices, "faces": faces, "rgb": mesh.rgb[kept]}
+
+    return PaintedMesh(**cached_arrays(cache_folder() / "looks", key, thin))
+
+
+def _load(path: Path, rgb: tuple[float, ...]) -> PaintedMesh:
+    """All parts of a mesh file, placed by its scene graph; raises :class:`RobotError` for one that can't be read."""
     try:
         if path.suffix.lower()[1:] not in trimesh.available_formats():
             raise ValueError("a file of another kind")
-        mesh = trimesh.load_mesh(path)
-    except (ValueError, OSError) as error:
+        parts = [p for p in trimesh.load_scene(path, process=False).dump() if len(getattr(p, "faces", ()))]
+    except (ValueError, OSError, KeyError, IndexError) as error:
         raise RobotError(
             f"The mesh {path} can't be read ({error}); STL, OBJ, PLY and COLLADA can."
         ) from error
-    faces = np.asarray(mesh.faces, dtype=np.int64)
-    if not len(faces):
+    if not parts:
         raise RobotError(f"The mesh {path} has no triangles: it is empty, or damaged.")
-    return PaintedMesh(np.asarray(mesh.vertices), faces, np.tile(rgb, (len(faces), 1)))
-
-
-def _thinned_collada(path: Path) -> PaintedMesh:
-    """From the cache where it was read before: its numbers are text, which takes 0.2 s for an arm."""
-    key = f"{_COLLADA_VERSION} {CELL} {hashlib.sha256(path.read_bytes()).hexdigest()}"
-    return PaintedMesh(
-        **cached_arrays(cache_folder() / "looks", key, lambda: vars(thin(read_collada(path), CELL)))
+    return joined(
+        PaintedMesh(np.asarray(p.vertices), np.asarray(p.faces, dtype=np.int64), _colours(p, rgb))
+        for p in parts
     )
+
+
+def _colours(part: Any, rgb: tuple[float, ...]) -> FloatArray:
+    """(F, 3) colours of a part's faces: its material's or its own, else ``rgb``."""
+    material = getattr(part.visual, "material", None)
+    if material is not None:
+        return np.tile(np.asarray(material.main_color[:3]) / 255.0, (len(part.faces), 1))
+    if part.visual.defined:
+        return np.asarray(part.visual.face_colors[:, :3] / 255.0)
+    return np.tile(rgb, (len(part.faces), 1))
 
 
 class RobotLooks:
@@ -151,13 +188,8 @@ def _solid(solid: Solid) -> PaintedMesh:
 
 
 def _surface(meshes: Sequence[PaintedMesh], identity: int) -> Surface:
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Surface(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
-        np.concatenate([m.rgb for m in meshes]),
-        identity,
-    )
+    mesh = joined(meshes)
+    return Surface(mesh.vertices, mesh.faces, mesh.rgb, identity)
 
 
 def _origin(element: ET.Element | None) -> FloatArray:
