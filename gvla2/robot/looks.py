@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,14 +15,15 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import RobotError
+from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder, cached_arrays
-from gvla2.robot.scan import Scan, clustered
+from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
 
 CELL = 0.004
@@ -32,7 +33,7 @@ the white ones show through, and cast hardly faster."""
 GREY = (0.7, 0.7, 0.7)
 
 _SEGMENTS = 48
-_VERSION = 2
+_VERSION = 3
 """Changes whenever a thinned mesh would: it is part of the cache's keys."""
 
 
@@ -43,17 +44,6 @@ class PaintedMesh:
     vertices: FloatArray
     faces: NDArray[np.int64]
     rgb: FloatArray
-
-
-def joined(meshes: Iterable[PaintedMesh]) -> PaintedMesh:
-    """Several meshes as one."""
-    meshes = list(meshes)
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return PaintedMesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
-        np.concatenate([m.rgb for m in meshes]),
-    )
 
 
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
@@ -101,38 +91,21 @@ def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh
 
     def thin() -> dict[str, NDArray[Any]]:
         mesh = _load(path, rgb)
-        vertices, faces, kept = clustered(TriangleMesh(mesh.vertices, mesh.faces), CELL)
-        return {"vertices": vertices, "faces": faces, "rgb": mesh.rgb[kept]}
+        coarse, kept = TriangleMesh(mesh.vertices, mesh.faces).clustered(CELL)
+        return {"vertices": coarse.vertices, "faces": coarse.faces, "rgb": mesh.rgb[kept]}
 
     return PaintedMesh(**cached_arrays(cache_folder() / "looks", key, thin))
 
 
 def _load(path: Path, rgb: tuple[float, ...]) -> PaintedMesh:
-    """All parts of a mesh file, placed by its scene graph; raises :class:`RobotError` for one that can't be read."""
+    """All triangles of a mesh file, in ``rgb`` where it has no colours; raises :class:`RobotError` without any."""
     try:
-        if path.suffix.lower()[1:] not in trimesh.available_formats():
-            raise ValueError("a file of another kind")
-        parts = [p for p in trimesh.load_scene(path, process=False).dump() if len(getattr(p, "faces", ()))]
-    except (ValueError, OSError, KeyError, IndexError) as error:
-        raise RobotError(
-            f"The mesh {path} can't be read ({error}); STL, OBJ, PLY and COLLADA can."
-        ) from error
-    if not parts:
-        raise RobotError(f"The mesh {path} has no triangles: it is empty, or damaged.")
-    return joined(
-        PaintedMesh(np.asarray(p.vertices), np.asarray(p.faces, dtype=np.int64), _colours(p, rgb))
-        for p in parts
-    )
-
-
-def _colours(part: Any, rgb: tuple[float, ...]) -> FloatArray:
-    """(F, 3) colours of a part's faces: its material's or its own, else ``rgb``."""
-    material = getattr(part.visual, "material", None)
-    if material is not None:
-        return np.tile(np.asarray(material.main_color[:3]) / 255.0, (len(part.faces), 1))
-    if part.visual.defined:
-        return np.asarray(part.visual.face_colors[:, :3] / 255.0)
-    return np.tile(rgb, (len(part.faces), 1))
+        textured = read_textured_mesh(path, up="z")
+    except GeometryError as error:
+        raise RobotError(str(error)) from error
+    uncoloured = not textured.images and bool((textured.rgb == np.float32(GREY[0])).all())
+    colours = np.tile(rgb, (len(textured.mesh.faces), 1)) if uncoloured else textured.rgb.mean(axis=1)
+    return PaintedMesh(textured.mesh.vertices, textured.mesh.faces, np.asarray(colours, dtype=np.float64))
 
 
 class RobotLooks:
@@ -188,8 +161,13 @@ def _solid(solid: Solid) -> PaintedMesh:
 
 
 def _surface(meshes: Sequence[PaintedMesh], identity: int) -> Surface:
-    mesh = joined(meshes)
-    return Surface(mesh.vertices, mesh.faces, mesh.rgb, identity)
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return Surface(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+        np.concatenate([m.rgb for m in meshes]),
+        identity,
+    )
 
 
 def _origin(element: ET.Element | None) -> FloatArray:

@@ -52,9 +52,9 @@ def test_a_bodys_solids_become_one_surface():
         np.testing.assert_allclose(corners.max(axis=0), high, atol=2e-3)
 
 
-@pytest.mark.parametrize(("name", "why"), [("link.xyzq", "another kind"), ("link.stl", "no triangles")])
-def test_a_mesh_that_is_none_is_named(tmp_path, name, why):
+@pytest.mark.parametrize("name", ["link.xyzq", "link.stl"])
+def test_a_mesh_that_is_none_is_named(tmp_path, name):
     file = tmp_path / name
     file.write_text("nothing")
-    with pytest.raises(RobotError, match=rf"{name}.*{why}"):
+    with pytest.raises(RobotError, match=name):
         _read_mesh(file, (0.5, 0.5, 0.5), False)
