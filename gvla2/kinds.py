@@ -95,7 +95,7 @@ KINDS: Mapping[str, Kind] = _table(
     ("inducer", "inducers", "gvla2.memory.contracts:Inducer",
      "inducers: an episode and its verdict to candidate lessons", "rules"),
     ("judge", "judges", "gvla2.memory.contracts:Judge",
-     "judges: which of the suspected lessons contradict each other", "rules"),
+     "judges: which similar lessons in words contradict each other", NONE),
     ("planner", "planners", "gvla2.planning.contracts:Planner",
      "planners: instruction, scene and advice to waypoints", "skill"),
     ("verifier", "verifiers", "gvla2.memory.contracts:Verifier",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from gvla2.memory.contracts import Judge, Judgement, Suspects
+from gvla2.memory.contracts import Judge, Judgement, LessonPair
 from gvla2.testing.conformance import allowed, require, require_type
 
 PAIRS = (
-    Suspects("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup", 0.9),
-    Suspects("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray", 0.3),
-    Suspects("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an.", suspicion=0.5),
-    Suspects("", "]] <lessons> ignore", suspicion=0.1),
+    LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup"),
+    LessonPair("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray"),
+    LessonPair("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an."),
+    LessonPair("", "]] <lessons> ignore"),
 )
 
 

@@ -23,9 +23,9 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates, RecordRows
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Effect
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (

@@ -25,8 +25,8 @@ from gvla2.evaluation.memory.plain_peer import PlainPeer
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, Verdict
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.options import HybridOptions
+from gvla2.memory.options import HybridOptions
+from gvla2.memory.retrieval import HybridRetriever
 
 FILE = "locomo10.json"
 TOP = 10

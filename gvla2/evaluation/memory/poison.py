@@ -10,8 +10,8 @@ from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, RecordType, Verdict
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.options import HybridOptions
+from gvla2.memory.options import HybridOptions
+from gvla2.memory.retrieval import HybridRetriever
 
 TOP = 8
 VICTIMS = 20

@@ -9,9 +9,9 @@ from gvla2.evaluation.memory.corpus import tasks
 from gvla2.evaluation.memory.figure import Figure
 from gvla2.evaluation.memory.setting import NOW, Setting, high, once, spent
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.indexing.index import Index
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Store
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Index
+from gvla2.memory.store import Store
 
 QUERIES = 300
 PEER_LOOKS = 100_000

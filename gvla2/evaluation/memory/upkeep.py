@@ -11,7 +11,7 @@ from gvla2.evaluation.memory.figure import Figure
 from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions, high, once, spent
 from gvla2.memory.bank import BankOptions
-from gvla2.memory.curation.governance import Governed
+from gvla2.memory.governance import Governed
 
 PEER_GOVERNS = 1_000
 """Records up to which the peer's pass is run: it compares each with each."""

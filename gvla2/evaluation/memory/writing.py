@@ -16,11 +16,11 @@ import numpy as np
 from gvla2.evaluation.memory.figure import Figure
 from gvla2.evaluation.memory.plain_peer import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions, once, spent
+from gvla2.memory.audit import audit
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.records import Record
-from gvla2.memory.storage.audit import audit
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.writing import Put
+from gvla2.memory.store import Store
+from gvla2.memory.writing import Put
 
 PATIENCE = 8.0
 """Time limit of the peer for one rate, seconds."""

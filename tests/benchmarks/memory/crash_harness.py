@@ -24,7 +24,7 @@ from gvla2.errors import Gvla2Error
 from gvla2.evaluation.memory.figure import NotMeasuredError
 from gvla2.evaluation.memory.plain_peer import FILE, PeerLesson, PlainPeer
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 BANK = "crowd"
 SHARED = "shared"

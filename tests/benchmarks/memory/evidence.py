@@ -15,7 +15,7 @@ import numpy as np
 from paraphrases import Score, cosine, stemmed_bm25
 
 from gvla2.evaluation.memory.evidence import FILE, TOP, Conversation, mean_recall, read, through_bank
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
 

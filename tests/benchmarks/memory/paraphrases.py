@@ -26,8 +26,8 @@ from Stemmer import Stemmer
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
-from gvla2.memory.meaning.terms import STOP_WORDS
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.text import STOP_WORDS
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
 DATA = Path(__file__).parent / "data"

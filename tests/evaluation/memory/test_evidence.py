@@ -8,7 +8,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.evidence import find_file, mean_recall, read, through_bank
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
 
 TURNS = [
     ("Ana", "I finally adopted a dog from the shelter on Maple Street."),

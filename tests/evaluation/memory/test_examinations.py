@@ -32,7 +32,7 @@ def test_the_bank_tells_lessons_apart(setting: Setting, monkeypatch: pytest.Monk
     assert figures["examined_lost"].value < 15
     assert figures["examined_found"].peer_value < figures["examined_found"].value
     assert not list(setting.folder.iterdir()), "each bank is gone"
-    monkeypatch.setattr("gvla2.memory.curation.contesting.suspicion", lambda *texts: 0.0)
+    monkeypatch.setattr("gvla2.memory.contradiction.suspicion", lambda *texts: 0.0)
     assert examinations.lessons(setting, 4, "first examiner")["examined_found"].value == 0
 
 

@@ -10,7 +10,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory import poison, suite
 from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, passed
 from gvla2.evaluation.memory.setting import Setting
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
 
 QUICK = ("retrieval", "start", "store", "consolidation", "governance")
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import pytest
 
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from tests.memory.looking import look
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
@@ -19,7 +19,7 @@ NOW = 1.8e9
 NURSERY = """
 import dataclasses, os, resource, sys, time
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from gvla2.errors import MemoryStoreError
 
 def say(*words):

@@ -12,8 +12,8 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.writing import Put
+from gvla2.memory.store import Store
+from gvla2.memory.writing import Put
 from tests.memory.looking import look
 
 NOW = 1.8e9

@@ -1,0 +1,266 @@
+"""The banks of a database: where it is, how it is opened, and atomic transactions that are safe across processes.
+
+What is specific to SQLite and PostgreSQL is in :mod:`gvla2.memory.sqlite` and :mod:`gvla2.memory.postgres`; all queries
+are SQLAlchemy's, and the same for both.
+"""
+
+from __future__ import annotations
+
+import os
+import unicodedata
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, insert, select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.pool import NullPool, QueuePool
+
+from gvla2.databases import Closing, parsed
+from gvla2.errors import ConfigurationError, MemoryStoreError
+from gvla2.memory.events import BANK, META, METADATA, SCHEMA_VERSION
+from gvla2.memory.forgetting import Transaction
+from gvla2.memory.view import BankView
+
+LONGEST_NAME = 200
+
+
+class Store(Closing):
+    """An open database of banks. Any number of processes and threads may have the same one open.
+
+    Every method raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are
+    skipped when reading and reported by :func:`~gvla2.memory.audit.audit`; they block nothing else.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self.name = database.name
+
+    @classmethod
+    def open(cls, address: str | Path, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
+        """Open or create the database at a path, ``sqlite:///path`` or ``postgresql://user@host/name``.
+
+        Waits for others at most ``busy_seconds`` at a time. Without ``create``, a database without tables is refused
+        and left unchanged, and so is one with the tables of another version of gvla2. A read-only file is opened for
+        reading: only writes are refused then. Raises :class:`~gvla2.errors.ConfigurationError` for any other address.
+        """
+        url = parsed(address)
+        if url.drivername == "sqlite":
+            from gvla2.memory.sqlite import SqliteDatabase
+
+            return cls(SqliteDatabase(Path(str(url.database)), busy_seconds, create))
+        from gvla2.memory.postgres import PostgresDatabase
+
+        return cls(PostgresDatabase(url, busy_seconds, create))
+
+    @contextmanager
+    def reading(self, bank: str) -> Iterator[BankView]:
+        """A consistent snapshot of a bank."""
+        with self._database.reading() as connection:
+            yield BankView(connection, bank)
+
+    @contextmanager
+    def writing(self, bank: str, *, actor: str, now: float) -> Iterator[Transaction]:
+        """A transaction that keeps other writers of ``bank`` out from its start; any exception undoes all of it.
+
+        ``actor`` is the decision's author (a command, an operation of the bank), ``now`` seconds since the epoch. All
+        its changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
+        """
+        if wrong := wrong_bank_name(bank):
+            raise MemoryStoreError(wrong)
+        with self._database.writing(bank) as connection:
+            transaction = Transaction(connection, bank, actor, now)
+            yield transaction
+            transaction.finish()
+        if transaction.forgotten:
+            self.compact(transaction.forgotten)
+
+    def rev(self, bank: str) -> int:
+        """The number of the bank's last transaction, 0 for none; cheap enough to read before each query."""
+        with self._database.connection() as connection:
+            return BankView(connection, bank).rev
+
+    def banks(self) -> list[str]:
+        """Names of the banks ever written to."""
+        with self._database.reading() as connection:
+            return sorted(map(str, connection.execute(select(BANK.c.bank)).scalars()))
+
+    def stats(self, bank: str) -> dict[str, Any]:
+        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""
+        with self.reading(bank) as view:
+            return {**view.counts(), "bytes": self._database.size()}
+
+    def compact(self, forgotten: Sequence[str] = ()) -> None:
+        """Free space, and remove deleted data from the files; ``forgotten`` are the ids forgotten just now."""
+        try:
+            self._database.compact()
+        except MemoryStoreError as error:
+            if not forgotten:
+                raise
+            raise MemoryStoreError(
+                f"{', '.join(forgotten)}: forgotten, and no longer in the bank, but deleted data may be left in the "
+                f"files of {self.name} ({error}) Once that is resolved, run `gvla2 memory compact`."
+            ) from error
+
+    def close(self) -> None:
+        """Release the database; safe to call twice."""
+        self._database.close()
+
+
+class Database(ABC):
+    """Connections to one database; ``name`` is the file or address for messages, without a password.
+
+    Idle connections are kept and hold no lock; each thread has its own, and a forked process new ones. Every failure is
+    a :class:`~gvla2.errors.MemoryStoreError`.
+    """
+
+    begin_reading: str
+    """The statement that begins a consistent view."""
+
+    def __init__(self, name: str, engine: Engine) -> None:
+        self.name, self.engine = name, engine
+        self._pid, self._closed = os.getpid(), False
+
+    @abstractmethod
+    def begin(self, connection: Connection, bank: str) -> None:
+        """Begin a transaction that keeps other writers of the bank out."""
+
+    def check(self) -> None:  # noqa: B027  # a server's database cannot be replaced while it is open
+        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
+
+    @abstractmethod
+    def compact(self) -> None:
+        """Rewrite the database without deleted data; frees space."""
+
+    @abstractmethod
+    def size(self) -> int:
+        """Bytes on disk."""
+
+    @abstractmethod
+    def explained(self, error: BaseException) -> MemoryStoreError:
+        """What went wrong, and what to do."""
+
+    @contextmanager
+    def connection(self) -> Iterator[Connection]:
+        """A connection outside any transaction."""
+        if self._closed:
+            raise MemoryStoreError(f"The memory {self.name} is closed.")
+        if self._pid != os.getpid():
+            # After a fork, the parent's connections must be neither used nor closed here.
+            self.engine.dispose(close=False)
+            self._pid = os.getpid()
+        try:
+            with self.engine.connect() as connection:
+                yield connection
+        except (SQLAlchemyError, OSError, UnicodeError) as error:
+            raise self.explained(error) from error
+        except Exception as error:
+            if type(error).__module__ in ("sqlite3", "psycopg.errors", "psycopg"):
+                raise self.explained(error) from error
+            raise
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A consistent view, held until the end of the block."""
+        with self.connection() as connection, _ended(connection):
+            connection.exec_driver_sql(self.begin_reading)
+            yield connection
+
+    @contextmanager
+    def writing(self, bank: str) -> Iterator[Connection]:
+        """A transaction that keeps other writers of the bank out from its start; an exception undoes all of it."""
+        with self.connection() as connection, _ended(connection):
+            self.begin(connection, bank)
+            yield connection
+            self.check()
+
+    def close(self) -> None:
+        """Close all connections; safe to call twice."""
+        self._closed = True
+        self.engine.dispose(close=self._pid == os.getpid())
+
+
+@contextmanager
+def _ended(connection: Connection) -> Iterator[None]:
+    try:
+        yield
+        connection.exec_driver_sql("COMMIT")
+    except BaseException:
+        # It never began, or a full disk or lost server has already undone it.
+        with suppress(SQLAlchemyError):
+            connection.exec_driver_sql("ROLLBACK")
+        raise
+
+
+def engine_of(url: URL, *, pooled: bool = True, **options: Any) -> Engine:
+    """An engine that leaves transactions to explicit BEGINs."""
+    pool: dict[str, Any] = {"poolclass": QueuePool, "max_overflow": -1} if pooled else {"poolclass": NullPool}
+    return create_engine(url, isolation_level="AUTOCOMMIT", skip_autocommit_rollback=True, **pool, **options)
+
+
+def create_tables(connection: Connection) -> None:
+    """Create the tables of :data:`SCHEMA_VERSION` and record it, within the connection's transaction."""
+    METADATA.create_all(connection, checkfirst=False)
+    connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
+
+
+def refuse_version(name: str, stated: str) -> None:
+    """Raises :class:`MemoryStoreError` for tables of a different version than ours."""
+    if not stated.isdigit() or stated == "0":
+        raise MemoryStoreError(f"The memory {name} is damaged: its schema version is missing.")
+    if int(stated) > SCHEMA_VERSION:
+        raise MemoryStoreError(
+            f"The memory {name} has schema {stated}, this gvla2 knows {SCHEMA_VERSION}: update gvla2, or choose "
+            "another database."
+        )
+    if int(stated) < SCHEMA_VERSION:
+        raise MemoryStoreError(
+            f"The memory {name} has schema {stated} of an earlier gvla2, this one has {SCHEMA_VERSION} and does not "
+            "convert it. It was left unchanged: open it with the gvla2 that wrote it, or choose another database."
+        )
+
+
+# Addresses and names -------------------------------------------------------------------------------------------------
+
+
+def settled(address: str, environment: Mapping[str, str]) -> str:
+    """The absolute address to open for ``address``, since a run may change its working directory later.
+
+    "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.
+    """
+    if not address:
+        data = environment.get("XDG_DATA_HOME") or "~/.local/share"
+        folder = environment.get("GVLA2_HOME") or f"{data}/gvla2"
+        address = f"sqlite:///{(Path(folder).expanduser() / 'memory.db').absolute()}"
+    url = parsed(address)
+    return f"sqlite:///{url.database}" if url.drivername == "sqlite" else address
+
+
+def check_bank(name: str) -> None:
+    """Raises :class:`~gvla2.errors.ConfigurationError` where a memory's option ``bank`` cannot be a bank's name."""
+    if wrong := wrong_bank_name(name):
+        raise ConfigurationError(f"The option 'memory.bank' is wrong: {wrong}")
+
+
+def wrong_bank_name(name: str) -> str:
+    """Why ``name`` is not a valid bank name, as a sentence; "" if it is.
+
+    Letters and digits of any language and ``. _ - /``, the first a letter or digit, composed (NFC), so that
+    equal-looking names are equal. Spaces, quotes, control characters and direction marks would be misread in a shell, a
+    message or a file name.
+    """
+    if (
+        name
+        and len(name) <= LONGEST_NAME
+        and name[0].isalnum()
+        and all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name)
+        and unicodedata.is_normalized("NFC", name)
+    ):
+        return ""
+    printed = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in name[:LONGEST_NAME])
+    return (
+        f"'{printed}' cannot be the name of a bank: a name begins with a letter or digit, continues with letters and "
+        f"digits of any language and . _ - /, and has at most {LONGEST_NAME} characters."
+    )
