@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,12 +17,18 @@ from gvla2.commands.memory import MemoryCommandConfig
 from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
-from gvla2.memory.store import Store, settled, wrong_bank_name
-from gvla2.memory.view import BankView
+from gvla2.memory.storage.addresses import settled, wrong_bank_name
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.view import BankView
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
     from gvla2.plugins import Registry
+
+_AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
+_DATE = re.compile(r"[0-9]{8}")
+_SECONDS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+
 
 SHOWN = 50
 """Rows shown by default."""
@@ -135,3 +144,29 @@ def record_of(view: BankView, word: str, *, whole: bool = False) -> Record:
     near = get_close_matches(word, ids, n=1, cutoff=0.7)
     hint = f"Did you mean '{near[0]}'?" if near else "`gvla2 memory list` shows what is there."
     raise NotFoundError(f"No record '{word}' in bank '{bank}'. {hint}")
+
+
+def time_of(words: str, now: float | None = None) -> float:
+    """Seconds since the epoch of a date (ISO, local unless it names a zone), a number, or "3h", "2d" (ago).
+
+    Eight digits are a date: 20261120.
+    """
+    text = words.strip()
+    if ago := _AGO.fullmatch(text):
+        at = (time.time() if now is None else now) - float(ago[1]) * _SECONDS[ago[2]]
+        if at < 0:
+            raise WrongWordError(f"'{words}' ago is before 1970, and no bank is as old as that.")
+        return at
+    try:
+        number = float(text)
+        if abs(number) < 4e11 and not _DATE.fullmatch(text):
+            return number
+    except ValueError:
+        pass
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (ValueError, OverflowError) as error:
+        raise WrongWordError(
+            f"'{words}' is no time. Give a date such as 2026-11-20 or '2026-11-20 18:30', seconds since the epoch, "
+            "or how long ago: 90min, 3h, 2d."
+        ) from error

@@ -1,4 +1,4 @@
-"""The verbs of `gvla2 memory` that change a bank: import, export, forget, compact, govern, replay."""
+"""The verbs of `gvla2 memory` that change a bank: import, export, forget, compact, repair, govern, replay."""
 
 from __future__ import annotations
 
@@ -12,47 +12,54 @@ from gvla2.commands.memory_access import VerbRequest, WrongWordError, opened, op
 from gvla2.commands.memory_answers import Answer
 from gvla2.commands.tables import row, table
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.transfer import export_jsonl, import_jsonl
+from gvla2.memory.interop.exporting import export_path
+from gvla2.memory.interop.importing import import_path
+from gvla2.memory.storage.audit import repair as mend
 from gvla2.record.files import plain
 from gvla2.record.text import count, one_line, printable
 
-MOST_BROKEN = 20
+MOST_REMARKS = 20
 
 
 def import_(request: VerbRequest) -> Answer:
-    """Read an exported memory; 1 when lines could not be read (the others are stored)."""
+    """Read a memory of the released layout; 1 when lines could not be read (the others are stored)."""
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
-    if not os.path.exists(path):  # noqa: PTH110  # before a database is made for nothing
-        raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
+    if not os.path.exists(path):  # noqa: PTH110  # before a database is made for nothing; see read_path
+        raise MemoryStoreError(
+            f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
+        )
     with opened(request, create=True) as store:
-        done = import_jsonl(store, config.bank, path, trusted=config.trusted, actor="gvla2 memory")
-    lines = [
+        done = import_path(store, config.bank, path, trusted=config.trusted, actor="gvla2 memory")
+    told = [
         f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
     ]
     if done.held_back:
         own = "." if config.trusted else " (trusted=true is for your own backup)."
-        lines.append(
+        told.append(
             f"Provisional until verified episodes of two sources, or one of ours, confirm them: {done.held_back}{own}"
         )
-    if done.broken:
-        lines.append(f"{count(len(done.broken), 'line')} could not be read:")
-        lines += done.broken[:MOST_BROKEN]
-        if len(done.broken) > MOST_BROKEN:
-            lines.append(f"{count(len(done.broken) - MOST_BROKEN, 'more line')}; --json has all.")
-    return Answer(done, lines, status=1 if done.broken else 0)
+    odd = [remark for remark in done.remarks if not remark.broken]
+    for what, remarks in (("could not be read", done.broken), ("read with a remark", odd)):
+        if remarks:
+            told.append(f"{count(len(remarks), 'line')} {what}:")
+        told += [str(remark) for remark in remarks[:MOST_REMARKS]]
+        if len(remarks) > MOST_REMARKS:
+            told.append(f"{count(len(remarks) - MOST_REMARKS, 'more line')}; --json has all.")
+    return Answer(done, told, status=1 if done.broken else 0)
 
 
 def export(request: VerbRequest) -> Answer:
-    """Write the bank as JSON lines."""
+    """Write the bank in the released layout."""
     config, path = request.config, Path(request.words[0]).expanduser()
     with opened(request) as store:
         # The states were checked by the configuration.
-        done = export_jsonl(store, config.bank, path, states=config.states or None)
-    lines = [f"{count(done.records, 'record')}: {done.file}."]
+        done = export_path(store, config.bank, path, states=config.states or None)
+    files = ", ".join(str(file) for file in done.files)
+    told = [f"{count(done.records, 'record')}: {files}."]
     if done.left_out:
-        lines.append(f"Left out: {count(done.left_out, 'record')} of other states; states=[...] chooses.")
-    return Answer(done, lines)
+        told.append(f"Left out: {count(done.left_out, 'record')} of other states; states=[...] chooses.")
+    return Answer(done, told)
 
 
 def forget(request: VerbRequest) -> Answer:
@@ -98,6 +105,19 @@ def compact(request: VerbRequest) -> Answer:
     if days is not None:
         told += f"; forgotten: {count(len(gone), 'archived record')}"
     return Answer({"bytes_before": before, "bytes": after, "forgotten": len(gone)}, [f"{told}."])
+
+
+def repair(request: VerbRequest) -> Answer:
+    """Restore rows, vectors and links from the events; returns 1 when something is still wrong."""
+    with opened_bank(request) as bank, opened(request) as store:
+        with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
+            records, forgotten = mend(tx, bank.embedder)
+        left = bank.verify()
+    told = [f"Restored from the events: {', '.join(records) or 'nothing'}."]
+    if forgotten:
+        told.append(f"Removed, because no event created it: {', '.join(forgotten)}.")
+    told += [f"Still wrong: {problem}" for problem in left]
+    return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 
 
 def govern(request: VerbRequest) -> Answer:

@@ -1,25 +1,28 @@
-"""The read-only verbs of `gvla2 memory`: list, show, search, history, conflicts, stats, verify."""
+"""The read-only verbs of `gvla2 memory`: list, show, search, history, as-of, conflicts, stats, verify."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
-from gvla2.commands.memory_access import VerbRequest, opened, opened_bank, record_of
+from gvla2.commands.memory_access import NotFoundError, VerbRequest, opened, opened_bank, record_of, time_of
 from gvla2.commands.memory_answers import Answer, clock, read_columns, record_data, records_listing, shortened
 from gvla2.commands.tables import Listing, row, table
-from gvla2.memory.events import Event
 from gvla2.memory.records import Record
-from gvla2.memory.view import pairs_of
-from gvla2.record.text import count, one_line
+from gvla2.memory.storage.events import Event
+from gvla2.memory.storage.view import pairs_of
+from gvla2.record.text import count, listing, one_line
 
 T = TypeVar("T")
 _TIMES = ("created", "updated", "used")
 """A record's fields that are seconds since the epoch."""
+MOST_SUSPECTED = 5
+"""Pairs that are named by `conflicts` though nothing is decided about them."""
 _SERVED = (
-    "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are: forget them, or restore the "
-    "database from a copy."
+    "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are, "
+    "until `gvla2 memory repair` restores them from the events."
 )
 
 
@@ -89,16 +92,35 @@ def history(request: VerbRequest) -> Answer:
     return _bounded(events, request, events_listing, _event_data)
 
 
+def as_of(request: VerbRequest) -> Answer:
+    """The records as they were at a time, or one of them."""
+    at = time_of(request.words[0])
+    with opened(request) as store, store.reading(request.bank) as view:
+        records = list(view.rebuilt(at).records)
+    if len(request.words) > 1:
+        records = [record for record in records if record.id.startswith(request.words[1])]
+        if not records:
+            raise NotFoundError(
+                f"The bank '{request.bank}' had no record '{request.words[1]}' at {clock(at)}."
+            )
+    if request.config.states:
+        records = [record for record in records if record.state in request.config.states]
+    return _listing(records, request, f"The bank had no records at {clock(at)}.")
+
+
 def conflicts(request: VerbRequest) -> Answer:
-    """Pairs of records that contradict each other."""
+    """Pairs of records that contradict each other; those only suspected of it are named."""
     with opened(request) as store, store.reading(request.bank) as view:
         linked = pairs_of(view.links())
         there = {record.id: record for record in view.records()}
     pairs = [(there[a], there[b]) for a, b in sorted(linked["conflict"]) if a in there and b in there]
+    suspected = sorted(linked["suspicion"] - linked["conflict"] - linked["dismissed"])
+    named = listing((f"{a} with {b}" for a, b in suspected), MOST_SUSPECTED)
+    more = [f"Suspected of it, and not yet judged: {named}."] if suspected else []
     if not pairs:
-        return Answer([], ["No records contradict each other."])
+        return Answer([], ["No records contradict each other.", *more])
     columns = ("id", "state", "says", "against", "its state", "which says")
-    return _bounded(
+    answer = _bounded(
         pairs,
         request,
         lambda shown: Listing(
@@ -108,6 +130,7 @@ def conflicts(request: VerbRequest) -> Answer:
         ),
         lambda pair: {"records": [record_data(record) for record in pair]},
     )
+    return replace(answer, shown=[*answer.shown, *more])
 
 
 def stats(request: VerbRequest) -> Answer:

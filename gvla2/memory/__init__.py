@@ -41,7 +41,7 @@ __all__ = [
     "MemoryTask",
     "Verdict",
 ]
-_ELSEWHERE = {"KnowledgeBank": "bank", "BankOptions": "bank_options"}
+_ELSEWHERE = {"KnowledgeBank": "bank", "BankOptions": "options"}
 
 
 def __getattr__(name: str) -> Any:

@@ -27,7 +27,7 @@ _ITEM_LIMIT = 600
 # ASCII characters that are replaced or removed.
 _ODD = re.compile(r"[\x00-\x08\x0e-\x1b\x7f<>\[\]|`]")
 _LOOKALIKES = {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}
-_NAME = re.compile(r"[\w .:/-]{1,48}")
+_NAME = re.compile(r"[\w ./-]{1,48}")
 _BLANK = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0")
 """Invisible characters that Unicode counts among letters, marks and symbols."""
 

@@ -187,9 +187,8 @@ def test_similar_texts_are_asked_about_in_batches_and_only_once(tmp_path: Path) 
     assert "Salt the soup." not in shown
     assert "Lift the cup in the way of typed." not in shown
     assert len(done.dismissed) == sum(map(len, asked.batches)) == done.usage["calls"] / 2
-    assert all(first < second for first, second in done.dismissed)
-    pairs = len(done.dismissed)
-    assert len({*done.dismissed}) == pairs
+    pairs = [frozenset(pair) for pair in done.dismissed]
+    assert len({*pairs}) == len(pairs)
     bank.close()
     done, bank = judged(tmp_path, asked)
     assert not done.dismissed

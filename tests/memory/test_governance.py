@@ -71,37 +71,75 @@ def test_learning_retires_as_well(open_bank: Open, episode: Open, verdicts: Any,
     assert [r.state for r in bank.records() if r.type == "failure_avoidance"] == ["archive"]
 
 
-def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open, verdicts: Any) -> None:
+@pytest.mark.parametrize("count", [3, 40])
+def test_successes_that_differ_in_numbers_only_become_summaries_that_show_each(
+    open_bank: Open, count: int
+) -> None:
     bank = open_bank()
-    for i, way in enumerate(WAYS):
-        bank.admit(
-            Lesson("procedural_hint", way),
-            verdicts["success"],
-            task=f"fix bug {i} of the parser",
-            source=f"s{i}",
-            trusted=True,
-        )
-    (summary,) = bank.records(["summary"])
-    members = bank.records(["archive"])
-    assert len(members) == 3
-    assert all(" ".join(way.split()) in summary.content for way in WAYS)  # nothing that was said is lost
-    assert {(k.source, k.kind) for k in look(bank.store, bank.bank).links()} == {(summary.id, "summary_of")}
-    assert summary.count == 3
-    assert summary.id in [
-        i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
-    ]
-    # What is said again goes to the summary.
-    again = bank.admit(
-        Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9", trusted=True
-    )
-    assert again.merged == (summary.id,)
-    assert bank.records(["summary"])[0].count == 4
+    for i in range(count):
+        task, transcript = f"check the service on host {i}", f"$ probe --port {4000 + 7 * i}"
+        bank.learn(task, transcript, success=True, source=f"r{i}")
+    bank.govern()
+    served = bank.records(["active", "summary"])
+    texts = [record.content for record in served]
+    for i in range(count):
+        assert sum(str(4000 + 7 * i) in text for text in texts) == 1
+    assert "4007 (check the service on host 1)" in " ".join(texts)
+    assert len(texts) < max(count / 3, 2)
+    assert sum(record.count for record in served) == count
+    if count == 3:
+        (summary,) = bank.records(["summary"])
+        assert summary.content in bank.recall("check the service on host 1").text
+        again = bank.learn("check the service on host 1", "$ probe --port 4007", success=True, source="later")
+        assert again.merged == (summary.id,)
     assert bank.verify() == []
 
 
-def test_one_task_alone_makes_no_summary_and_effects_are_not_summed_up(
-    open_bank: Open, verdicts: Any
-) -> None:
+def test_a_summary_says_which_number_held_when(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for number, task in ((15, "put the mug away"), (12, "stack the cups"), (20, "clear the tall vase")):
+        text = f"Lift it {number} cm before moving sideways, then wait 2 s."
+        bank.admit(text, verdicts["success"], task=task, source=task, trusted=True)
+    (summary,) = bank.records(["summary"])
+    said = (
+        "12 (stack the cups) or 15 (put the mug away) or 20 (clear the tall vase) cm before moving sideways"
+    )
+    assert said in summary.content
+    assert "then wait 2 s" in summary.content
+    assert summary.count == 3
+    bank.admit("Lift it 30 cm before moving sideways, then wait 2 s.", verdicts["success"], task="move the lamp",
+               source="later", trusted=True)  # fmt: skip
+    (grown,) = bank.records(["summary"])
+    assert grown.id == summary.id
+    assert f"{said.split(' cm')[0]} or 30 (move the lamp) cm before moving sideways" in grown.content
+    assert grown.count == 4
+    assert bank.verify() == []
+
+
+def test_a_summary_is_trusted_no_more_than_what_it_tells(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, number in enumerate((15, 12, 20)):
+        text = f"Lift it {number} cm before moving sideways."
+        for source in ("lab", "friend") if i == 1 else (f"run/{i}",):
+            bank.admit(text, verdicts["success"], task=f"task {i}", source=source, trusted=i != 1)
+    (summary,) = bank.records(["summary"])
+    assert summary.trust == "confirmed"
+
+
+def test_forgetting_a_member_brings_the_others_back(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, number in enumerate((15, 12, 20)):
+        bank.admit(
+            f"Lift it {number} cm.", verdicts["success"], task=f"task {i}", source=f"run/{i}", trusted=True
+        )
+    member = next(record for record in bank.records(["archive"]) if "12" in record.content)
+    assert bank.forget(member.id)
+    assert sorted(r.content for r in bank.records(["active"])) == ["Lift it 15 cm.", "Lift it 20 cm."]
+    assert not [r for r in bank.records() if "12" in r.content]
+    assert bank.verify() == []
+
+
+def test_other_words_and_effects_are_not_summed_up(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     for way in WAYS:
         bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser", trusted=True)
@@ -137,7 +175,7 @@ def test_a_pass_settles_contradicting_effects_that_came_in_unsettled(open_bank: 
     assert len(bank.govern().replaced) == 1
     (kept,) = bank.records(["active"])
     assert kept.content == "Lift >= 0.15."
-    assert {k.kind for k in look(bank.store, bank.bank).links()} == {"conflict", "replaces"}
+    assert {k.kind for k in look(bank.store, bank.bank).links()} == {"conflict"}
     assert bank.govern().changes == 0
 
 

@@ -100,8 +100,8 @@ def test_links_count_as_conflicts_on_both_ends(store: Store) -> None:
     index = fresh(store)
     ids = list(ids_of(index.candidates()))
     with store.writing("default", actor="test", now=NOW) as transaction:
-        transaction.link_many({(ids[0], "conflict", ids[1]): ""})
-        transaction.link_many({(ids[2], "merged", ids[1]): ""})
+        transaction.link(ids[0], "conflict", ids[1])
+        transaction.link(ids[2], "dismissed", ids[1])
     index.refresh()
     assert dict(zip(ids_of(index.candidates()), index.candidates().conflicts.tolist(), strict=True)) == {
         ids[0]: 1, ids[1]: 1, ids[2]: 0,

@@ -12,6 +12,8 @@ from tests.memory.looking import look
 Open = Callable[..., Any]
 AVOID = Lesson("failure_avoidance", "Never pull the drawer by its label.")
 HINT = Lesson("procedural_hint", "Pull the drawer by its handle.")
+PULLED = Lesson(HINT.type, HINT.content, {"kind": "prior", "parameter": "pull", "value": 0.3})
+NEVER = Lesson("failure_avoidance", "Never pull the drawer.", {"kind": "forbid", "parameter": "pull"})
 
 
 class Judge:
@@ -77,11 +79,9 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
 
 def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    bank.learn(learnt("run/1", HINT), verdicts["success"])
-    bank.learn(
-        learnt("run/2", Lesson("failure_avoidance", "Never pull the drawer by its handle.")), verdicts["fail"]
-    )
-    assert [link.kind for link in look(bank.store, bank.bank).links()] == ["suspicion"]
+    bank.learn(learnt("run/1", PULLED), verdicts["success"])
+    bank.learn(learnt("run/2", NEVER), verdicts["fail"])
+    assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
     replayed = bank.replay(Judge(verdicts["fail"]))
     assert replayed.episodes == 2
     assert len(replayed.demoted) == 1
@@ -100,10 +100,8 @@ def test_sure_records_are_left_alone(open_bank: Open, verdicts: Any) -> None:
 def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     for i in range(9):
-        bank.learn(learnt(f"run/{i}"), verdicts["success"])
-    bank.learn(
-        learnt("other", Lesson("failure_avoidance", "Never pull the drawer by its handle.")), verdicts["fail"]
-    )
+        bank.learn(learnt(f"run/{i}", PULLED), verdicts["success"])
+    bank.learn(learnt("other", NEVER), verdicts["fail"])
     replayed = bank.replay(Judge(verdicts["fail"]), limit=2)
     assert replayed.episodes == 2
     assert replayed.demoted == []

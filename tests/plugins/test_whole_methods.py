@@ -9,8 +9,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.store import Store
 from gvla2.plugins import load_plugins
 from gvla2.testing.component import check_component

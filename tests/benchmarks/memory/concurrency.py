@@ -13,8 +13,8 @@ from postgres_server import postgres
 from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
-from gvla2.memory.records import Record
 from gvla2.memory.audit import audit
+from gvla2.memory.records import Record
 from gvla2.memory.store import Store
 
 PROCESSES = 8

@@ -88,7 +88,7 @@ def bank_writer(url: str) -> Callable[[str], None]:
 
     def write(id: str) -> None:
         with store.writing(BANK, actor=id, now=_NOW) as transaction:
-            transaction.put(lesson(id), _VECTOR, model="m", action="add")
+            transaction.put(lesson(id), "add", vector=_VECTOR, model="m")
             shared = transaction.get(SHARED)
             if shared is not None:
                 transaction.put(replace(shared, count=shared.count + 1), action="merge")

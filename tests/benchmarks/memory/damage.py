@@ -14,9 +14,9 @@ from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting, whole_copy
 from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.index import Index
 from gvla2.memory.records import Record
-from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.store import Store
 
 KINDS = ("corrupt JSON", "not a number", "NaN vector", "short vector", "no vector at all")
