@@ -3,7 +3,9 @@
 python examples/01_plugins.py
 """
 
-from gvla2.plugins import KINDS, load_plugins, structured
+from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.registry import load_plugins
+from gvla2.plugins.validation import structured
 
 registry = load_plugins()
 

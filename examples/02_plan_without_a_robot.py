@@ -6,7 +6,7 @@ python examples/02_plan_without_a_robot.py "lift the blue cube"
 import sys
 
 from gvla2.planning.checks import check_trajectory
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.testing.inputs import plan_request
 
 instruction = sys.argv[1] if len(sys.argv) > 1 else "lift the red cube"

@@ -14,10 +14,10 @@ from hydra import compose, initialize_config_module
 import gvla2
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.commands.primary import PRIMARY
-from gvla2.hydra_bridge import register
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.plugins import load_plugins
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import load_plugins
 from gvla2.testing import check_planner
 from gvla2.testing.inputs import plan_request
 

@@ -13,7 +13,7 @@ from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
 
 # A mallet, one unit long, seen by five cameras that look at it from all around.

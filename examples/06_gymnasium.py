@@ -11,7 +11,7 @@ import sys
 import gymnasium
 
 from gvla2.planning.contracts import PlanRequest
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 
 # Any installed task: "gvla2.gym:" has Gymnasium import the package that knows them.
 env = gymnasium.make("gvla2.gym:gvla2/pick_and_lift-v0", image_size=192)

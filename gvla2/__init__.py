@@ -4,10 +4,8 @@
 The extension points are in :mod:`gvla2.hookspecs`; the loop that uses them is in :mod:`gvla2.episode`.
 """
 
-from gvla2.component import Component, ComponentConfig
+from gvla2.component import Component, ComponentConfig, hookimpl, register, unregister
 from gvla2.errors import Gvla2Error
-from gvla2.markers import hookimpl
-from gvla2.registering import register, unregister
 
 __version__ = "0.1.0"
 

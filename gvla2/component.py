@@ -1,4 +1,4 @@
-"""What a plugin offers: a named, configured, lazily built component."""
+"""What plugin authors use: components with options, the marker of hooks, and registration without a distribution."""
 
 from __future__ import annotations
 
@@ -7,10 +7,22 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, ClassVar, Generic, TypeVar
 
-from gvla2.errors import ConfigurationError
+import pluggy
+
+from gvla2.errors import ConfigurationError, PluginError
+
+PROJECT = "gvla2"
+"""Entry-point group and pluggy project name."""
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+"""The two pluggy markers: ``hookspec`` declares an extension point, ``hookimpl`` fills it."""
 
 Range = tuple[float, float, str]
 """Least and greatest value of a numeric option, both allowed, and its unit, "" for none."""
+
+_REGISTERED: dict[str, object] = {}
+"""Plugins of this process, which have no distribution or entry point. Worker processes know installed ones only."""
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -85,3 +97,33 @@ class Component(Generic[T_co]):
 
     def __repr__(self) -> str:
         return f"Component({self.name!r}, {self.config.__name__})"
+
+
+def register(plugin: object, name: str = "") -> str:
+    """Offer what the ``@hookimpl`` functions of a module, class or object return; returns the plugin's name.
+
+    The name is the object's own unless given. An earlier registration of that name is replaced, so that a notebook cell
+    can run twice. What is registered is called before installed plugins: its components win.
+    """
+    own = name or getattr(plugin, "__name__", "") or type(plugin).__name__
+    if isinstance(plugin, str) or plugin is None:
+        raise PluginError(
+            f"gvla2.register takes a module or an object with @hookimpl functions, not {plugin!r}."
+        )
+    _REGISTERED.pop(own, None)
+    _REGISTERED[own] = plugin
+    return own
+
+
+def unregister(name: str) -> None:
+    """Undo :func:`register` for that name; raises :class:`PluginError` for an unknown one."""
+    if name not in _REGISTERED:
+        raise PluginError(
+            f"No plugin '{name}' is registered. Registered: {', '.join(_REGISTERED) or 'none'}."
+        )
+    del _REGISTERED[name]
+
+
+def registered() -> dict[str, object]:
+    """The plugins registered in this process by name, oldest first."""
+    return dict(_REGISTERED)

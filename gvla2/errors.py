@@ -5,6 +5,12 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 
 
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The sentence " Did you mean 'x'?" for the nearest known word, or ""."""
+    close = get_close_matches(word, list(known), n=1)
+    return f" Did you mean '{close[0]}'?" if close else ""
+
+
 class Gvla2Error(Exception):
     """Root of every error that gvla2 raises on purpose; the command line prints it without a traceback."""
 
@@ -18,8 +24,7 @@ class UnknownComponentError(ConfigurationError):
 
     def __init__(self, kind: str, asked: str, available: Iterable[str], note: str = "") -> None:
         names = sorted(available)
-        close = get_close_matches(asked, names, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else ""
+        hint = did_you_mean(asked, names)
         listing = ", ".join(names) if names else "none at all"
         super().__init__(
             f"No {kind} named '{asked}'.{hint} Available: {listing}.{' ' + note if note else ''}"
@@ -37,7 +42,7 @@ class ConformanceError(Gvla2Error, AssertionError):
 
 @contextmanager
 def kept_alive() -> Iterator[None]:
-    """What would end the process (a plugin's ``sys.exit``), besides Ctrl-C and SIGTERM, is raised as RuntimeError."""
+    """Raise RuntimeError instead of what would end the process (a plugin's ``sys.exit``), except Ctrl-C and SIGTERM."""
     try:
         yield
     except (Exception, KeyboardInterrupt, GeneratorExit):

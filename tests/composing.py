@@ -7,10 +7,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.primary import PRIMARY
-from gvla2.hydra_bridge import register
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import Registry
 
 
 @cache

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.loop.diagnosis import diagnose
+from gvla2.episode.failure_diagnosis import diagnose
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.report import ExecutionReport, WaypointReport
 
 TABLE = 0.75

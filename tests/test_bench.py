@@ -14,7 +14,6 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 from gvla2 import cli
-from gvla2.catalog import Offer, Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, ResultsConfig
 from gvla2.commands.bench_progress import BenchProgress
@@ -22,12 +21,13 @@ from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.commands.data import DataCommandConfig, take_stock
 from gvla2.commands.primary import PRIMARY
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
-from gvla2.hydra_bridge import register
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")

@@ -9,7 +9,6 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, MemoryBenchConfig, ResultsConfig
 from gvla2.commands.primary import PRIMARY
@@ -18,7 +17,8 @@ from gvla2.commands.report import job as make_report
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.memory import suite
 from gvla2.evaluation.memory.figure import Figure, FigureRow, NotMeasuredError, Test
-from gvla2.hydra_bridge import register
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import Registry
 
 WANTED = {"test", "n", "value", "unit", "peer", "peer_value", "goal", "passed", "status"}
 

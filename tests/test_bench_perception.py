@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import Offer, Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, ResultsConfig
 from gvla2.commands.bench_perception import chosen_parts, chosen_tasks
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, PerceptionError, UnknownComponentError
 from gvla2.evaluation.perception.suite import layout_seed
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.registry import Offer, Registry
 
 PLUGIN = Plugin("tests")
 
@@ -177,7 +177,7 @@ def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
         def close(self): ...
 
     from gvla2.evaluation.perception.suite import Bench, WantedLayout, measure
-    from gvla2.robot.noise_options import DepthNoise
+    from gvla2.robot.options import DepthNoise
 
     bench = Bench(Real(), None, Blind(), None, DepthNoise())
     with pytest.raises(ConfigurationError, match="knows what each pixel shows"):

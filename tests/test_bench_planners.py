@@ -14,11 +14,11 @@ from gvla2.commands import bench_robot
 from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import cells_of, spent_on
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.experience import Experience
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.backend import SuccessCheck
 from gvla2.testing.language import LocalModel, said
 from tests.composing import bench_config

@@ -168,7 +168,7 @@ def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry,
         seen.append(request)
         raise RuntimeError("seen enough")
 
-    monkeypatch.setattr("gvla2.episode.run_episode", look)
+    monkeypatch.setattr("gvla2.episode.loop.run_episode", look)
     config = config_of(
         registry, tmp_path, "planner_timeout=7", "max_parts=2", "tasks=[lamp_on]", "arms=['off']"
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gvla2.caching import cache_folder, cached_arrays
+from gvla2.io.array_cache import cache_folder, cached_arrays
 
 
 def test_cache_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

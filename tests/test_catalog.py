@@ -8,9 +8,9 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2 import Component, ComponentConfig
-from gvla2.catalog import Offer, Registry
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.registry import Offer, Registry
 
 
 @dataclasses.dataclass

@@ -1,6 +1,6 @@
 """Addresses of databases: a password may hold anything, and no message has one."""
 
-from gvla2.databases import parsed, shown
+from gvla2.io.database_url import parsed, shown
 
 
 def test_what_is_special_in_a_password_is_taken_as_it_stands() -> None:

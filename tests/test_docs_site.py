@@ -17,13 +17,13 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 import gvla2
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.plugins import options
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import run_episodes
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
-from gvla2.hydra_bridge import register
-from gvla2.kinds import KINDS, SLOTS
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.kinds import KINDS, SLOTS
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.testing import CHECKS, check_component, check_skill
 from gvla2.testing.language import LocalModel, said
 

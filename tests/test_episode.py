@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.config_errors import explain
+from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeRequest, SilentListener, run_episode
+from gvla2.episode.listener import SilentListener
+from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict

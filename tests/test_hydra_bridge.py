@@ -12,10 +12,10 @@ from hydra.errors import HydraException
 from hypothesis import given, settings
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.primary import PRIMARY
-from gvla2.fitness import structured
-from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
+from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
+from gvla2.plugins.registry import Registry, load_plugins
+from gvla2.plugins.validation import structured
 
 Install = Callable[..., str]
 

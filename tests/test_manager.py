@@ -14,12 +14,12 @@ from omegaconf import OmegaConf
 import gvla2
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.commands.primary import PRIMARY
+from gvla2.component import registered
 from gvla2.errors import ConfigurationError, PluginError
 from gvla2.hookspecs import KINDS_HOOK, SKILL_HOOK
-from gvla2.hydra_bridge import register as offer
-from gvla2.kinds import Kind
-from gvla2.plugins import Registry, load_plugins
-from gvla2.registering import registered
+from gvla2.plugins.hydra_config import register as offer
+from gvla2.plugins.kinds import Kind
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.testing import ConformanceError, check_component
 
 
@@ -223,9 +223,9 @@ def _returns_nonsense() -> Any:
     [
         (_raises_before, "ValueError: early"),
         (_raises_after, "ValueError: late"),
-        (_never_yields, "it never reaches a yield"),
-        (_yields_twice, "yields a second time"),
-        (_returns_nonsense, "not 3"),
+        (_never_yields, "did not yield"),
+        (_yields_twice, "has second yield"),
+        (_returns_nonsense, "not iterable"),
         (lambda: [], "wrapper without a yield"),
     ],
 )
@@ -240,8 +240,8 @@ def test_a_broken_wrapper_stops_nobody(wrapper: Any, message: str):
 
 
 def test_it_is_pluggys_manager():
-    from gvla2.discovery import discover
-    from gvla2.manager import collect
+    from gvla2.plugins.discovery import discover
+    from gvla2.plugins.manager import collect
 
     gvla2.register(plugin(lambda: [planner("mine")]), "inner")
     manager = collect(discover([]), []).manager

@@ -11,7 +11,6 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2 import cli
-from gvla2.catalog import Offer, Registry
 from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import GeometryError, Gvla2Error, OutputError
@@ -25,9 +24,10 @@ from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import View, Views
-from gvla2.hydra_bridge import register
-from gvla2.kinds import KINDS
-from gvla2.plugins import Plugin
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views

@@ -8,14 +8,14 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, branch_options, spec_of
 from gvla2.commands.reconstruct_inputs import read_inputs
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.view_archive import write_views
 from gvla2.geometry.views import Views
-from gvla2.hydra_bridge import register
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import Registry
 from gvla2.reconstruction.branch import BranchOptions
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views

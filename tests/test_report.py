@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import load_plugins
 from gvla2.commands.hydra_job import launch
 from gvla2.commands.report import ReportConfig, ResultsConfig, job
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results, Run, now
+from gvla2.plugins.registry import load_plugins
 
 
 def made(config: ReportConfig, folder: Path) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import OutputError
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from gvla2.errors import ConfigurationError
 if TYPE_CHECKING:
     from gvla2.commands.bench_config import BenchConfig
     from gvla2.evaluation.results import Cell
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 _GEOMETRY = frozenset(("prior", "axis", "fusion", "renderer"))
 _MEMORY = frozenset(("retriever", "embedder", "inducer", "judge"))
@@ -80,7 +80,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     from gvla2.commands.report import begin_run, publish
     from gvla2.evaluation.provenance import code_digest, commit, versions
     from gvla2.evaluation.results import Results
-    from gvla2.record.files import make_folder, write_json
+    from gvla2.io.files import make_folder, write_json
 
     if config.suite not in SUITES:
         raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(SUITES)}.")

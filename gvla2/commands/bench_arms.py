@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.catalog import Registry, nothing_in
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import given_options, options_of
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import CONTROLS, MEMORY_OF
+from gvla2.plugins.registry import Registry, nothing_in
 
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 WITHOUT_BANK = ("off", "none", "best_theta")

@@ -9,7 +9,7 @@ from typing import Any
 from gvla2.commands.run_config import ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 @dataclass

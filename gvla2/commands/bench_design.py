@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
 
-from gvla2.catalog import Registry, nothing_in
 from gvla2.commands.bench_arms import (
     MEMORY,
     WITHOUT_BANK,
@@ -44,7 +43,8 @@ from gvla2.evaluation.robot.design import (
     layout_seed,
     stand_in,
 )
-from gvla2.kinds import KINDS, NONE
+from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.registry import Registry, nothing_in
 
 MEASURING_CODE = (
     "gvla2.episode",
@@ -52,7 +52,6 @@ MEASURING_CODE = (
     "gvla2.evaluation.robot.design",
     "gvla2.evaluation.robot.experience",
     "gvla2.geometry",
-    "gvla2.loop",
     "gvla2.memory",
     "gvla2.perception",
     "gvla2.planning",

@@ -9,19 +9,19 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_arms import MEMORY, BenchArm, chosen_memory, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_subjects import subject_options
 from gvla2.commands.run import GEOMETRY, LOOP, EpisodeReporter, build_parts
 from gvla2.evaluation.robot.design import NOT_MEASURED, failure_class
+from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
-    from gvla2.episode import Parts
+    from gvla2.episode.loop import Parts
+    from gvla2.episode.record import EpisodeRecord
     from gvla2.evaluation.results import Cell
     from gvla2.evaluation.robot.experience import Experience
     from gvla2.memory.contracts import Memory, MemoryTask
-    from gvla2.record.contents import EpisodeRecord
 
 HELPED = ("camera", *MEMORY, "language")
 EXPLORED = "exploration"
@@ -96,7 +96,7 @@ def run_unit(unit: Planned, registry: Registry) -> list[Cell]:
 
 def _run(unit: Planned, parts: Parts) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
-    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.episode.loop import EpisodeRequest, run_episode
     from gvla2.record.recorder import RunRecorder
 
     same = ("depth_noise", "planner_timeout", "max_parts", "agreement")

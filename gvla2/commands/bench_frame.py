@@ -12,15 +12,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.component import ComponentConfig, described
-from gvla2.discovery import closest
-from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.record.files import write_bytes
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.errors import ConfigurationError, Gvla2Error, did_you_mean
+from gvla2.io.files import write_bytes
+from gvla2.plugins.registry import Registry, load_plugins
+from gvla2.robot.options import DepthNoise
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
@@ -199,7 +198,7 @@ def given_options(place: str, given: object, owner: str, known: Collection[str])
     for option in given:
         if option not in known:
             raise ConfigurationError(
-                f"{place}.{option}: {owner} has no such option.{closest(str(option), known)} "
+                f"{place}.{option}: {owner} has no such option.{did_you_mean(str(option), known)} "
                 f"It has: {', '.join(sorted(known)) or 'none'}."
             )
     return dict(given)

@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
     from gvla2.evaluation.memory.figure import Figure, FigureRow, Test

@@ -8,11 +8,11 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, code_of, noise_label, pictured
 from gvla2.commands.bench_subjects import task_label, task_options
 from gvla2.component import described
+from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
     from gvla2.evaluation.perception.suite import WantedLayout

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import BenchRun, code_of, in_a_worker, pictured
 from gvla2.commands.run import GEOMETRY
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
     from gvla2.evaluation.ablation import AblationParts, Measured, Wanted

@@ -85,7 +85,7 @@ class School:
     def _bank(self, one: Planned, name: str, learnt: Mapping[str, Sequence[Experience]]) -> str:
         """The file of a bank that knows these lessons, taught unless another row of the arm has done so."""
         from gvla2.evaluation.robot.experience import teach
-        from gvla2.record.files import make_folder
+        from gvla2.io.files import make_folder
 
         path = make_folder(self._bench.folder / "banks" / self._design.place).absolute() / f"{name}.db"
         known = {lessons.bank for lessons in self._lessons.values()}

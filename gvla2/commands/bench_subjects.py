@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_frame import given_options, options_of, require_among
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import PAPER, ordered
+from gvla2.plugins.registry import Registry
 
 LEARNABLE = "learnable"
 FAMILY = ", family "

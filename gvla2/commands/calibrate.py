@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 
 @dataclass
@@ -35,10 +36,10 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     """
     import numpy as np
 
+    from gvla2.io.files import write_whole
     from gvla2.record.page import render
     from gvla2.robot.calibration import LARGEST_RMSE, Calibration, load_recording
     from gvla2.robot.hand_eye import solve
-    from gvla2.writing import write_whole
 
     if not config.pairs:
         raise ConfigurationError("Name the file of recorded pose pairs: gvla2 calibrate pairs=FILE.")
@@ -75,3 +76,10 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     made.save(path)
     print(f"calibration: {path}")
     return made.rmse
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("calibrate", job, argv)

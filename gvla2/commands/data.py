@@ -13,7 +13,7 @@ from rich.text import Text
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 FETCHABLE = ("lpips",)
 

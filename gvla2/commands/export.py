@@ -10,8 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.discovery import closest
-from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError, did_you_mean
 from gvla2.record.text import count, printable
 
 if TYPE_CHECKING:
@@ -45,11 +44,6 @@ def main(argv: Sequence[str]) -> int:
         return 1
     print(told)
     return 0
-
-
-def complete(words: Sequence[str]) -> list[str]:
-    """Completions of the last word."""
-    return list(FORMATS) if len(words) == 1 else ["to=", "only=success", "only=all"]
 
 
 def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
@@ -121,7 +115,7 @@ def _source(folder: Path, told: Mapping[str, Any]) -> str:
 def _understood(argv: Sequence[str]) -> tuple[list[Path], Path, str]:
     if argv[0] not in FORMATS:
         raise ConfigurationError(
-            f"`gvla2 export` has no format '{argv[0]}'.{closest(argv[0], FORMATS)} Formats: {', '.join(FORMATS)}."
+            f"`gvla2 export` has no format '{argv[0]}'.{did_you_mean(argv[0], FORMATS)} Formats: {', '.join(FORMATS)}."
         )
     options = {"to": "", "only": "success"}
     runs = []
@@ -130,7 +124,7 @@ def _understood(argv: Sequence[str]) -> tuple[list[Path], Path, str]:
         if equals and name in options:
             options[name] = value
         elif word.startswith("-") or (equals and not Path(word).exists()):
-            raise ConfigurationError(f"`gvla2 export` does not take '{word}'.{closest(name, options)}")
+            raise ConfigurationError(f"`gvla2 export` does not take '{word}'.{did_you_mean(name, options)}")
         else:
             runs.append(Path(word))
     if not runs or not options["to"]:

@@ -13,13 +13,13 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Offer, Registry, load_plugins
 from gvla2.commands.tables import console, row, table
 from gvla2.component import ComponentConfig
-from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.fitness import structured
-from gvla2.kinds import KINDS
+from gvla2.plugins.discovery import Plugin
+from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.registry import Offer, Registry, load_plugins
+from gvla2.plugins.validation import structured
 from gvla2.record.text import printable
 from gvla2.skills.skill import Skill
 
@@ -71,17 +71,6 @@ def main(argv: Sequence[str]) -> int:
     else:
         _print(registry, asked.kind, asked.name)
     return 0
-
-
-def complete(words: Sequence[str]) -> list[str]:
-    """Completions of the last word: a kind, then a name of that kind, then ``--json``."""
-    if len(words) == 1:
-        return [*load_plugins().kinds, SKILL, "--json"]
-    if len(words) == 2 and words[0] == SKILL:
-        return [*load_plugins().skills, "--json"]
-    if len(words) == 2 and words[0] in (registry := load_plugins()).kinds:
-        return [*registry.components(words[0]), "--json"]
-    return ["--json"]
 
 
 def options(config: type) -> list[Option]:

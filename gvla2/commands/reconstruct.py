@@ -17,7 +17,7 @@ from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Views
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
     from gvla2.reconstruction.branch import BranchOptions, BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
@@ -261,3 +261,10 @@ def _tell_stages(result: BranchResult, steps: _Steps) -> None:
         log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
         found = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
         steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, found)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("reconstruct", job, argv)

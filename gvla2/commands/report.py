@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gvla2.evaluation.results import Cell, Results, Run
     from gvla2.evaluation.sheets import Sheet
-    from gvla2.plugins import Registry
+    from gvla2.plugins.registry import Registry
 
 FORMATS = ("terminal", "markdown", "latex", "html")
 
@@ -127,7 +127,7 @@ def publish(
     from gvla2.evaluation.report_page import render_report
     from gvla2.evaluation.reports import REPORTS
     from gvla2.evaluation.table_formats import to_latex, to_markdown
-    from gvla2.record.files import write_text
+    from gvla2.io.files import write_text
 
     report = REPORTS[suite]
     sheets, curve = report.sheets(cells), report.curve(cells)

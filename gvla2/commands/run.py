@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import sys
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.kinds import NONE
+from gvla2.plugins.kinds import NONE
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -26,10 +25,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gvla2.commands.run_config import RunConfig
-    from gvla2.episode import Parts
+    from gvla2.episode.loop import Parts
+    from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
-    from gvla2.plugins import Registry
-    from gvla2.record.contents import EpisodeRecord, Stage
+    from gvla2.plugins.registry import Registry
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
     from gvla2.robot.backend import Moment
@@ -142,8 +141,8 @@ def run_episodes(
     otherwise the crash is raised.
     """
     from gvla2.commands.tracking import Tracking
-    from gvla2.loop.failures import ABANDONED, planner_crashed
-    from gvla2.record.files import write_text
+    from gvla2.episode.record import ABANDONED, planner_crashed
+    from gvla2.io.files import write_text
     from gvla2.record.overview import write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder, write_index
@@ -154,8 +153,6 @@ def run_episodes(
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
         parts = build_parts(config, registry)
-        gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
-        gc.enable()
         stack.enter_context(closing(parts.robot))
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -219,8 +216,8 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
 
     ``choices`` are their names in the record, by default their names by group.
     """
-    from gvla2.episode import Parts
-    from gvla2.loop.refine import GeometryParts
+    from gvla2.episode.loop import Parts
+    from gvla2.episode.refine import GeometryParts
 
     _check_camera(config, registry)
     built: dict[str, Any] = {}
@@ -277,7 +274,7 @@ def _run_one(
     blame: Callable[[BaseException], str],
     source: str,
 ) -> EpisodeRecord:
-    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.episode.loop import EpisodeRequest, run_episode
 
     same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
     options: dict[str, Any] = {name: getattr(config, name) for name in same}
@@ -298,11 +295,7 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.disable()  # until the first episode: see `run_episodes`
-    try:
-        from gvla2.commands.hydra_job import launch
-        from gvla2.commands.sweeps import conclude
+    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.sweeps import conclude
 
-        return conclude(launch("run", job, argv), argv)
-    finally:
-        gc.enable()
+    return conclude(launch("run", job, argv), argv)

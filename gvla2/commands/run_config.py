@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from gvla2.errors import ConfigurationError
-from gvla2.hydra_bridge import EveryKind
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.plugins.hydra_config import EveryKind
+from gvla2.robot.options import DepthNoise
 
 
 @dataclass

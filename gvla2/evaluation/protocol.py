@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2.caching import cache_folder, cached_arrays
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.textured_mesh import read_textured_mesh
 from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View, Views
+from gvla2.io.array_cache import cache_folder, cached_arrays
 
 VERSION = "gso30-views-2"
 """Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""

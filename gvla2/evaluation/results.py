@@ -20,8 +20,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import registry
 from sqlmodel import Field, Session, SQLModel, col, select
 
-from gvla2.databases import Closing, parsed, shown
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.io.database_url import Closing, parsed, shown
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
 BUSY_SECONDS = 30.0

@@ -29,7 +29,7 @@ from gvla2.geometry.gltf import (
 )
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 _TRIANGLES = 4
 

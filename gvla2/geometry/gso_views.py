@@ -20,7 +20,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.picture_files import read_picture
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 FOCAL = 35.0 / 32.0
 """Focal length over the image's width."""

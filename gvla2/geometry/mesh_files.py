@@ -16,7 +16,7 @@ import trimesh
 from gvla2.errors import GeometryError
 from gvla2.geometry.glb import to_y_up, to_z_up
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 _SUFFIXES = (".obj", ".glb", ".ply")
 

@@ -37,7 +37,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.picture_files import read_mask, read_picture
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _SUFFIXES = (".png", ".jpg", ".jpeg")

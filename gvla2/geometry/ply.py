@@ -19,7 +19,7 @@ from plyfile import PlyData, PlyElement, PlyParseError
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 _XYZ = ("x", "y", "z")
 _SCALES = ("scale_0", "scale_1", "scale_2")

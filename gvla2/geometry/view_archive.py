@@ -19,7 +19,7 @@ import numpy as np
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import View, Views
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 ARCHIVE = "views.npz"
 _OPTIONAL = ("depth", "mask", "robot_mask")

@@ -10,7 +10,6 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gvla2.catalog import load_plugins
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.views import Observation
 from gvla2.gym.actions import HIGH, LOW, JointDeltas, WaypointActions
@@ -28,6 +27,7 @@ from gvla2.gym.observing import (
 )
 from gvla2.gym.stepping import WaypointStepper
 from gvla2.planning.arm import Arm
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.task import Profile, TaskInstance
 
 INSTRUCTION = "instruction"

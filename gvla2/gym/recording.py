@@ -13,7 +13,7 @@ from gvla2.errors import ConfigurationError, OutputError
 from gvla2.gym.actions import JointDeltas
 from gvla2.gym.env import TaskEnv
 from gvla2.gym.joint_stepping import RATE
-from gvla2.record.files import make_folder, write_json
+from gvla2.io.files import make_folder, write_json
 from gvla2.record.motion import SMALLEST, Motion
 from gvla2.robot.backend import Moment
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gvla2.catalog import Registry, load_plugins
 from gvla2.errors import MissingDependencyError
+from gvla2.plugins.registry import Registry, load_plugins
 
 NAMESPACE, VERSION = "gvla2", 0
 

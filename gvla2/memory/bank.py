@@ -20,8 +20,8 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.databases import Closing
 from gvla2.errors import WrongTypeError
+from gvla2.io.database_url import Closing
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,

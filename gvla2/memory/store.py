@@ -18,8 +18,8 @@ from sqlalchemy import URL, Connection, Engine, create_engine, insert, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool, QueuePool
 
-from gvla2.databases import Closing, parsed
 from gvla2.errors import ConfigurationError, MemoryStoreError
+from gvla2.io.database_url import Closing, parsed
 from gvla2.memory.events import BANK, META, METADATA, SCHEMA_VERSION
 from gvla2.memory.forgetting import Transaction
 from gvla2.memory.view import BankView
@@ -101,7 +101,7 @@ class Store(Closing):
                 raise
             raise MemoryStoreError(
                 f"{', '.join(forgotten)}: forgotten, and no longer in the bank, but deleted data may be left in the "
-                f"files of {self.name} ({error}) Once that is resolved, run `gvla2 memory compact`."
+                f"files of {self.name} ({error}) They go when something is forgotten again, or with Store.compact()."
             ) from error
 
     def close(self) -> None:

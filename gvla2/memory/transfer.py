@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 from gvla2.errors import Gvla2Error, MemoryStoreError, OutputError
+from gvla2.io.files import write_whole
 from gvla2.memory.admission import invalid
 from gvla2.memory.contracts import OUTCOMES, TYPES, Lesson, LifecycleState
 from gvla2.memory.records import COLUMNS, Record, clean, damage_of, dedup_key, dump, load_object, record_id
 from gvla2.memory.store import Store
 from gvla2.memory.trust import LEVELS, Origin, believed, trust_of
-from gvla2.writing import write_whole
 
 STATES: tuple[LifecycleState, ...] = get_args(LifecycleState)
 LONGEST_TEXT = 100_000

@@ -15,9 +15,9 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.distance import pdist
 
-from gvla2.caching import cache_folder, cached_arrays
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import FloatArray
+from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.perception.textures import sampled_surface
 from gvla2.planning.colours import appearance
 

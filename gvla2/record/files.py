@@ -1,92 +1,18 @@
-"""The folder of a run: atomic files (written aside, then moved into place), and its recorder."""
+"""The recorder that fills the folder of a run."""
 
 from __future__ import annotations
 
-import json
 import logging
-import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from collections.abc import Set as AbstractSet
-from dataclasses import fields, is_dataclass
-from enum import Enum
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
+from typing import TypeVar
 
 from gvla2.errors import OutputError
-from gvla2.writing import write_whole
+from gvla2.io.files import make_folder, write_text
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-
-
-def make_folder(folder: Path) -> Path:
-    """The folder, created with its parents if missing.
-
-    Raises :class:`OutputError` when it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot make the folder '{folder}': {error.strerror or error}. "
-            "Choose another with hydra.run.dir=FOLDER."
-        ) from error
-    return folder
-
-
-def write_bytes(path: Path, data: bytes, *, flushed: bool = True) -> Path:
-    """Put ``data`` at ``path``; a reader sees the old file or the new one, never a part.
-
-    A missing folder is created. Raises :class:`OutputError` when the folder cannot be written to; the old file is then
-    untouched. Returns ``path``. ``flushed``: see :func:`~gvla2.writing.write_whole`.
-    """
-    make_folder(path.parent)
-    write_whole(path, data, flushed=flushed)
-    return path
-
-
-def write_text(path: Path, text: str, *, flushed: bool = True) -> Path:
-    """Put ``text`` at ``path`` in UTF-8, as :func:`write_bytes` does.
-
-    Lone surrogates (bytes of a command line that were not UTF-8) become escapes instead of an error.
-    """
-    return write_bytes(path, text.encode("utf-8", errors="backslashreplace"), flushed=flushed)
-
-
-def write_json(path: Path, value: object, *, flushed: bool = True) -> Path:
-    """Put ``value`` at ``path`` as strict JSON, as :func:`write_bytes` does; see :func:`plain`."""
-    text = json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False)
-    return write_text(path, f"{text}\n", flushed=flushed)
-
-
-def plain(value: object) -> Any:
-    """``value`` in JSON's types.
-
-    Arrays become lists, numpy scalars numbers, dataclasses and mappings objects with string keys, sets sorted
-    lists, NaN and infinities null, enumerations their values, bytes hexadecimal, anything else its text.
-    """
-    if value is None or (isinstance(value, bool | int | str) and not isinstance(value, Enum)):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Enum):
-        return plain(value.value)
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, bytes):
-        return value.hex()
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, AbstractSet):
-        return sorted((plain(item) for item in value), key=str)
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [plain(item) for item in value]
-    return str(value)
 
 
 class FolderRecorder:

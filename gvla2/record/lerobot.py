@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error
-from gvla2.record.files import make_folder, write_json
+from gvla2.io.files import make_folder, write_json
 from gvla2.record.page import render
 
 VIDEO = "observation.images.main"

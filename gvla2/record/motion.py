@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.record.files import write_bytes
+from gvla2.io.files import write_bytes
 from gvla2.robot.backend import Moment
 
 FILM, STATES = "episode.mp4", "motion.npz"

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from PIL import Image
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.views import View
-from gvla2.record.contents import EpisodeRecord
+from gvla2.io.files import write_json, write_text
 from gvla2.record.drawing import png
-from gvla2.record.files import write_json, write_text
 from gvla2.record.page import data_uri, render
 
 

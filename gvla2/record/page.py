@@ -17,15 +17,15 @@ from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
 from markupsafe import Markup
 
-from gvla2.caching import cache_folder
+from gvla2.episode.conversation import turns_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import OutputError
+from gvla2.io.array_cache import cache_folder
+from gvla2.io.files import write_whole
 from gvla2.record import sections, wording
-from gvla2.record.contents import EpisodeRecord
-from gvla2.record.conversation import turns_of
 from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.pictures import Pictures
 from gvla2.record.text import count, listing, one_line
-from gvla2.writing import write_whole
 
 
 def render_page(

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import Canvas, enlarged, png
 from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
 from gvla2.record.placement import Rect

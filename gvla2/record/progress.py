@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.text import Text
 
-from gvla2.record.contents import EpisodeRecord, Stage
+from gvla2.episode.record import EpisodeRecord, Stage
 from gvla2.record.text import one_line
 from gvla2.record.wording import State, finding, headline, state, summary_line
 

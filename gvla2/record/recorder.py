@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.episode.record import EpisodeRecord
+from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.geometry.view_archive import write_views
 from gvla2.geometry.views import Observation
-from gvla2.loop.refine import masked_views, objects_of_interest
+from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import contact_sheet_of
-from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
+from gvla2.record.files import FolderRecorder
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page

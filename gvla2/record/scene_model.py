@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import GeometryError
 from gvla2.geometry.glb import to_y_up
 from gvla2.geometry.gltf import pack, unpack
@@ -22,7 +23,6 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord
 
 OPEN, CLOSED, FAILED = (28, 142, 210), (224, 122, 16), (189, 45, 38)
 """Colours of the path by the gripper, and of a waypoint that a check rejects."""

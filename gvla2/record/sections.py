@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.wording import STAGES, Step, finding, number, state
 
 

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from gvla2.episode.conversation import kept
+from gvla2.episode.record import EpisodeRecord
+from gvla2.io.files import plain
 from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
-from gvla2.record.contents import EpisodeRecord
-from gvla2.record.conversation import kept
-from gvla2.record.files import plain
 
 
 def _fields(thing: Any, *without: str) -> dict[str, Any]:

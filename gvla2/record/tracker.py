@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.record import EpisodeRecord
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gvla2.record.contents import EpisodeRecord, Stage
+from gvla2.episode.record import EpisodeRecord, Stage
 from gvla2.record.text import count, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]

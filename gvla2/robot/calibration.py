@@ -17,8 +17,8 @@ import numpy as np
 
 from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.io.files import write_whole
 from gvla2.robot.hand_eye import Mount, PosePair
-from gvla2.writing import write_whole
 
 LARGEST_RMSE = 0.005
 """Metres; a calibration worse than that is refused."""

@@ -9,10 +9,10 @@ from typing import Any
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gvla2.catalog import load_plugins
 from gvla2.component import Component
-from gvla2.fitness import fault_of_item, structured
-from gvla2.kinds import KINDS, Kind, kind_of
+from gvla2.plugins.kinds import KINDS, Kind, kind_of
+from gvla2.plugins.registry import load_plugins
+from gvla2.plugins.validation import fault_of_item, structured
 from gvla2.testing.agent import check_agent
 from gvla2.testing.camera import check_camera
 from gvla2.testing.conformance import allowed, require, require_members, require_type

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from gvla2.errors import ConformanceError
 from gvla2.geometry.exchange import require, require_array, require_rigid, require_share, require_type
-from gvla2.kinds import Kind, kind_of
+from gvla2.plugins.kinds import Kind, kind_of
 
 __all__ = [
     "ConformanceError",

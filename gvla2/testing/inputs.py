@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gvla2.episode.evidence import RobotEvidence
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.loop.evidence import RobotEvidence
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject

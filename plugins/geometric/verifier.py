@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gvla2.loop.evidence import RobotEvidence
+from gvla2.episode.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2_plugins.geometric.case import Case, CriterionScore
 from gvla2_plugins.geometric.completion import completion

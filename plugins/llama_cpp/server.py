@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from gvla2.caching import cache_folder
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.io.array_cache import cache_folder
 from gvla2.language.failures import ModelUnavailableError
 
 if TYPE_CHECKING:

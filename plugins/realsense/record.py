@@ -16,7 +16,7 @@ from PIL import Image
 
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.geometry.views import View
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.camera import RealsenseCamera
 

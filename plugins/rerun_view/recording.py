@@ -18,7 +18,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.record import EpisodeRecord
 from gvla2.record.motion import FILM, STATES
 from gvla2.record.scene_model import CLOSED, FAILED, OPEN, cloud, said_of, solid_of
 

@@ -13,7 +13,7 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.gso_views import write_gso
 from gvla2.geometry.plain_views import write_plain
 from gvla2.geometry.views import View, Views
-from gvla2.writing import write_whole
+from gvla2.io.files import write_whole
 
 OBJECT = "object"
 

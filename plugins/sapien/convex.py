@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from gvla2.caching import cache_folder
 from gvla2.errors import MissingDependencyError, OutputError, SimulationError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
+from gvla2.io.array_cache import cache_folder
+from gvla2.io.files import write_whole
 from gvla2.robot.scan import Scan, clustered
-from gvla2.writing import write_whole
 
 VERSION = 2
 """Version of the decomposition: changes whenever its pieces would."""

@@ -6,7 +6,7 @@ import warnings
 from typing import Any
 
 from gvla2.errors import MissingDependencyError
-from gvla2.laziness import waiting
+from gvla2_plugins.sapien.lazy_import import waiting
 
 
 def import_sapien() -> Any:

@@ -14,10 +14,10 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from gvla2.caching import cache_folder, cached_arrays
 from gvla2.errors import RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
 from gvla2_plugins.sapien.collada import GREY, PaintedMesh, read_collada, thin

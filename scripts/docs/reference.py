@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from gvla2.catalog import Registry
 from gvla2.commands.plugins import Option, options
 from gvla2.commands.primary import PRIMARY
 from gvla2.component import ComponentConfig
-from gvla2.kinds import Kind
+from gvla2.plugins.kinds import Kind
+from gvla2.plugins.registry import Registry
 
 ROOT = Path(__file__).parents[2]
 PRESETS = ("experiment", "data", "depth_noise")

@@ -16,7 +16,7 @@ from mkdocs.structure.files import File, Files
 sys.path.insert(0, str(Path(__file__).parent))
 from reference import ROOT, contract, hooks_table, reference
 
-from gvla2.catalog import load_plugins
+from gvla2.plugins.registry import load_plugins
 
 DOCS = ROOT / "docs"
 HERE_TOO = {"contributing.md": "CONTRIBUTING.md", "changes.md": "CHANGELOG.md"}

@@ -16,10 +16,10 @@ from dataclasses import replace
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
-from gvla2.hydra_bridge import register
-from gvla2.loop.consulting import Asked, Consultation
-from gvla2.plugins import load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.consultation import Asked, Consultation
+from gvla2.episode.record import EpisodeRecord
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import load_plugins
 
 SEEN = ("put_block", "open_jar", "sort_mustard", "put_knife", "open_drawer", "close_box"), 460, 4
 PLANNED = ("put_block", "pickup_cup"), 216, 7

@@ -30,10 +30,10 @@ from PIL import Image, ImageDraw
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, Parts, run_episode
-from gvla2.hydra_bridge import register
-from gvla2.plugins import Registry, load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.loop import EpisodeRequest, Parts, run_episode
+from gvla2.episode.record import EpisodeRecord
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.drawing import Canvas, font
 from gvla2.record.placement import Rect
 from gvla2.robot.mesh_library import chosen, mesh_library, spoken

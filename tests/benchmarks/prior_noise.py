@@ -15,10 +15,10 @@ import time
 
 import numpy as np
 
-from gvla2.caching import cache_folder
 from gvla2.evaluation.datasets import open_dataset
 from gvla2.evaluation.metrics import Truth, cd_surface
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, mesh_of
+from gvla2.io.array_cache import cache_folder
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor

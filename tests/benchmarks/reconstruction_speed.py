@@ -22,13 +22,13 @@ from types import ModuleType
 import numpy as np
 import trimesh
 
-from gvla2.catalog import load_plugins
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.ply import GaussianPly, write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
+from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.appearance import fit_affine
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.compiled import cores

@@ -15,11 +15,11 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
-from gvla2.hydra_bridge import register
-from gvla2.loop.refine import objects_of_interest, refine_scene
-from gvla2.plugins import load_plugins
+from gvla2.episode.refine import objects_of_interest, refine_scene
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 def main() -> None:

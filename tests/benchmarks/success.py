@@ -22,12 +22,12 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.statistics import wilson_interval
-from gvla2.hydra_bridge import register
-from gvla2.plugins import load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import load_plugins
 
 OPTIONS = ("tasks", "seeds", "scale", "processes", "out")
 STAGES = ("setup", "observe", "perceive", "plan", "check", "execute", "verify")

@@ -11,7 +11,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.gym.env import TaskEnv
 from gvla2.gym.joint_stepping import JointStepper
 from gvla2.planning.contracts import PlanRequest
-from gvla2.plugins import Registry
+from gvla2.plugins.registry import Registry
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 SMALL = {"image_size": 48, "cameras": ["front"]}

@@ -9,7 +9,7 @@ import pytest
 import gvla2.gym
 from gvla2.errors import MissingDependencyError
 from gvla2.gym.registration import MAX_STEPS, env_id, register_envs
-from gvla2.plugins import Registry
+from gvla2.plugins.registry import Registry
 
 
 def test_every_task_is_an_environment(registry: Registry):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeRequest, SilentListener, run_episode
-from gvla2.loop.advice import advice_for
-from gvla2.loop.attempts import worth_another
+from gvla2.episode.advice import advice_for
+from gvla2.episode.listener import SilentListener
+from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.replan import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Effect
@@ -91,7 +92,7 @@ def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
 
 
 def _task_of(record):
-    from gvla2.loop.lessons import memory_task
+    from gvla2.episode.lessons import memory_task
 
     return memory_task(record)
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.memory_reporting import told_of
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
-from gvla2.loop.telling import told_of
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
 from tests.quick import QUICK

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, SilentListener, run_episode
+from gvla2.episode.listener import SilentListener
+from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.multi_step import Continuation, rest_of_program, with_whole_program, words_of_part
 from gvla2.errors import PerceptionError, PlanningError
-from gvla2.loop.continuing import Continuation, rest_of_program, with_whole_program, words_of_part
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan
@@ -229,7 +230,7 @@ def test_a_plan_that_carries_out_nothing_of_the_rest_is_refused(monkeypatch):
     def lazy(calls, request, options):
         return Plan(object(), remaining=tuple(calls))
 
-    monkeypatch.setattr("gvla2.loop.continuing.carry_out", lazy)
+    monkeypatch.setattr("gvla2.episode.multi_step.carry_out", lazy)
     with pytest.raises(PlanningError, match="carries out none of it"):
         Continuation(calls, SkillOptions()).plan(None)
 

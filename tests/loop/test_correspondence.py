@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from gvla2.episode.evidence import correspond
 from gvla2.geometry.transform import rigid
-from gvla2.loop.correspondence import correspond
 from gvla2.planning.scene import Box, Scene, SceneObject
 
 SPACE = Box(np.array([-1, -1, 0.0]), np.array([1, 1, 2.0]))

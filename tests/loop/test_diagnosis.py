@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gvla2.episode.advice import advice_for
+from gvla2.episode.failure_diagnosis import diagnose
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import rigid
-from gvla2.loop.advice import advice_for
-from gvla2.loop.diagnosis import diagnose
 from gvla2.planning.contracts import Candidate, Done, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.report import ExecutionReport, WaypointReport
 
 TABLE = 0.75

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gvla2.loop.correspondence import correspond
-from gvla2.loop.diagnosis import approach_of
-from gvla2.loop.lessons import handled_lengths, memory_episode, memory_task, transcript
+from gvla2.episode.evidence import correspond
+from gvla2.episode.failure_diagnosis import approach_of
+from gvla2.episode.lessons import handled_lengths, memory_episode, memory_task, transcript
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.planning.contracts import Abstention, Candidate, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord, Failure
 from tests.picking import (
     DOWN,
     FAIL,

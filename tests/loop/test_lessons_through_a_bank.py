@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.loop.advice import advice_for
-from gvla2.loop.lessons import memory_episode, memory_task
+from gvla2.episode.advice import advice_for
+from gvla2.episode.lessons import memory_episode, memory_task
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2.planning.contracts import Advice
 from gvla2.planning.effects import Effect, apply_effects
-from gvla2.record.contents import EpisodeRecord
 from gvla2_plugins.hybrid import HybridConfig
 from tests.picking import (
     FAIL,

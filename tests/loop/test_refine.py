@@ -1,13 +1,8 @@
 import numpy as np
 import pytest
 
-from gvla2.errors import GeometryError
-from gvla2.geometry.camera import Camera
-from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.transform import look_along, rigid
-from gvla2.geometry.view_folders import read_views
-from gvla2.geometry.views import Observation, View, Views
-from gvla2.loop.refine import (
+from gvla2.episode.record import EpisodeRecord
+from gvla2.episode.refine import (
     ABOVE_SUPPORT,
     GeometryParts,
     fit_box,
@@ -15,11 +10,16 @@ from gvla2.loop.refine import (
     objects_of_interest,
     refine_scene,
 )
+from gvla2.errors import GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import look_along, rigid
+from gvla2.geometry.view_folders import read_views
+from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gvla2.episode.evidence import RobotEvidence
 from gvla2.geometry.transform import rigid
-from gvla2.loop.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.findings import CheckReport, Finding

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gvla2.episode.evidence import RobotEvidence
 from gvla2.geometry.transform import rigid
-from gvla2.loop.evidence import RobotEvidence
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport

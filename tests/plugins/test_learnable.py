@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import Registry
 from gvla2.language import LanguageModel, Request, ask_typed, json_in
+from gvla2.plugins.registry import Registry
 
 pytestmark = [pytest.mark.model, pytest.mark.timeout(600)]
 ASK = [
@@ -63,7 +63,7 @@ def test_wrong_answers_change_when_they_are_rejected(language: LanguageModel):
 
 def test_the_server_is_shared_and_ends_with_the_last(local_model: Path, tmp_path: Path):
     code = (
-        "import sys; from gvla2.catalog import load_plugins; from gvla2.language import Request\n"
+        "import sys; from gvla2.plugins.registry import load_plugins; from gvla2.language import Request\n"
         "root = {'language': {'name': 'llama_cpp', 'model': sys.argv[1], 'folder': sys.argv[2], 'context': 512}}\n"
         "made = load_plugins().build(root, 'language')\n"
         "made.complete(Request([{'role': 'user', 'content': 'Hi'}], max_tokens=2), purpose='plan')\n"

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.catalog import Registry
 from gvla2.language import LanguageModel, Request
 from gvla2.language.score_tokens import LETTERS, phi, score_answer
 from gvla2.memory.contracts import Evidence
+from gvla2.plugins.registry import Registry
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
 from gvla2_plugins.llm_verifier.criteria import SOFTWARE

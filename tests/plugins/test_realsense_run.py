@@ -8,7 +8,7 @@ import pytest
 
 from gvla2.cli import main
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
 from gvla2_plugins.piper.backend import Piper

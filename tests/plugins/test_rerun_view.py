@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gvla2.commands.tracking import Tracking
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.motion import Motion
 from gvla2.robot.backend import Moment
 from gvla2.testing import check_component

@@ -13,9 +13,9 @@ import pytest
 import gvla2
 from gvla2 import Component, ComponentConfig, cli, hookimpl
 from gvla2.commands.tracking import Tracking, measures_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
-from gvla2.plugins import Registry, load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.tracker import TrackedRun
 from gvla2.testing import check_component, check_tracker
 from gvla2_plugins.trackers import MLflowConfig, TensorBoardConfig, WandbConfig, gvla2_trackers

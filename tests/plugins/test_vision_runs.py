@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.planning.colours import colours_in
 from gvla2.testing.language import LocalModel, said
 

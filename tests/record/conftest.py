@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid, transform_points
@@ -18,7 +19,6 @@ from gvla2.planning.contracts import Abstention, Candidate, Plan
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import ExecutionReport, WaypointReport
 

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import pytest
 
+from gvla2.episode.record import Failure
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.record.contents import Failure
 from gvla2.record.page import render_page
 from gvla2.record.pictures import Pictures
 from gvla2.record.stages import STAGE_FILES

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import OutputError
-from gvla2.record.files import plain, write_bytes, write_json, write_text
+from gvla2.io.files import plain, write_bytes, write_json, write_text
 
 
 class Colour(Enum):

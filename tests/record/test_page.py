@@ -7,10 +7,10 @@ from html.parser import HTMLParser
 
 import pytest
 
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Candidate, Plan
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.record.page import render_page
 from gvla2.record.pictures import Pictures
 from gvla2.robot.backend import SuccessCheck

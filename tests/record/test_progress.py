@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from gvla2.record.contents import EpisodeRecord
+from gvla2.episode.record import EpisodeRecord
 from gvla2.record.progress import Progress
 from gvla2.record.wording import summary_line
 from gvla2.robot.backend import SuccessCheck

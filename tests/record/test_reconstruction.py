@@ -15,10 +15,10 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import View, Views
+from gvla2.io.files import plain
 from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
-from gvla2.record.files import plain
 from gvla2.record.placement import Rect
 from gvla2.record.reconstruction import maps, sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import OutputError
 from gvla2.record import recorder as recorder_module
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.pictures import SHOWN
 from gvla2.record.recorder import RunRecorder
 

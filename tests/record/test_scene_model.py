@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.glb import to_z_up
 from gvla2.geometry.gltf import unpack
 from gvla2.geometry.mesh import TriangleMesh
@@ -19,7 +20,6 @@ from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.transform import rigid
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import KnownShape
-from gvla2.record.contents import EpisodeRecord
 from gvla2.record.scene_model import MOST_FACES, cloud, scene_glb, solid_of
 
 Episode = Callable[..., EpisodeRecord]

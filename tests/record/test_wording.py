@@ -4,10 +4,10 @@ from dataclasses import replace
 import pytest
 from markupsafe import Markup
 
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
 from gvla2.record import sections
-from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.record.page import templates
 from gvla2.record.text import one_line
 from gvla2.record.wording import STAGES, finding, headline, number, seconds, state

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gvla2 import Component, ComponentConfig
-from gvla2.catalog import Registry, load_plugins
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem, Ranked, Verdict
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
 from gvla2.testing import CHECKS, ConformanceError, check_component
 from gvla2.testing.inputs import RED, TABLE, ball, scene, views

@@ -1,4 +1,4 @@
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.testing import check_component
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
-from gvla2.record.contents import EpisodeRecord
 
 SUITE = "robot"
 EXPLORATION = "robot_exploration"

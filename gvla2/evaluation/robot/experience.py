@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from gvla2.loop.telling import told_of
+from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Lesson, Memory, MemoryEpisode, MemoryTask, Verdict
-from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 

@@ -13,8 +13,9 @@ from gvla2.geometry.glb import map_glb
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
+from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.record.files import FolderRecorder, write_bytes, write_json, write_text
+from gvla2.record.files import FolderRecorder
 from gvla2.record.page import render
 from gvla2.record.reconstruction import maps, sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord

@@ -26,12 +26,12 @@ from pathlib import Path
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
+from gvla2.episode.consultation import Asked, Consultation
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.robot.design import PAPER
-from gvla2.hydra_bridge import register
-from gvla2.loop.consulting import Asked, Consultation
-from gvla2.plugins import load_plugins
-from gvla2.record.contents import EpisodeRecord
+from gvla2.plugins.hydra_config import register
+from gvla2.plugins.registry import load_plugins
 from gvla2.skills.meaning import Meant, meant
 from gvla2.skills.parts import root_of
 

@@ -5,7 +5,7 @@ import pytest
 
 from gvla2.evaluation.perception.truth import Segmented, true_things
 from gvla2.geometry.transform import invert_rigid, transform_points
-from gvla2.plugins import Registry
+from gvla2.plugins.registry import Registry
 
 
 @pytest.mark.parametrize("task", ["put_knife", "open_drawer"])

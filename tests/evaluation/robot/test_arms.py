@@ -10,7 +10,7 @@ from gvla2.evaluation.robot.arms import CERTAIN, BestTheta, Frozen, Shuffled
 from gvla2.evaluation.robot.experience import Experience, teach
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, apply_effects
-from gvla2.plugins import load_plugins
+from gvla2.plugins.registry import load_plugins
 
 GOOD = Verdict.from_criteria({"completion": 1.0}, verifier="test")
 BAD = Verdict.from_criteria({"completion": 0.0}, verifier="test")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import (
     PAPER,
@@ -14,7 +15,6 @@ from gvla2.evaluation.robot.design import (
     ordered,
     stand_in,
 )
-from gvla2.record.contents import EpisodeRecord, Failure
 
 RECORD = EpisodeRecord("e", "lift it", "pick_and_lift", 0, {})
 

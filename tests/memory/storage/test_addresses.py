@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.databases import parsed
 from gvla2.errors import ConfigurationError
+from gvla2.io.database_url import parsed
 from gvla2.memory.store import Store, settled
 
 

@@ -40,8 +40,8 @@ def write(name, count, limit):
                 shared = t.get("shared")
                 values = dict(bank="b", query="q", type="tool_usage", state="active", outcome="verified_success",
                               confidence=.9, quality=.9, created=t.now, updated=t.now)
-                t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), vector=vector, model="m",
-                      action="add")
+                t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), "add",
+                      vector=vector, model="m")
                 if shared is None:
                     t.put(Record(id="shared", content="said by all", dedup_key="shared", **values), action="add")
                 else:

@@ -1,0 +1,60 @@
+"""Conversations of planners with language models, as stored by the page and memory: text without keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gvla2.episode.record import EpisodeRecord
+from gvla2.io.files import plain
+
+_SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
+"""Patterns of common services' access keys, and of keys in headers."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One message: its role (``system``, ``user``, ``assistant``, ...), and the text."""
+
+    who: str
+    text: str
+
+
+def turns(transcript: Iterable[Mapping[str, Any]]) -> list[Turn]:
+    """The turns of a plan's transcript, in any planner's format, without keys."""
+    return [_turn(turn) for turn in kept(transcript)]
+
+
+def turns_of(record: EpisodeRecord) -> list[Turn]:
+    """All turns for the plans of an episode's last attempt, part by part."""
+    return [turn for part in record.whole if part.plan is not None for turn in turns(part.plan.transcript)]
+
+
+def kept(transcript: Iterable[Mapping[str, Any]]) -> list[Any]:
+    """The transcript as JSON, without keys."""
+    return [_blotted(plain(dict(turn))) for turn in transcript]
+
+
+def _blotted(value: Any) -> Any:
+    if isinstance(value, str):
+        return _SECRET.sub("[key]", value)
+    if isinstance(value, dict):
+        return {_blotted(key): _blotted(item) for key, item in value.items()}
+    return [_blotted(item) for item in value] if isinstance(value, list) else value
+
+
+def _turn(turn: dict[str, Any]) -> Turn:
+    who = str(turn.pop("role", "") or "note")
+    said = [_words(turn.pop("content"))] if "content" in turn else []
+    return Turn(who, "\n".join([*said, *(f"{key}: {_words(value)}" for key, value in turn.items())]))
+
+
+def _words(content: object) -> str:
+    """Text unchanged; for contents in several pieces (text, images) the texts and the others' types."""
+    if isinstance(content, list):
+        return "\n".join(map(_words, content))
+    if isinstance(content, dict):
+        return str(content["text"]) if "text" in content else f"[{content.get('type', 'data')}]"
+    return str(content)

@@ -1,0 +1,269 @@
+"""From an episode to memory's query and report: task, lessons, transcript. No language model; deterministic.
+
+Lessons are worded so that the next episode of the same kind gives the same words: numbers are in the typed effects,
+where a merge can pool them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+import gvla2
+from gvla2.episode.failure_diagnosis import approach_of, diagnose, theme_of
+from gvla2.episode.record import EpisodeRecord
+from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2.planning.calls import written
+from gvla2.planning.effects import Effect, sides_of
+from gvla2.planning.looks import ON, look_of
+from gvla2.planning.programs import calls_program, kind_of, waypoints_program
+from gvla2.planning.relative import relative_steps
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene_brief import unique_names
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+
+TRANSCRIPT_LIMIT = 8000
+MOST_PARAMETERS = 3
+"""At most this many of a skill's key parameters are taught: as many as a recall shows hints at a time.
+
+Lift height and push distance are not among them: the instruction gives those. How far to swing, turn or pull something
+open is: no sentence says it.
+"""
+
+
+def memory_task(record: EpisodeRecord) -> MemoryTask:
+    """Memory's query: the instruction, the scene's signature and, once there is a plan, its skill.
+
+    The signature has ``objects`` (count), ``table_height`` and, for the object that it is about,
+    ``theme_length``, ``theme_width`` and ``theme_height``, metres. Before there is a plan that object is the one
+    whose label the instruction's words fit best; where that is unclear the three are left out.
+    """
+    skill = record.plan.skill if record.plan is not None else ""
+    if record.scene is None:
+        return MemoryTask(record.instruction, skill=skill)
+    theme = theme_of(record) or _mentioned(record.instruction, record.scene)
+    signature = {
+        "objects": float(len(record.scene.obstacles())),
+        "table_height": float(record.scene.table_height),
+    }
+    if theme is not None:
+        width, length = sorted(float(v) for v in theme.extents[:2])
+        signature |= {"theme_length": length, "theme_width": width, "theme_height": float(theme.extents[2])}
+    return MemoryTask(record.instruction, signature, skill, tuple(map(kind_of, record.scene.objects)))
+
+
+def memory_episode(
+    record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill] = STANDARD
+) -> MemoryEpisode:
+    """Memory's report: the episode's lessons given its verdict, and their source."""
+    return MemoryEpisode(
+        task=memory_task(record),
+        lessons=tuple(_lessons(record, verdict, skills)),
+        transcript=transcript(record),
+        recalled=record.recalled or MemoryContext(),
+        source=record.episode_id,
+        provenance={**record.choices, "gvla2": gvla2.__version__},
+    )
+
+
+def handled_lengths(record: EpisodeRecord) -> dict[str, float]:
+    """The sides of the handled object, metres by name: as the planner took them, else as perceived."""
+    theme = theme_of(record)
+    perceived = sides_of(theme) if theme is not None else {}
+    return {**perceived, **dict(record.plan.scales.values() if record.plan is not None else ())}
+
+
+def transcript(record: EpisodeRecord) -> str:
+    """The episode in words: what was seen, planned, checked and executed; at most 8000 characters."""
+    lines = [f"Instruction: {record.instruction}"]
+    if record.scene is not None:
+        lines += ["Seen:", *(f"- {_seen(thing)}" for thing in record.scene.objects)]
+    if record.recalled is not None and record.recalled.items:
+        lines.append(f"Recalled: {', '.join(item.id for item in record.recalled.items)}")
+    if record.plan is not None:
+        lines += _planned(record)
+    if record.checks is not None:
+        lines.append(
+            "Checks: passed" if record.checks.passed else f"Checks: {' '.join(record.checks.reasons)}"
+        )
+    if record.report is not None:
+        lines.append("Executed:")
+        for done in record.report.waypoints:
+            felt = f", contact of {', '.join(done.contacts)}" if done.contacts else ""
+            held = {True: ", holding", False: ", empty", None: ""}[done.held]
+            stop = f", STOPPED ({done.abort}): {done.message}" if done.abort else ""
+            lines.append(
+                f"- {done.index} {done.stage}: {1e3 * done.error:.0f} mm off, fingers "
+                f"{1e3 * done.gripper_width:.0f} mm apart{held}{felt}{stop}"
+            )
+    if record.after_scene is not None:
+        lines += ["Seen at the end:", *(f"- {_seen(thing)}" for thing in record.after_scene.objects)]
+    if record.failure is not None:
+        lines.append(f"Ended at {record.failure.stage}: {record.failure.message}")
+    text = "\n".join(lines)
+    return text if len(text) <= TRANSCRIPT_LIMIT else text[: TRANSCRIPT_LIMIT - 1] + "…"
+
+
+def _lessons(record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill]) -> list[Lesson]:
+    if record.plan is None:
+        return []
+    if record.report is None or not record.report.waypoints or record.plan.trajectory is None:
+        return _not_executed(record, skills)
+    if verdict.outcome == "verified_success":
+        return _from_success(record, skills)
+    return _from_failure(record, skills, certain=verdict.outcome == "verified_fail")
+
+
+def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
+    """Nothing moved, so nothing was learnt about motion; only how the planner handles such an instruction."""
+    assert record.plan is not None
+    if record.plan.abstention is not None:
+        what = f"the planner abstained ({record.plan.abstention.kind})"
+    elif record.checks is not None and not record.checks.passed:
+        kinds = sorted({f.kind or f.check for f in record.checks.findings if not f.passed})
+        what = f"the plan was rejected before any motion ({', '.join(kinds)})"
+    else:
+        return []
+    return [Lesson("tool_usage", f"{_subject(record, skills)}: {what}. Nothing was executed.")]
+
+
+def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
+    """What worked: one hint per key parameter, with its value as a prior; the order of stages if there is none.
+
+    Values that go with the object's size are shares of it, so that they hold for other sizes.
+    """
+    assert record.plan is not None
+    plan, subject, trajectory = record.plan, _subject(record, skills), record.plan.trajectory
+    assert trajectory is not None
+    look = _look(record)
+    usable = [n for n, v in plan.parameters.items() if math.isfinite(v)]
+    ranked = (skills[plan.skill].key if plan.skill in skills else ()) or sorted(usable)
+    chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
+    if not chosen:
+        stages = list(dict.fromkeys(w.stage for w in trajectory))
+        hint = Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")
+        return [hint, *_programs(record, subject)]
+    hints = [
+        Lesson(
+            "procedural_hint",
+            f"{subject}: this {name.replace('_', ' ')} succeeded.",
+            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill, object=look)
+            .shared(plan.scales)
+            .to_json(),
+        )
+        for name in chosen
+    ]
+    return [*hints, *_programs(record, subject)]
+
+
+def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
+    """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
+    assert record.plan is not None
+    assert record.scene is not None
+    plan, names = record.plan, unique_names(record.scene)
+    whole = not plan.remaining and not record.partial
+    about = {"roles": plan.roles, "skill": plan.skill, "instruction": record.instruction}
+    found = {plan.program.language: plan.program} if plan.program is not None else {}
+    lines = [written(call, names) for call in plan.calls]
+    if "calls" not in found and whole and lines and all(lines):
+        ids = {name: i for i, name in names.items()}
+        found["calls"] = calls_program(lines, ids, record.scene, **about)
+    if "waypoints" not in found and whole and plan.trajectory is not None:
+        steps = relative_steps(plan.trajectory, record.scene, plan.roles)
+        if steps:
+            found["waypoints"] = waypoints_program(steps, record.scene, **about)
+    words = {"calls": "this program of calls succeeded", "waypoints": "these waypoints of the hand succeeded"}
+    return [
+        Lesson("procedural_hint", f"{subject}: {words[language]}.", program.to_json())
+        for language, program in found.items()
+    ]
+
+
+def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain: bool) -> list[Lesson]:
+    """What to avoid: diagnosed causes; or, for a certain failure without any, that it failed and how it ended."""
+    assert record.plan is not None
+    assert record.report is not None
+    subject = _subject(record, skills)
+    lessons = [
+        Lesson(
+            "failure_avoidance",
+            f"{subject}: failed because {signal.words}.",
+            signal.effect.to_json() if signal.effect else None,
+        )
+        for signal in diagnose(record, skills)
+    ]
+    if lessons or not certain:
+        return lessons
+    stopped = record.report.abort
+    how = f"it stopped at '{stopped.stage}' ({stopped.abort})" if stopped else "it ran to its end"
+    words = f"{subject}: the goal was not reached although {how}; do not expect the same motion to work."
+    return [Lesson("failure_avoidance", words.replace("although it stopped", "and it stopped"))]
+
+
+def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
+    """Skill, size class, look and shape, and approach: the kind of episode, without its numbers.
+
+    It includes the look: things that look alike behave alike, others may not.
+    """
+    assert record.plan is not None
+    plan, theme = record.plan, theme_of(record)
+    known = skills[plan.skill].words if plan.skill in skills else ""
+    words = known or plan.skill.capitalize() or "Follow an instruction"
+    if theme is None:
+        return words
+    shape = "object" if theme.shape == "other" else theme.shape
+    approach = approach_of(plan)
+    described = " ".join(part for part in (_size_class(theme), _look(record).split(ON)[0], shape) if part)
+    whole = _look(record).partition(ON)[2]
+    described += f" of something {whole}" if whole else ""
+    return f"{words} a {described}" + (f" from the {approach}" if approach else "")
+
+
+def _look(record: EpisodeRecord) -> str:
+    """The handled object's colours."""
+    return look_of(theme_of(record), record.scene) if record.scene is not None else ""
+
+
+def _size_class(thing: SceneObject) -> str:
+    """In words: "small", "tall medium", "flat tiny"; boxes of the same words have similar shapes."""
+    across, height = float(max(thing.extents[:2])), float(thing.extents[2])
+    build = "tall " if height > 1.5 * across else "flat " if height < 0.5 * across else ""
+    sizes = (("tiny", 0.03), ("small", 0.075), ("medium", 0.15))
+    return build + next((name for name, limit in sizes if max(across, height) < limit), "large")
+
+
+def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
+    """The one solid object whose label and colour share most words with the instruction.
+
+    None for a tie, and for an object with parts: the words don't say which part will be handled.
+    """
+    solids = scene.obstacles()
+    said = set(re.findall(r"\w+", instruction.casefold()))
+    hits = [len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""}) for thing in solids]
+    best = max(hits, default=0)
+    if len(solids) == 1:
+        found = solids[0]
+    elif best > 0 and hits.count(best) == 1:
+        found = solids[hits.index(best)]
+    else:
+        return None
+    return None if any(other.parent == found.id for other in scene.objects) else found
+
+
+def _seen(thing: SceneObject) -> str:
+    place = ", ".join(f"{v:.3f}" for v in thing.centre)
+    size = " x ".join(f"{v:.3f}" for v in thing.extents)
+    return f"{thing.id}: {thing.label} ({thing.shape}, {size} m) at ({place})"
+
+
+def _planned(record: EpisodeRecord) -> list[str]:
+    assert record.plan is not None
+    plan = record.plan
+    if plan.abstention is not None:
+        return [f"Planner abstained ({plan.abstention.kind}): {plan.abstention.message}"]
+    roles = ", ".join(f"{role} {name}" for role, name in sorted(plan.roles.items()))
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in sorted(plan.parameters.items()))
+    stages = ", ".join(w.stage for w in plan.trajectory) if plan.trajectory else "none"
+    return [f"Plan: {plan.skill} ({roles}); {numbers or 'no parameters'}; stages: {stages}"]

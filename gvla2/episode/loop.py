@@ -1,0 +1,393 @@
+"""One episode, from a sentence to a lesson: the loop that ties the wings.
+
+    observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
+
+Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
+than one plan runs from observe to verify part by part; an attempt that is seen to have failed may be repeated as a
+whole. A simulator's success check comes last, after everything was learnt, so that no stage can see true state.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gvla2.episode.advice import with_sound_effects
+from gvla2.episode.consultation import Asked, Consultation
+from gvla2.episode.evidence import RobotEvidence
+from gvla2.episode.lessons import memory_task, transcript
+from gvla2.episode.listener import EpisodeListener, SilentListener
+from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.multi_step import (
+    clear_the_view,
+    goes_on,
+    next_part,
+    rest_of_program,
+    too_long,
+    words_of_part,
+)
+from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
+from gvla2.episode.refine import GeometryParts, refine_scene
+from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, pooled, worth_another
+from gvla2.errors import (
+    Gvla2Error,
+    SimulationError,
+    kept_alive,
+)
+from gvla2.geometry.exchange import read_only
+from gvla2.geometry.views import Observation
+from gvla2.memory.asking import context_of, learned_of, verdict_of
+from gvla2.memory.contracts import Memory, Verifier
+from gvla2.planning.asking import perceive
+from gvla2.planning.contracts import Perceiver, Planner
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Scene
+from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
+from gvla2.robot.depth_noise import apply_noise
+from gvla2.robot.options import DepthNoise
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.task import Task
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+
+if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The components of one run, built; ``choices`` are their names by Hydra group, ``plugins`` those of their plugins.
+
+    ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
+    ``language`` is the model that some of them ask, None if none does.
+    """
+
+    robot: RobotBackend
+    task: Task | None
+    perceiver: Perceiver
+    geometry: GeometryParts
+    memory: Memory
+    planner: Planner
+    verifier: Verifier
+    choices: Mapping[str, str]
+    fallback: Planner | None = None
+    skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
+    language: LanguageModel | None = None
+    plugins: Mapping[str, str] = field(default_factory=dict)
+
+    def named(self, kind: str) -> str:
+        """The component in a message: "The verifier 'mine' of plugin 'yours'"."""
+        plugin = self.plugins.get(kind, "")
+        return f"The {kind} '{self.choices.get(kind, '')}'" + (f" of plugin '{plugin}'" if plugin else "")
+
+
+@dataclass(frozen=True)
+class EpisodeRequest:
+    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run.
+
+    A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
+    ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
+    it is confident; None leaves that to the planner (:mod:`gvla2.episode.consultation`).
+    """
+
+    seed: int
+    instruction: str | None = None
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    source: str = ""
+    replan: int = 0
+    planner_timeout: float = 60.0
+    max_parts: int = 6
+    agreement: bool | None = None
+
+
+_SILENT = SilentListener()
+
+
+def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener = _SILENT) -> EpisodeRecord:
+    """Run one episode and return its record, whose ``failure`` says where and why it ended early, if so.
+
+    Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
+    failures of a kind in :data:`~gvla2.episode.record.ABANDONED` (the listener has then seen the record) and raised
+    again.
+    """
+    record = EpisodeRecord(
+        episode_id=request.source or f"{parts.choices.get('task') or 'episode'}/seed-{request.seed}",
+        instruction=request.instruction or "",
+        task=parts.choices.get("task", ""),
+        seed=request.seed,
+        choices=parts.choices,
+    )
+    counted = _counting(parts.language)
+    once: _Stages = (
+        ("observe", lambda r: _observe(r, parts, request, listener)),
+        ("perceive", lambda r: _perceive(r, parts)),
+        ("reconstruct", lambda r: _reconstruct(r, parts)),
+        ("recall", lambda r: _recall(r, parts)),
+        ("plan", lambda r: _consultation(r, parts, request).plan(r)),
+        ("check", lambda r: _consultation(r, parts, request).check(r)),
+        ("execute", lambda r: _execute(r, parts, request, listener)),
+        ("verify", lambda r: _verify(r, parts)),
+    )
+    once = counted(once)
+    again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
+    record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *once), record, listener)
+    record = _to_the_end(record, again, request.max_parts, listener)
+    for _ in range(request.replan):
+        if not worth_another(record, parts.skills):
+            break
+        record = _go_through(again, next_attempt(record), listener)
+        if record.report is None:
+            broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
+            record = record if broken else came_to_nothing(record)
+            break
+        record = _to_the_end(record, again, request.max_parts, listener)
+    closing: _Stages = (
+        ("learn", lambda r: _learn(r, parts)),
+        ("success_check", lambda r: _check_success(r, parts)),
+    )
+    return _go_through(counted(closing), record, listener)
+
+
+_Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
+
+
+def _to_the_end(
+    record: EpisodeRecord, stages: _Stages, most: int, listener: EpisodeListener
+) -> EpisodeRecord:
+    """Carry out the rest of an attempt's program, part by part, until it is done or a part fails."""
+    while goes_on(record):
+        if len(record.whole) >= most:
+            return too_long(record, most)
+        record = _go_through(stages, next_part(record), listener)
+    return record
+
+
+def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
+    """Stages that note in their record the model's cost from now on."""
+    if language is None:
+        return lambda stages: stages
+    ledger, before = language.ledger, language.ledger.totals()
+
+    def counting(
+        function: Callable[[EpisodeRecord], EpisodeRecord],
+    ) -> Callable[[EpisodeRecord], EpisodeRecord]:
+        return lambda record: replace(function(record), language=ledger.totals(before))
+
+    return lambda stages: tuple((stage, counting(function)) for stage, function in stages)
+
+
+def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:
+    for stage, function in stages:
+        if record.failure is None or _still_worthwhile(stage, record):
+            record = _run_stage(stage, function, record, listener)
+    return record
+
+
+class _StoppedMidwayError(Exception):
+    """A stage was stopped by its cause after it had reached ``record``."""
+
+    def __init__(self, record: EpisodeRecord) -> None:
+        super().__init__()
+        self.record = record
+
+
+def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
+    """After a failure, a plan is still verified and learnt from, and a laid-out scene still judged."""
+    if record.failure is not None and record.failure.kind == VOID:
+        return False
+    if stage == "verify":
+        return record.plan is not None
+    earlier = bool(record.attempts or record.parts)
+    if stage == "learn":
+        return record.verdict is not None or earlier
+    return stage == "success_check" and (record.observation is not None or earlier)
+
+
+def _run_stage(
+    stage: Stage,
+    function: Callable[[EpisodeRecord], EpisodeRecord],
+    record: EpisodeRecord,
+    listener: EpisodeListener,
+) -> EpisodeRecord:
+    """Run one stage: time it, turn errors into a typed failure, notify the listener."""
+    listener.begin(stage)
+    started = time.perf_counter()
+
+    def ended(record: EpisodeRecord) -> EpisodeRecord:
+        record = replace(record, timings={**record.timings, stage: round(time.perf_counter() - started, 4)})
+        listener.stage(record, stage)
+        return record
+
+    try:
+        try:
+            with kept_alive():
+                record = function(record)  # an interrupt of the listener must not lose what the stage found
+        except _StoppedMidwayError as stopped:
+            record = stopped.record
+            raise stopped.__cause__ or stopped from None
+        return ended(record)
+    except Gvla2Error as error:
+        return ended(replace(record, failure=failure_of(stage, error)))
+    except KeyboardInterrupt:
+        ended(replace(record, failure=Failure(stage, "interrupted", "Stopped by the user.")))
+        raise
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}"
+        ended(replace(record, failure=Failure(stage, "crashed", message)))
+        raise
+
+
+def _set_up(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
+    instance = parts.robot.reset(parts.task, request.seed, request.instruction)
+    if instance is None:
+        return record
+    return replace(record, instruction=instance.instruction, goal=instance.goal)
+
+
+def _observe(
+    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+) -> EpisodeRecord:
+    if record.attempts or record.parts:
+        moving = _moving(listener)
+        trouble = (
+            clear_the_view(parts.robot, record.parts[-1], moving)
+            if record.parts
+            else back_off(parts.robot, record.attempts[-1], moving)
+        )
+        record = replace(record, notes=(*record.notes, trouble)) if trouble else record
+    return replace(record, observation=_look(parts, request, 2 * _looks(record)))
+
+
+def _moving(
+    listener: EpisodeListener, waypoint: Callable[[WaypointReport], None] | None = None
+) -> ExecutionListener:
+    """What the listener asks for of a motion, and who hears of its waypoints."""
+    heard: dict[str, Callable[..., None]] = {} if waypoint is None else {"waypoint": waypoint}
+    if getattr(listener, "wants_frames", True):
+        heard["frame"] = listener.frame
+    if isinstance(listener, MotionListener):
+        heard["moment"] = listener.moment
+    return ExecutionListener(**heard)
+
+
+def _look(parts: Parts, request: EpisodeRequest, number: int) -> Observation:
+    """What the robot sees, with the noise of this look."""
+    noise = np.random.default_rng([request.seed, number])
+    return read_only(apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed))
+
+
+def _looks(record: EpisodeRecord) -> int:
+    """How many times the robot has looked and moved before this attempt's present part."""
+    return sum(len(each.whole) for each in record.attempts) + len(record.parts)
+
+
+def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.observation is not None
+    return replace(record, scene=_perceived(record.observation, record, parts))
+
+
+def _perceived(observation: Observation, record: EpisodeRecord, parts: Parts) -> Scene:
+    who, workspace = parts.named("perceiver"), parts.robot.arm.workspace
+    return perceive(parts.perceiver, observation, record.instruction, workspace, who)
+
+
+def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.observation is not None
+    assert record.scene is not None
+    scene, sentence = refine_scene(record.scene, record.observation, record.instruction, parts.geometry)
+    refined = record.scene if scene is record.scene else read_only(scene)
+    return replace(record, scene=refined, refinement=sentence)
+
+
+def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    context = context_of(parts.memory, memory_task(record), parts.named("memory"))
+    notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
+    context, skipped = with_sound_effects(context)
+    return replace(record, recalled=context, notes=record.notes + notes + skipped)
+
+
+def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> Consultation:
+    """Whom to ask for a plan: the planner and its fallback, or for a later part the program itself."""
+    name, other = parts.choices.get("planner", ""), parts.choices.get("fallback", "fallback")
+    first, fallback = Asked(name, parts.planner), None
+    if record.parts:
+        first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
+    elif parts.fallback is not None:
+        fallback = Asked(other, parts.fallback)
+    seconds, arm = request.planner_timeout, parts.robot.arm
+    return Consultation(first, fallback, seconds, arm, parts.skills, request.agreement)
+
+
+def _execute(
+    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+) -> EpisodeRecord:
+    """Move, and observe the result."""
+    assert record.plan is not None
+    assert record.plan.trajectory is not None
+    assert record.scene is not None
+    done: list[WaypointReport] = []
+    heard = _moving(listener, done.append)
+    try:
+        with kept_alive():
+            report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
+    except (Exception, KeyboardInterrupt) as cause:
+        raise _StoppedMidwayError(replace(record, report=ExecutionReport(tuple(done)))) from cause
+    record = replace(record, report=report)
+    if report.abort is not None:
+        stopped = report.abort
+        message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
+        record = replace(record, failure=Failure("execute", stopped.abort, message))
+    try:
+        after = _look(parts, request, 2 * _looks(record) + 1)
+        return replace(record, after=after, after_scene=_perceived(after, record, parts))
+    except SimulationError as error:
+        return replace(record, failure=Failure("execute", VOID, str(error)))
+    except Gvla2Error as error:
+        return replace(record, notes=(*record.notes, f"Nothing could be perceived at the end: {error}"))
+
+
+def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.plan is not None
+    assert record.scene is not None
+    seen = record.after or record.observation
+    assert seen is not None
+    evidence = RobotEvidence(
+        instruction=words_of_part(record) if record.partial else record.instruction,
+        transcript=transcript(record),
+        before=record.scene,
+        after=record.after_scene,
+        plan=record.plan,
+        checks=record.checks or CheckReport(),
+        report=record.report or ExecutionReport(),
+        gripper_width=seen.gripper_width,
+    )
+    name = parts.choices.get("verifier", "")
+    verdict = verdict_of(parts.verifier, evidence, name, parts.named("verifier"))
+    record = replace(record, verdict=verdict)
+    if verdict.outcome == "verified_fail" and record.failure is None:
+        return replace(record, failure=Failure("verify", "not_achieved", " ".join(verdict.reasons)))
+    return record
+
+
+def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    """Report every attempt and every part to memory, each with its own verdict."""
+    who = parts.named("memory")
+    told = told_of(record, parts.skills)
+    learned = pooled([learned_of(parts.memory, episode, verdict, who) for episode, verdict in told])
+    notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
+    return replace(record, learned=learned, notes=record.notes + notes)
+
+
+def _check_success(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    success_check = parts.robot.success_check()
+    record = replace(record, success_check=success_check)
+    if success_check is not None and not success_check.relaxed and record.failure is None:
+        # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.
+        message = f"The success check found the goal not reached ({record.goal or 'see the task'})."
+        return replace(record, failure=Failure("success_check", "goal_not_reached", message))
+    return record

@@ -1,0 +1,186 @@
+"""The record of one episode, filled stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+from gvla2.errors import (
+    Gvla2Error,
+    PerceptionError,
+    PlannerTimeoutError,
+    PlanningError,
+    SimulationError,
+)
+from gvla2.geometry.views import Observation
+from gvla2.language.failures import ModelUnavailableError
+from gvla2.language.ledger import Tally
+from gvla2.memory.contracts import Learned, MemoryContext, Verdict
+from gvla2.planning.contracts import Plan
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Scene
+from gvla2.robot.backend import SuccessCheck
+from gvla2.robot.report import ExecutionReport
+
+Stage = Literal[
+    "setup",
+    "observe",
+    "perceive",
+    "reconstruct",
+    "recall",
+    "plan",
+    "check",
+    "execute",
+    "verify",
+    "learn",
+    "success_check",
+]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an episode ended early: ``stage``, a stable word ``kind`` and a sentence."""
+
+    stage: Stage
+    kind: str
+    message: str
+
+
+ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
+"""Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
+
+PLANNING: tuple[Stage, ...] = ("plan", "check")
+"""The stages at which nothing but the planner, its fallback and the skills that they call can crash."""
+
+VOID = "simulation"
+"""The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
+
+_KINDS: Mapping[type[Gvla2Error], str] = {
+    PerceptionError: "perception",
+    PlannerTimeoutError: "timeout",  # before the planning error that it is too
+    PlanningError: "invalid_plan",
+    SimulationError: VOID,
+    ModelUnavailableError: "unavailable",
+}
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """Everything about one episode; None for stages that it did not reach.
+
+    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the success check's
+    criterion, in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by
+    purpose. ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``success_check`` is the
+    simulator's, from true state; it is filled last, so nothing can learn from it. ``attempts`` are the records of the
+    attempts before this one, first to last, each with its own timings and no attempts; an episode that never replanned
+    has none. A program that takes several plans is carried out part by part: ``parts`` are the records of the earlier
+    parts of the same attempt, again without parts of their own.
+    """
+
+    episode_id: str
+    instruction: str
+    task: str
+    seed: int
+    choices: Mapping[str, str]
+    goal: str = ""
+    observation: Observation | None = None
+    scene: Scene | None = None
+    refinement: str = ""
+    recalled: MemoryContext | None = None
+    plan: Plan | None = None
+    checks: CheckReport | None = None
+    report: ExecutionReport | None = None
+    after: Observation | None = None
+    after_scene: Scene | None = None
+    verdict: Verdict | None = None
+    learned: Learned | None = None
+    success_check: SuccessCheck | None = None
+    failure: Failure | None = None
+    timings: Mapping[str, float] = field(default_factory=dict)
+    language: Mapping[str, Tally] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    attempts: tuple[EpisodeRecord, ...] = ()
+    parts: tuple[EpisodeRecord, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds of all stages of all attempts and their parts."""
+        return sum(self.timings.values()) + sum(each.seconds for each in (*self.attempts, *self.parts))
+
+    @property
+    def memory_unavailable(self) -> str:
+        """Why memory could not be used or taught, in a sentence; "" if it could."""
+        return next((each.degraded for each in (self.recalled, self.learned) if each and each.degraded), "")
+
+    @property
+    def whole(self) -> tuple[EpisodeRecord, ...]:
+        """The parts of this attempt, first to last, this record being the last; just one if it was not split."""
+        return (*self.parts, replace(self, attempts=(), parts=()))
+
+    @property
+    def tries(self) -> tuple[EpisodeRecord, ...]:
+        """The attempts, first to last, this record being the last."""
+        return (*self.attempts, replace(self, attempts=()))
+
+    def afresh(self, **kept: Any) -> EpisodeRecord:
+        """The empty record of the next attempt or part; instruction, memory's answer and notes stay.
+
+        ``kept`` are its attempts and parts so far.
+        """
+        stays = ("goal", "recalled", "learned", "success_check", "language", "notes", "attempts", "parts")
+        same = {name: getattr(self, name) for name in stays} | kept
+        return EpisodeRecord(self.episode_id, self.instruction, self.task, self.seed, self.choices, **same)
+
+    @property
+    def partial(self) -> bool:
+        """Whether the plan is one part of a longer program."""
+        return bool(self.parts) or (self.plan is not None and bool(self.plan.remaining))
+
+    def result(self, command: str) -> dict[str, Any]:
+        """``result.json``: the outcome and its components. ``success`` is the relaxed profile, None if unknown."""
+        told = self.attempted()
+        return {
+            "command": command,
+            "episode": self.episode_id,
+            "success": self.success_check.relaxed if self.success_check else None,
+            "success_strict": self.success_check.strict if self.success_check else None,
+            "verdict": told["verdict"],
+            "quality": self.verdict.quality if self.verdict else None,
+            "task": self.task,
+            "seed": self.seed,
+            "instruction": self.instruction,
+            **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
+            "fallback": self.plan.fallback if self.plan else "",
+            "choices": dict(self.choices),
+            **{name: told[name] for name in ("skill", "parameters", "failure", "timings")},
+            "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
+            "attempts": [each.attempted() for each in self.tries],
+            "parts": [each.attempted() for each in self.whole],
+            "notes": list(self.notes),
+        }
+
+    def attempted(self) -> dict[str, Any]:
+        """One of the attempts, or of their parts, in ``result.json``: what was tried and its result."""
+        return {
+            "skill": self.plan.skill if self.plan else None,
+            "calls": [str(call) for call in self.plan.calls] if self.plan else [],
+            "parameters": dict(self.plan.parameters) if self.plan else None,
+            "executed": len(self.report.waypoints) if self.report else 0,
+            "completed": self.report.completed if self.report else False,
+            "verdict": self.verdict.outcome if self.verdict else None,
+            "failure": asdict(self.failure) if self.failure else None,
+            "timings": dict(self.timings),
+        }
+
+
+def failure_of(stage: Stage, error: Gvla2Error) -> Failure:
+    """The failure of a stage that one of our errors ended."""
+    kind = next((kind for wrong, kind in _KINDS.items() if isinstance(error, wrong)), "error")
+    return Failure(stage, kind, str(error))
+
+
+def planner_crashed(record: EpisodeRecord) -> bool:
+    """Whether the episode ended in a crash of its planner: whoever compares planners counts it as a failure."""
+    failure = record.failure
+    return failure is not None and failure.kind == "crashed" and failure.stage in PLANNING

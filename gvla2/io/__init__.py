@@ -1,0 +1,1 @@
+"""Files, caches and database addresses: what every other package stands on."""

@@ -1,0 +1,251 @@
+"""The catalog of everything on offer: look up by kind and name, build from a configuration."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from gvla2.component import Component, ComponentConfig
+from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
+from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
+from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
+from gvla2.plugins.kinds import KINDS, NONE, SLOTS, Kind, kind_of
+from gvla2.plugins.manager import collect
+from gvla2.plugins.validation import structured
+from gvla2.skills.skill import Skill
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A component and the plugin that offers it."""
+
+    component: Component[Any]
+    plugin: Plugin
+
+
+class Registry:
+    """All components by kind and name, made by :func:`load_plugins`; there is no global one.
+
+    ``kinds`` lists those of the core, then those that plugins declare.
+    """
+
+    def __init__(
+        self,
+        offers: Mapping[str, Mapping[str, Offer]],
+        plugins: Iterable[Plugin] = (),
+        problems: Iterable[PluginProblem] = (),
+        search_paths: Iterable[str] = (),
+        skills: Iterable[tuple[Skill, Plugin]] = (),
+        kinds: Mapping[str, Kind] = KINDS,
+    ) -> None:
+        self.kinds = dict(kinds)
+        self._offers = {kind: dict(offers.get(kind, {})) for kind in self.kinds}
+        self.plugins = tuple(plugins)
+        self.problems = tuple(problems)
+        self.search_paths = tuple(search_paths)
+        self._skills = tuple(skills)
+
+    @property
+    def groups(self) -> dict[str, Kind]:
+        """The Hydra groups that choose among components, slots too, each with its kind."""
+        return {**self.kinds, **{slot: self.kinds[kind] for slot, kind in SLOTS.items()}}
+
+    def kind_of(self, group: str) -> Kind:
+        """The kind that a Hydra group chooses from; raises :class:`ConfigurationError` with the names that exist."""
+        return kind_of(SLOTS.get(group, group), self.kinds)
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """Every skill on offer, by name, in the order in which plugins were found."""
+        return {skill.name: skill for skill, _ in self._skills}
+
+    def skill_plugin(self, name: str) -> Plugin:
+        """The plugin that offers the skill; raises :class:`KeyError` when none does."""
+        return {skill.name: plugin for skill, plugin in self._skills}[name]
+
+    def offers(self, kind: str) -> dict[str, Offer]:
+        """Components with their plugins, by name, sorted."""
+        return dict(sorted(self._offers[self.kind_of(kind).name].items()))
+
+    def components(self, kind: str) -> dict[str, Component[Any]]:
+        """Components by name, sorted."""
+        return {name: offer.component for name, offer in self.offers(kind).items()}
+
+    def get(self, kind: str, name: str) -> Component[Any]:
+        """The component; raises :class:`UnknownComponentError`, which names what exists and what is broken."""
+        offers = self._offers[self.kind_of(kind).name]
+        if name not in offers:
+            raise UnknownComponentError(kind, name, offers, self.broken_note(kind))
+        return offers[name].component
+
+    def broken_note(self, kind: str) -> str:
+        """The note on broken and skipped plugins when a component of the kind is missing; "" without any."""
+        hooks = {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, *(k.hook for k in self.kinds.values())}
+        others = {*hooks, DISABLE_VARIABLE} - {self.kind_of(kind).hook}
+        broken = sorted({p.plugin for p in self.problems if p.hook not in others})
+        notes = []
+        if broken:
+            notes.append(
+                f"Broken plugins that might have offered it: {', '.join(broken)} (see `gvla2 plugins`)."
+            )
+        if os.environ.get(DISABLE_VARIABLE):
+            notes.append(f"{DISABLE_VARIABLE} skips: {os.environ[DISABLE_VARIABLE]}.")
+        return " ".join(notes)
+
+    def build(self, root: object, kind: str, built: dict[str, Any] | None = None) -> Any:
+        """Build the component that ``root`` chose for ``kind``, after the components it needs.
+
+        ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind; the
+        field's ``name`` chooses. A slot (:data:`~gvla2.plugins.kinds.SLOTS`) may stand for a kind; it gives None
+        where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a wrong option
+        or circular needs, and :class:`PluginError` for a component that fails or breaks its protocol; a
+        :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
+        """
+        return self.build_all(root, (kind,), built)[kind]
+
+    def build_all(
+        self, root: object, kinds: Iterable[str], built: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Like :meth:`build` for several kinds; a component that two of them need is built once.
+
+        ``built`` holds existing components by kind, and gets all that are built here, the needed ones too. After a
+        failure the components built here are closed if they have a ``close``.
+        """
+        built = {} if built is None else built
+        before = len(built)
+        try:
+            return {kind: self._build(root, kind, (), built) for kind in kinds}
+        except BaseException:
+            for made in reversed(list(built.values())[before:]):
+                close = getattr(made, "close", None)
+                if callable(close):
+                    close()
+            raise
+
+    def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
+        if kind in built:
+            return built[kind]
+        if nothing_in(root, kind) or self._chooses_none(root, kind):
+            built[kind] = None
+            return None
+        if kind in path:
+            circle = " -> ".join((*path[path.index(kind) :], kind))
+            raise ConfigurationError(f"These components need each other in a circle: {circle}.")
+        config, component = self.configure(root, kind)
+        needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
+        own = self.kind_of(kind)
+        plugin = self._offers[own.name][component.name].plugin
+        what = f"The {kind} '{component.name}' of plugin '{plugin.name}'"
+        try:
+            with kept_alive():
+                made = component.build(config, **needs)
+            if own.name == "task" and not own.missing(made):
+                made = _checked(made, config, what)
+        except Gvla2Error:
+            raise
+        except Exception as error:
+            raise PluginError(f"{what} could not be built: {describe(error)}") from error
+        lacking = own.missing(made)
+        if lacking:
+            raise PluginError(f"{what} built a {type(made).__name__}, which lacks {', '.join(lacking)}.")
+        built[kind] = made
+        return made
+
+    def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
+        """The typed options that ``root`` holds for ``kind``, and the component they configure."""
+        own = self.kind_of(kind).name
+        node, name = self._choice(root, kind), self.chosen(root, kind)
+        if not name:
+            raise ConfigurationError(f"The configuration chooses no {kind}. Choose one with {kind}=NAME.")
+        component = self.get(own, name)
+        if isinstance(node, component.config):
+            return node, component
+        if dataclasses.is_dataclass(node):
+            raise ConfigurationError(
+                f"The {kind} '{name}' takes a {component.config.__name__}, not a {type(node).__name__}."
+            )
+        given = OmegaConf.create({"name": name}) if isinstance(node, str) else node
+        try:
+            typed = OmegaConf.to_object(OmegaConf.merge(structured(component), given))
+        except OmegaConfBaseException as error:
+            known = ", ".join(field.name for field in dataclasses.fields(component.config)[1:])
+            raise ConfigurationError(
+                f"The {kind} '{name}' is configured wrongly: {str(error).partition(chr(10))[0]}. "
+                f"Its options: {known or 'none'}."
+            ) from error
+        assert isinstance(typed, ComponentConfig)
+        return typed, component
+
+    def chosen(self, root: object, kind: str) -> str:
+        """The name that ``root`` chooses for ``kind``; "" for none at all."""
+        node = self._choice(root, kind)
+        return node if isinstance(node, str) else _name_in(node)
+
+    def _choice(self, root: object, kind: str) -> Any:
+        """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
+        node = _node(root, kind)
+        return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
+
+    def _chooses_none(self, root: object, kind: str) -> bool:
+        own, name = self.kinds.get(kind), self.chosen(root, kind)
+        return own is not None and own.default == name == NONE and NONE not in self._offers[kind]
+
+
+def load_plugins(groups: Collection[str] | None = None) -> Registry:
+    """Find the installed and the registered plugins and list what they offer; a broken one never makes it fail.
+
+    ``groups`` are the Hydra groups to load, all by default: a command that needs few starts faster.
+
+    Of two components of one kind and name, and of two skills of one name, the first in the order of pluggy's calls wins
+    (see :mod:`gvla2.hookspecs`); the other is reported as a problem.
+    """
+    problems: list[PluginProblem] = []
+    found = collect(discover(problems), problems, groups)
+    offers: dict[str, dict[str, Offer]] = {}
+    for kind, offered in found.components.items():
+        wins = _first_of_each_name(offered, found.kinds[kind].hook, problems)
+        offers[kind] = {name: Offer(component, plugin) for name, (component, plugin) in wins.items()}
+    skills = _first_of_each_name(found.skills, SKILL_HOOK, problems)
+    return Registry(offers, found.plugins, problems, found.search_paths, skills.values(), found.kinds)
+
+
+def _first_of_each_name(
+    offered: Iterable[tuple[Any, Plugin]], hook: str, problems: list[PluginProblem]
+) -> dict[str, tuple[Any, Plugin]]:
+    first: dict[str, tuple[Any, Plugin]] = {}
+    for item, plugin in offered:
+        if item.name in first:
+            owner = first[item.name][1].name
+            message = f"'{item.name}' is already offered by plugin '{owner}', which wins. Rename this one."
+            problems.append(PluginProblem(plugin.name, hook, message))
+        else:
+            first[item.name] = item, plugin
+    return first
+
+
+def _checked(task: Any, config: ComponentConfig, who: str) -> Any:
+    """The task, its episodes checked, among the distractors that its options ask for."""
+    from gvla2.robot.checked_task import CheckedTask
+    from gvla2.robot.clutter import cluttered
+
+    return cluttered(CheckedTask(task, who), config)
+
+
+def nothing_in(root: object, kind: str) -> bool:
+    """Whether the kind is a slot (:data:`~gvla2.plugins.kinds.SLOTS`) that ``root`` leaves empty."""
+    return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
+
+
+def _node(root: object, kind: str) -> Any:
+    return root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
+
+
+def _name_in(node: Any) -> str:
+    name = node.get("name") if isinstance(node, Mapping | DictConfig) else getattr(node, "name", None)
+    return name if isinstance(name, str) else ""

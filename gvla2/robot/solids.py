@@ -1,0 +1,157 @@
+"""Hollow objects made of solid pieces (cups, trays, rings), and regions of space for success checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
+from gvla2.robot.scan import Scan
+from gvla2.robot.task import Body, Primitive, Solid
+
+_ROUND_SIDES = 24
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A box of full side lengths ``size`` (x, y, z), metres, about the origin of ``world_from_volume`` (4, 4).
+
+    ``round``: instead the cylinder about the box's z axis that fills it.
+    """
+
+    world_from_volume: FloatArray
+    size: tuple[float, float, float]
+    round: bool = False
+
+    def holds(self, point: FloatArray) -> bool:
+        """Whether a world point (3,) is inside."""
+        x, y, z = transform_points(invert_rigid(self.world_from_volume), point)
+        a, b, c = 0.5 * np.asarray(self.size)
+        if self.round:
+            return bool((x / a) ** 2 + (y / b) ** 2 <= 1.0 and abs(z) <= c)
+        return bool(abs(x) <= a and abs(y) <= b and abs(z) <= c)
+
+    def meets(self, body: Body, world_from_body: FloatArray) -> bool:
+        """Whether any solid of a body, at its pose (4, 4), shares a point with the volume.
+
+        Round solids count as prisms of 24 sides, which stay within 1 % of them, meshes as their bounding boxes.
+        """
+        mine = _solid_of("cylinder" if self.round else "box", self.world_from_volume, self.size)
+        return any(
+            _overlap(mine, _solid_of(solid.kind, world_from_body @ solid.body_from_shape, solid.size))
+            for solid in body.solids
+        )
+
+
+def on(surface: FloatArray, size: tuple[float, float], height: float) -> Volume:
+    """The box of ``height`` standing on a rectangle of ``size`` about the origin of ``surface`` (4, 4), z up."""
+    return Volume(surface @ rigid(translation=(0.0, 0.0, height / 2)), (*size, height))
+
+
+@dataclass(frozen=True)
+class _Solid:
+    corners: FloatArray  # (N, 3)
+    normals: FloatArray  # (F, 3), one of each parallel pair
+    edges: FloatArray  # (E, 3), likewise
+
+
+def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> _Solid:
+    axes = pose[:3, :3].T
+    if kind in ("box", "mesh"):
+        return _Solid(transform_points(pose, box_corners(size)), axes, axes)
+    # A prism between the inscribed and the circumscribed one; spheres too, which here only need their extent.
+    half = 0.5 * np.asarray(size)
+    turns = np.pi * (2 * np.arange(_ROUND_SIDES) + 1) / _ROUND_SIDES
+    fit = 2.0 / (1.0 + np.cos(np.pi / _ROUND_SIDES))
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) * half[:2] * fit
+    ends = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-half[2], half[2])])
+    faces = np.pi * 2 * np.arange(_ROUND_SIDES // 2) / _ROUND_SIDES
+    flat = np.column_stack([np.cos(faces), np.sin(faces), np.zeros(len(faces))])
+    sides = np.column_stack([-np.sin(faces), np.cos(faces), np.zeros(len(faces))])
+    up = np.array([[0.0, 0.0, 1.0]])
+    return _Solid(transform_points(pose, ends), np.vstack([flat, up]) @ axes, np.vstack([sides, up]) @ axes)
+
+
+def _overlap(one: _Solid, other: _Solid) -> bool:
+    """The separating axis test of two convex solids: the normals of both, and edges of one across the other's."""
+    crossed = np.cross(one.edges[:, None], other.edges[None]).reshape(-1, 3)
+    axes = np.concatenate([one.normals, other.normals, crossed])
+    axes = axes[np.linalg.norm(axes, axis=1) > 1e-6]
+    a, b = one.corners @ axes.T, other.corners @ axes.T
+    apart = (a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))
+    return not bool(apart.any())
+
+
+def lowest(solid: Solid, world_from_body: FloatArray) -> float:
+    """World z of a solid's lowest point with its body at ``world_from_body`` (4, 4), metres (round: their box)."""
+    if isinstance(solid, Scan):
+        return solid.lowest(world_from_body)
+    pose = world_from_body @ solid.body_from_shape
+    half = 0.5 * np.asarray(solid.size)
+    below = half[0] if solid.kind == "sphere" else float(np.abs(pose[2, :3]) @ half)
+    return float(pose[2, 3]) - float(below)
+
+
+def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corner (3,) of solids together, in their body's frame, metres."""
+    corners = np.concatenate([transform_points(s.body_from_shape, box_corners(s.size)) for s in solids])
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
+    """(N, 3) world points whose convex hull holds the body at its pose (4, 4); round solids by their boxes."""
+    points = []
+    for solid in body.solids:
+        local = solid.hull if isinstance(solid, Scan) else box_corners(solid.size)
+        points.append(transform_points(world_from_body @ solid.body_from_shape, local))
+    return np.concatenate(points)
+
+
+Rgb = tuple[float, float, float]
+
+
+def cup(diameter: float, height: float, wall: float, rgb: Rgb, sides: int = 16) -> tuple[Primitive, ...]:
+    """An open vessel that stands on z = 0: a disc for its floor and a ring of flat staves; metres.
+
+    The staves' middles touch the circle of ``diameter`` from inside, so that only their edges stick out of it, by 2 %
+    of the radius at 16 ``sides``.
+    """
+    radius = 0.5 * diameter
+    breadth = 2.0 * radius * np.tan(np.pi / sides)
+    floor = Primitive("cylinder", (2 * (radius - wall), 2 * (radius - wall), wall), rgb, _up(0, 0, wall / 2))
+    staves = []
+    for turn in 2.0 * np.pi * np.arange(sides) / sides:
+        pose = rigid(Rotation.from_euler("z", turn).as_matrix()) @ _up(radius - wall / 2, 0, height / 2)
+        staves.append(Primitive("box", (wall, float(breadth), height), rgb, pose))
+    return (floor, *staves)
+
+
+def tray(size: tuple[float, float, float], wall: float, rgb: Rgb) -> tuple[Primitive, ...]:
+    """An open box that stands on z = 0, of outer ``size`` (x, y, z) with floor and walls of thickness ``wall``."""
+    x, y, z = size
+    return (
+        Primitive("box", (x, y, wall), rgb, _up(0, 0, wall / 2)),
+        *square_ring((x, y, z - wall), wall, rgb, wall),
+    )
+
+
+def square_ring(
+    size: tuple[float, float, float], wall: float, rgb: Rgb, bottom: float = 0.0
+) -> tuple[Primitive, ...]:
+    """Four walls about z, open above and below, from z = ``bottom`` on; outer ``size`` (x, y, z), metres."""
+    x, y, z = size
+    middle = bottom + z / 2
+    along = (x, wall, z)
+    across = (wall, y - 2 * wall, z)
+    return (
+        Primitive("box", along, rgb, _up(0, (y - wall) / 2, middle)),
+        Primitive("box", along, rgb, _up(0, -(y - wall) / 2, middle)),
+        Primitive("box", across, rgb, _up((x - wall) / 2, 0, middle)),
+        Primitive("box", across, rgb, _up(-(x - wall) / 2, 0, middle)),
+    )
+
+
+def _up(x: float, y: float, z: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    return rigid(translation=(x, y, z))
