@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gvla2.commands.run_config import RunConfig
-    from gvla2.episode.loop import Parts
+    from gvla2.episode.loop import Components
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
@@ -152,7 +152,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
-        parts = build_parts(config, registry)
+        parts = build_components(config, registry)
         stack.enter_context(closing(parts.robot))
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -211,13 +211,15 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
-def build_parts(config: object, registry: Registry, choices: Mapping[str, str] | None = None) -> Parts:
+def build_components(
+    config: object, registry: Registry, choices: Mapping[str, str] | None = None
+) -> Components:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
     ``choices`` are their names in the record, by default their names by group.
     """
-    from gvla2.episode.loop import Parts
-    from gvla2.episode.refine import GeometryParts
+    from gvla2.episode.loop import Components
+    from gvla2.episode.refine import GeometryComponents
 
     _check_camera(config, registry)
     built: dict[str, Any] = {}
@@ -226,9 +228,9 @@ def build_parts(config: object, registry: Registry, choices: Mapping[str, str] |
         chosen = [group for group in registry.groups if group != "language" or group in built]
         choices = {kind: getattr(config, kind).name for kind in chosen}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Parts(
+    return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
+        geometry=GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
@@ -247,7 +249,7 @@ def _check_camera(config: object, registry: Registry) -> None:
         )
 
 
-def crashed_component(parts: Parts, error: BaseException) -> str:
+def crashed_component(parts: Components, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
@@ -267,7 +269,7 @@ def crashed_component(parts: Parts, error: BaseException) -> str:
 
 
 def _run_one(
-    parts: Parts,
+    parts: Components,
     config: RunConfig,
     seed: int,
     listener: EpisodeReporter,

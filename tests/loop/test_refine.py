@@ -4,7 +4,7 @@ import pytest
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import (
     ABOVE_SUPPORT,
-    GeometryParts,
+    GeometryComponents,
     fit_box,
     masked_views,
     objects_of_interest,
@@ -72,7 +72,7 @@ class Failing:
 
 
 def parts(reconstructor):
-    return GeometryParts(
+    return GeometryComponents(
         reconstructor,
         NoPrior(),
         Contours(10, 400, 5e-4),
