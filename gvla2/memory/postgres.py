@@ -7,8 +7,8 @@ import zlib
 from sqlalchemy import URL, Connection, event, select, text
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
+from gvla2.memory.database import Database, create_tables, engine_of, refuse_version
 from gvla2.memory.events import META, TABLES
-from gvla2.memory.store import Database, create_tables, engine_of, refuse_version
 
 _SPACE = 0x6776_6C61
 """First half of the advisory locks' keys, to avoid collisions with other programs."""

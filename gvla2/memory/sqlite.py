@@ -21,7 +21,7 @@ from urllib.parse import quote
 from sqlalchemy import URL, Connection, Engine
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.store import Database, create_tables, engine_of, refuse_version
+from gvla2.memory.database import Database, create_tables, engine_of, refuse_version
 
 if sys.platform != "win32":
     import fcntl
