@@ -38,7 +38,7 @@ SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
         },
         "memory": frozenset(("memory", "data")),
         "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
-            "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher", "world",
+            "reconstructor", "verifier", "planners", "planner_options", "fallback", "teacher", "world",
             "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan",
             "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
         },
