@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gvla2.reconstruction.branch import BranchOptions, BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
+    from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MODES = ("default", "paper")
@@ -147,10 +147,8 @@ def _reconstruct(
 ) -> ReconstructionRecord:
     from gvla2.commands.reconstruct_inputs import read_inputs
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
-    from gvla2.record.reconstruction.measures import measure
-    from gvla2.record.reconstruction.recorder import ReconstructionRecorder
-    from gvla2.record.reconstruction.sections import summary_line
+    from gvla2.record.reconstruction import ReconstructionRecord, ReconstructionRecorder, summary_line
+    from gvla2.record.reconstruction_measures import measure
     from gvla2.record.text import count
 
     with steps.step("read"):
@@ -255,7 +253,7 @@ def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> Stag
 
 
 def _tell_stages(result: BranchResult, steps: _Steps) -> None:
-    from gvla2.record.reconstruction.sections import STATES
+    from gvla2.record.reconstruction import STATES
 
     for stage in result.stages:
         log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
