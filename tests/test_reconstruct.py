@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2 import cli
-from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
+from gvla2.commands.reconstruct import ReconstructConfig, reconstruct
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
@@ -29,6 +29,7 @@ from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 from tests.composing import composition
@@ -122,7 +123,7 @@ def test_the_result_tells_choices_stages_and_measures(run: Path):
         "fusion": "residual",
         "renderer": "numba",
     }
-    assert told["branch"] == asdict(BranchConfig())
+    assert told["branch"] == asdict(BranchOptions())
     assert {"prior", "appearance", "soft_hull", "axis", "fusion"} <= {
         stage["stage"] for stage in told["stages"]
     }

@@ -14,47 +14,20 @@ from omegaconf import OmegaConf
 
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
+from gvla2.reconstruction.options import BranchOptions
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Views
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.branch import BranchOptions, BranchResult
+    from gvla2.reconstruction.branch import BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
-MODES = ("default", "paper")
-COMPATS = ("none", "official")
 NO_TARGETS = "none"
 
 log = logging.getLogger(__name__)
-
-
-@dataclass
-class BranchConfig:
-    """Which stages of the branch run and how: :class:`gvla2.reconstruction.branch.BranchOptions` as Hydra options."""
-
-    prior: bool = True
-    appearance: bool = True
-    soft_hull: bool = True
-    axis: bool = True
-    fusion: bool = True
-    mode: str = "default"
-    compat: str = "none"
-    tau: float = 0.45
-    eta: float = 0.12
-    lambda_max: float = 0.008
-
-    def __post_init__(self) -> None:
-        for name, value, known in (("mode", self.mode, MODES), ("compat", self.compat, COMPATS)):
-            if value not in known:
-                raise ConfigurationError(f"branch.{name} is '{value}'; it is one of {', '.join(known)}.")
-        if not (0 <= self.tau <= 1 and self.eta > 0 and 0 <= self.lambda_max < 1):
-            raise ConfigurationError(
-                f"The soft hull needs tau in [0, 1], eta > 0 and lambda_max in [0, 1), got branch.tau={self.tau:g}, "
-                f"branch.eta={self.eta:g}, branch.lambda_max={self.lambda_max:g}."
-            )
 
 
 @dataclass
@@ -83,7 +56,7 @@ class ReconstructConfig:
     axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
-    branch: BranchConfig = field(default_factory=BranchConfig)
+    branch: BranchOptions = field(default_factory=BranchOptions)
 
     def __post_init__(self) -> None:
         self.views_spec = spec_of("views_spec", self.views_spec)
@@ -162,9 +135,8 @@ def _reconstruct(
         g0 = _first(parts["reconstructor"].reconstruct(views), config, registry)
     steps.tell("reconstruct", _made(g0), g0.status == "ok")
     with steps.step("refine"):
-        options = branch_options(config.branch)
         chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
-        result = refine_geometry(g0, views, chosen, options)
+        result = refine_geometry(g0, views, chosen, config.branch)
         stages = (_heeded(stage, config, views) for stage in result.stages)
         result = replace(result, stages=tuple(stages))
     _tell_stages(result, steps)
@@ -195,13 +167,6 @@ def _reconstruct(
     steps.progress.say(summary_line(record))
     steps.progress.say(f"-> {page}")
     return record
-
-
-def branch_options(config: BranchConfig) -> BranchOptions:
-    """The branch's own options, from the configured ones."""
-    from gvla2.reconstruction.branch import BranchOptions
-
-    return BranchOptions(**asdict(config))
 
 
 def _first(made: Reconstruction | None, config: ReconstructConfig, registry: Registry) -> Reconstruction:

@@ -6,16 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 from gvla2.errors import ConfigurationError
+from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.hydra_config import EveryKind
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.robot.options import DepthNoise
-
-
-@dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures existing results again."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
 
 
 @dataclass
@@ -27,8 +21,9 @@ class RunConfig(EveryKind):
     again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
     means, ``fallback`` plans, another planner or none. A program that takes several plans is carried out in up to
-    ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that
-    are done in its folder are kept, unless ``results.fresh``.
+    ``max_parts``. ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is
+    chosen. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept, unless
+    ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -39,6 +34,7 @@ class RunConfig(EveryKind):
     planner_timeout: float = 60.0
     max_parts: int = 6
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    branch: BranchOptions = field(default_factory=BranchOptions)
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:

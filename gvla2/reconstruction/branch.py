@@ -29,6 +29,7 @@ from gvla2.reconstruction.contracts import (
 )
 from gvla2.reconstruction.gate import judged
 from gvla2.reconstruction.inset import alpha_iou, inset, largest
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.prior_fusion import fuse_prior
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.things import (
@@ -46,29 +47,6 @@ CLEARLY = 0.005
 MUCH = 0.06
 """A loss of agreement with the masks, against G0, that undoes everything: a safety net. A carved hull fits its masks
 to the pixel, and a truer shape than it may well fit them less: a bowl's thin wall by .044."""
-
-
-@dataclass(frozen=True)
-class BranchOptions:
-    """Which stages run, and how; each switch is one column of the ablation.
-
-    ``mode``: ``paper`` puts source B beside A, both from G0, without gates; ``default`` sets a drift right first,
-    carries on from A, keeps a stage only where the masks do not speak against it, and at last puts the Gaussians as far
-    inside their surface as the masks say (a part of ``appearance``). ``compat="official"`` reproduces the released
-    code's sampling of masks and its centre of the shrink. ``tau``, ``eta``, ``lambda_max``: the soft hull's (released
-    constants).
-    """
-
-    prior: bool = True
-    appearance: bool = True
-    soft_hull: bool = True
-    axis: bool = True
-    fusion: bool = True
-    mode: Literal["default", "paper"] = "default"
-    compat: Literal["none", "official"] = "none"
-    tau: float = 0.45
-    eta: float = 0.12
-    lambda_max: float = 0.008
 
 
 @dataclass(frozen=True)
@@ -93,13 +71,14 @@ class BranchResult:
 
 
 def refine_geometry(
-    g0: Reconstruction, views: Views, parts: BranchParts, options: BranchOptions = BranchOptions()
+    g0: Reconstruction, views: Views, parts: BranchParts, options: BranchOptions | None = None
 ) -> BranchResult:
     """Refine an object's first reconstruction by the views' masks, a geometry prior and a fusion of two sources.
 
     ``views`` need masks. Raises :class:`GeometryError` when G0 holds no points or a view has no mask; whatever
     else goes wrong becomes a typed status of a stage, and that stage's input is kept.
     """
+    options = options or BranchOptions()
     seen = ViewSet(views, options.compat)
     branch = _Branch(seen, parts, options)
     points_of(g0)

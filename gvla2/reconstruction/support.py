@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,12 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import compiled, run_chunks
 
-Compat = Literal["none", "official"]
 NEAR = 1e-6
 """Metres in front of a camera where projection begins."""
 _BLOCK = 512  # points at a time: what is known of them stays in the nearest cache
 
 
-def mask_support(points: ArrayLike, views: Views, *, compat: Compat = "none") -> FloatArray:
+def mask_support(points: ArrayLike, views: Views, *, compat: str = "none") -> FloatArray:
     """s(p) (N,) in [0, 1] of world points (N, 3), metres: the mean mask value where p projects.
 
     Paper, mask-consistency score: the mean of the bilinearly sampled masks over the views where p lies in front
@@ -78,7 +77,7 @@ class MaskStack(NamedTuple):
     least_views: int
 
     @classmethod
-    def of(cls, views: Views, compat: Compat = "none") -> MaskStack:
+    def of(cls, views: Views, compat: str = "none") -> MaskStack:
         """Prepare views; errors as in :func:`mask_support`."""
         if compat not in ("none", "official"):
             raise GeometryError(f"No compat mode '{compat}'. Available: none, official.")

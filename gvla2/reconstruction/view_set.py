@@ -14,7 +14,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.occupancy import Field
-from gvla2.reconstruction.support import Compat, MaskStack, as_points, mask_of
+from gvla2.reconstruction.support import MaskStack, as_points, mask_of
 from gvla2.reconstruction.zbuffer import depth_maps
 
 
@@ -23,7 +23,7 @@ class ViewSet:
     """Views D = {(I_i, M_i, K_i, T_i)} that all have masks; raises :class:`GeometryError` where one has none."""
 
     views: Views
-    compat: Compat = "none"
+    compat: str = "none"
 
     def __post_init__(self) -> None:
         for view in self.views:

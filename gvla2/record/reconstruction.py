@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree, cKDTree
 
-from gvla2.geometry.glb import map_glb
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import read_mesh, write_mesh
+from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.views import Views
 from gvla2.io.files import write_bytes, write_json, write_text
-from gvla2.reconstruction.branch import BranchOptions, BranchResult
+from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.things import points_of
 from gvla2.record import reconstruction_pictures
 from gvla2.record.page import render
@@ -198,8 +198,7 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     """The branch's options that differ from the defaults."""
-    usual = asdict(BranchOptions())
-    return {name: str(value).lower() for name, value in record.options.items() if usual.get(name) != value}
+    return BranchOptions(**record.options).changed()
 
 
 def steps(record: ReconstructionRecord) -> list[Step]:

@@ -1,8 +1,8 @@
 """A run in three dimensions as one glTF file: the cloud, the perceived objects, the planned path and the findings of
 the checks.
 
-Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.glb.to_y_up`). A node's ``extras`` hold its
-``kind`` ("seen", "ground", "object", "path" or "waypoint") and, if it has a name, ``label``, ``text`` and their
+Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.mesh_files.to_y_up`). A node's ``extras`` hold
+its ``kind`` ("seen", "ground", "object", "path" or "waypoint") and, if it has a name, ``label``, ``text`` and their
 position ``at`` (3,). Any viewer of glTF opens the file; the run's page has its own.
 """
 
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import GeometryError
-from gvla2.geometry.glb import to_y_up
-from gvla2.geometry.gltf import pack, unpack
+from gvla2.geometry.mesh_files import to_y_up
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.planning.findings import CheckReport
@@ -58,17 +57,16 @@ def scene_glb(record: EpisodeRecord) -> bytes:
         _add_path(model, record, record.plan.trajectory, scene.table_height)
     for geometry in model.geometry.values():
         geometry.apply_transform(rigid(to_y_up(np.eye(3)).T))
-    return _matte(model.export(file_type="glb"))
+    content: bytes = model.export(file_type="glb", tree_postprocessor=_matte)
+    return content
 
 
-def _matte(content: bytes) -> bytes:
-    """The GLB file with a dull material: what has none counts as bare metal, and is nearly black in most viewers."""
-    document, binary = unpack(content)
+def _matte(document: dict[str, Any]) -> None:
+    """Give a glTF document a dull material: without one it counts as bare metal, nearly black in most viewers."""
     document["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}]
     for mesh in document["meshes"]:
         for primitive in mesh["primitives"]:
             primitive["material"] = 0
-    return pack(document, binary)
 
 
 def cloud(

@@ -12,9 +12,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.texture import Texture
-from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
+from gvla2.geometry.mesh import Texture, TexturedMesh, TriangleMesh
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray, transform_points
 
 MOST_FACES = 100_000
@@ -113,8 +112,7 @@ def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:
 def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
     notes = []
     mesh = textured.mesh
-    used = np.unique(mesh.faces)
-    low, high = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
+    low, high = mesh.bounds
     longest = float((high - low).max())
     factor = scale
     if factor is None:
@@ -128,7 +126,7 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
         )
     offset = 0.5 * (low + high) * factor
     textured = replace(textured, mesh=mesh.with_vertices(mesh.vertices * factor - offset))
-    if signed_volume(textured.mesh) < 0:
+    if textured.mesh.volume < 0:
         textured = _turned(textured)
         notes.append("its volume was negative and its faces were flipped")
     count = len(textured.mesh.faces)
@@ -138,12 +136,6 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
     if not textured.images and np.ptp(textured.rgb.reshape(-1, 3), axis=0).max() == 0:
         notes.append("it has no texture")
     return Scan(textured, offset, str(source), factor, tuple(notes))
-
-
-def signed_volume(mesh: TriangleMesh) -> float:
-    """Cubic metres within the faces, negative where they are wound inside out; the origin must be about inside."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
 def face_colours(textured: TexturedMesh, texture: Texture | None) -> FloatArray:
@@ -172,28 +164,14 @@ def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
     mesh = textured.mesh
     cell = np.sqrt(2.0 * mesh.areas.sum() / most)
     while True:
-        vertices, faces, kept = clustered(mesh, cell)
-        if len(faces) <= most:
+        coarse, kept = mesh.clustered(cell)
+        if len(kept) <= most:
             break
         cell *= 1.15
     return TexturedMesh(
-        TriangleMesh(vertices, faces),
-        np.zeros((len(faces), 3, 2), dtype=np.float32),
-        np.full(len(faces), -1, dtype=np.int64),
+        coarse,
+        np.zeros((len(kept), 3, 2), dtype=np.float32),
+        np.full(len(kept), -1, dtype=np.int64),
         np.repeat(colours[kept][:, None], 3, axis=1),
         (),
     )
-
-
-def clustered(mesh: TriangleMesh, cell: float) -> tuple[FloatArray, np.ndarray, np.ndarray]:
-    """The mesh with the vertices of each cube of side ``cell``, metres, merged: vertices, faces, old indices."""
-    keys = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
-    _, member = np.unique(keys, axis=0, return_inverse=True)
-    member = member.reshape(-1)
-    count = np.bincount(member)
-    vertices = np.stack([np.bincount(member, mesh.vertices[:, k]) / count for k in range(3)], axis=1)
-    faces = member[mesh.faces]
-    a, b, c = faces.T
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    kept = np.sort(first[((a != b) & (b != c) & (c != a))[first]])
-    return vertices, faces[kept], kept

@@ -135,16 +135,8 @@ def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
 
 def _clustered(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh with all vertices of a small cell made one: the same silhouette to half a cell."""
-    low, high = mesh.bounds
-    cells = np.rint((mesh.vertices - low) * (_CELLS / max(float((high - low).max()), 1e-12))).astype(np.int64)
-    _, place_of = np.unique(cells, axis=0, return_inverse=True)
-    place_of = place_of.ravel()
-    count = np.bincount(place_of)
-    vertices = np.stack([np.bincount(place_of, mesh.vertices[:, axis]) / count for axis in range(3)], axis=1)
-    faces = place_of[mesh.faces]
-    a, b, c = faces.T
-    faces = np.unique(faces[(a != b) & (b != c) & (a != c)], axis=0)
-    return TriangleMesh(vertices, faces) if len(faces) else mesh
+    coarse, kept = mesh.clustered(max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12) / _CELLS)
+    return coarse if len(kept) else mesh
 
 
 def _spacing(points: FloatArray) -> float:

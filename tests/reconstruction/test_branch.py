@@ -5,9 +5,10 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.things import points_of
 from gvla2.reconstruction.visual_hull import object_centre

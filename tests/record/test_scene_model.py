@@ -13,10 +13,8 @@ import pytest
 import trimesh
 
 from gvla2.episode.record import EpisodeRecord
-from gvla2.geometry.glb import to_z_up
-from gvla2.geometry.gltf import unpack
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import write_mesh
+from gvla2.geometry.mesh_files import to_z_up, write_mesh
 from gvla2.geometry.transform import rigid
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import KnownShape
@@ -25,10 +23,15 @@ from gvla2.record.scene_model import MOST_FACES, cloud, scene_glb, solid_of
 Episode = Callable[..., EpisodeRecord]
 
 
+def unpack(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """A GLB file's document and its binary chunk."""
+    (length,) = struct.unpack("<I", data[12:16])
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
 def nodes(data: bytes) -> dict[str, dict[str, Any]]:
     """A GLB file's nodes by name: their extras."""
-    (length,) = struct.unpack("<I", data[12:16])
-    return {node["name"]: node["extras"] for node in json.loads(data[20 : 20 + length])["nodes"]}
+    return {node["name"]: node["extras"] for node in unpack(data)[0]["nodes"]}
 
 
 def first_colour(data: bytes, name: str) -> np.ndarray:
