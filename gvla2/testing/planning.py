@@ -71,13 +71,13 @@ def _check_scene(scene: object) -> None:
     check_scene(scene)
     assert isinstance(scene, Scene)
     ids = {o.id for o in scene.objects}
-    for thing in scene.objects:
-        what = f"Object '{thing.id}'"
-        require(thing.label, f"{what}: its label must not be empty.")
-        require_share(thing.confidence, f"{what}: confidence")
+    for obj in scene.objects:
+        what = f"Object '{obj.id}'"
+        require(obj.label, f"{what}: its label must not be empty.")
+        require_share(obj.confidence, f"{what}: confidence")
         require(
-            not thing.parent or thing.parent in ids,
-            f"{what}: its parent '{thing.parent}' is not in the scene.",
+            not obj.parent or obj.parent in ids,
+            f"{what}: its parent '{obj.parent}' is not in the scene.",
         )
 
 
@@ -154,7 +154,7 @@ def check_skill(skill: Skill, call: SkillCall | None = None, request: PlanReques
     """The skill's table entry, its defaults, its proposals and a plan by ``call`` in the scene of ``request``.
 
     Without them the red cube of the built-in scene (two cubes under a gantry) is the theme, and the blue one the goal
-    if the skill needs one; a skill for other things needs both. It must find a plan there.
+    if the skill needs one; a skill for other objects needs both. It must find a plan there.
     """
     require(not fault_of(skill), f"The skill {fault_of(skill)}")
     require(skill.words, f"'{skill.name}' has no words: lessons about it would only be found by its name.")
