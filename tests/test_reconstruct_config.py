@@ -12,7 +12,7 @@ from gvla2.commands.primary import PRIMARY
 from gvla2.commands.reconstruct import ReconstructConfig, spec_of
 from gvla2.commands.reconstruct_inputs import read_inputs
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Views
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry

@@ -200,7 +200,7 @@ def _made(thing: Reconstruction) -> str:
 
 def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
     """The stage's report; a warning where the chosen prior had nothing to say of any view."""
-    from gvla2.reconstruction.prior_fusion import NO_PRIOR
+    from gvla2.reconstruction.branch import NO_PRIOR
     from gvla2.record.text import listing
 
     if config.prior.name == "none" or stage.reason != NO_PRIOR:

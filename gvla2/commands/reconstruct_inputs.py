@@ -11,12 +11,10 @@ from gvla2.commands.reconstruct import NO_TARGETS, ReconstructConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.evaluation.gso_truth import true_mesh
 from gvla2.evaluation.protocol import TARGETS
-from gvla2.geometry.gso_views import find_model_folder
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
-from gvla2.geometry.plain_views import find_cameras
-from gvla2.geometry.view_archive import ARCHIVE, subject_of
-from gvla2.geometry.view_folders import read_views
+from gvla2.geometry.view_folders import ARCHIVE, read_views, subject_of
+from gvla2.geometry.view_formats import find_cameras, find_model_folder
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.support import mask_support
 

@@ -57,7 +57,7 @@ def labellers(options: NamingOptions) -> tuple[Labeller, ...]:
 
         found.append(Gallery(options.gallery))
     if options.read_crops:
-        from gvla2.perception.reader import CropReader
+        from gvla2.perception.labels import CropReader
 
         found.append(CropReader(vision_model(options.vision, "perceiver.read_crops"), options.vision.longest))
     return tuple(found)

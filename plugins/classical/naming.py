@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gvla2.perception.things import colour_word, true_colour
+from gvla2.perception.objects import colour_word, true_colour
 from gvla2.planning.scene import SceneObject, Shape
 from gvla2_plugins.classical.pixels import Pixels
-from gvla2_plugins.classical.solids import evenly
-from gvla2_plugins.classical.things import Thing
+from gvla2_plugins.classical.solids import Thing, evenly
 
 MOST_POINTS = 4000  # points kept of one object
 

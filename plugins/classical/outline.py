@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import IntArray, TableFrame, seen_through
-from gvla2_plugins.classical.pixels import Pixels
-from gvla2_plugins.classical.solids import evenly
-from gvla2_plugins.classical.things import Thing, upright_rectangle
+from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, seen_through
+from gvla2_plugins.classical.solids import Thing, evenly, upright_rectangle
 
 MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays that are kept of one view
 BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly free

@@ -1,4 +1,4 @@
-"""Plane, clusters, solids, words: the perceiver ``classical``."""
+"""Where no depth was measured in the midst of the bare table: glass and mirrors, which are not seen, but are noted."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_opening, find_objects, label
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
@@ -15,25 +16,69 @@ from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import find_table
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import new_ids, numbered, over_workspace
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
-from gvla2.perception.things import new_ids, numbered, over_workspace
 from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.classical import ClassicalConfig
-from gvla2_plugins.classical.assembly import assemble
-from gvla2_plugins.classical.bodies import bodies_of, textured
-from gvla2_plugins.classical.cases import join_fronts, join_lids
-from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
-from gvla2_plugins.classical.composites import put_together
-from gvla2_plugins.classical.frames import TableFrame, usable_frames
-from gvla2_plugins.classical.layers import NEAR, settle_layers
-from gvla2_plugins.classical.lost import lost_places
+from gvla2_plugins.classical.assembly import assemble, join_overlapping
+from gvla2_plugins.classical.composites import (
+    join_bottles,
+    join_fronts,
+    join_lids,
+    join_stems,
+    name_knives,
+    put_together,
+)
+from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.naming import described
-from gvla2_plugins.classical.overlaps import join_overlapping
-from gvla2_plugins.classical.pixels import Pixels, choose
-from gvla2_plugins.classical.regions import find_patches, unlike_table
-from gvla2_plugins.classical.things import Thing
-from gvla2_plugins.classical.upright import join_bottles, join_stems, name_knives
+from gvla2_plugins.classical.pixels import Pixels, TableFrame, choose, plane_crossings, usable_frames
+from gvla2_plugins.classical.segmentation import (
+    LAYER,
+    bodies_of,
+    grow_down,
+    join_across_views,
+    join_in_bodies,
+    pieces_in_views,
+    settle_layers,
+    textured,
+)
+from gvla2_plugins.classical.solids import Thing
+
+SMALLEST = 0.02  # metres along the table: what hides less of it is noise
+AROUND = 0.8  # share of the pixels about a hole that show the table
+ONE_PLACE = 0.15  # metres between the feet of one thing in two pictures
+
+
+def lost_places(frames: Sequence[TableFrame], flat: Sequence[NDArray[np.bool_]]) -> list[FloatArray]:
+    """Points (3,) on the table, one a place, where a camera lost all depth and sees the table all around.
+
+    ``flat`` (H, W), one a frame, are pixels of the table.
+    """
+    places: list[FloatArray] = []
+    for frame, table in zip(frames, flat, strict=True):
+        holes, _ = label(binary_opening(frame.lost, iterations=2))
+        for number, (down, right) in enumerate(find_objects(holes), 1):
+            window = (_wider(down), _wider(right))
+            hole = holes[window] == number
+            ring = binary_dilation(hole, iterations=4) & ~binary_dilation(hole, iterations=2)
+            if not ring.any() or table[window][ring].mean() < AROUND:
+                continue
+            rows, columns = np.nonzero(hole)
+            hidden = plane_crossings(frame, rows + window[0].start, columns + window[1].start)
+            if np.ptp(hidden[:, :2], axis=0).min() < SMALLEST:
+                continue
+            # What is nearest to the camera is its foot; beyond it the thing only hides the table.
+            away = np.linalg.norm(hidden - frame.origin, axis=1)
+            foot = np.median(hidden[away <= np.percentile(away, 10.0)], axis=0)
+            if all(np.linalg.norm(foot - other) > ONE_PLACE for other in places):
+                places.append(foot)
+    return places
+
+
+def _wider(span: slice) -> slice:
+    return slice(max(0, span.start - 5), span.stop + 5)
+
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
 WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
@@ -112,7 +157,7 @@ class ClassicalPerceiver:
         ]
         # The height of a speck is not believed: it may be of a layer, but is no paint on its own.
         specks = [
-            near & high & ~up & (frame.points[..., 2] < NEAR[1] * rise)
+            near & high & ~up & (frame.points[..., 2] < LAYER[1] * rise)
             for frame, near, high, up in zip(frames, inside, above, raised, strict=True)
         ]
         different = [

@@ -9,7 +9,6 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.footprints import footprint_of
-from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.outline import (
     completed,
     crowded,
@@ -19,10 +18,13 @@ from gvla2_plugins.classical.outline import (
     silhouette,
     within_walls,
 )
-from gvla2_plugins.classical.pixels import Pixels
+from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame
 from gvla2_plugins.classical.solids import (
+    THIN,
     Distance,
+    Kind,
     SolidFit,
+    Thing,
     box_distance,
     cylinder_distance,
     evenly,
@@ -30,8 +32,8 @@ from gvla2_plugins.classical.solids import (
     narrow_yaw,
     sphere_distance,
     spread_out,
+    upright_rectangle,
 )
-from gvla2_plugins.classical.things import THIN, Kind, Thing, upright_rectangle
 
 GOOD = 0.82  # agreement from which one solid explains a thing
 MOST_SEEN = 420  # points a fit looks at

@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import frames_of, raised
-from gvla2.perception.things import numbered, over_workspace, thing_of
+from gvla2.perception.objects import numbered, over_workspace, thing_of
 from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.connected import ConnectedConfig
 

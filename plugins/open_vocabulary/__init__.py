@@ -33,15 +33,15 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
 
 def _build_sam3(config: VocabularyConfig) -> Perceiver:
     """SAM 3 by transformers: masks of what words name, fused over the views in 3D; needs weights."""
+    from gvla2_plugins.open_vocabulary.models import load_sam3
     from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
-    from gvla2_plugins.open_vocabulary.sam3 import load_sam3
 
     return VocabularyPerceiver("sam3", config, load_sam3(config.weights))
 
 
 def _build_detector(config: VocabularyConfig) -> Perceiver:
     """Grounding DINO or OWLv2 by transformers: boxes of what words name, cut out by depth; needs weights."""
-    from gvla2_plugins.open_vocabulary.detector import load_detector
+    from gvla2_plugins.open_vocabulary.models import load_detector
     from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
 
     return VocabularyPerceiver("detector", config, load_detector(config.weights))

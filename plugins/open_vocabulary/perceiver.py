@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clusters import clusters
+from gvla2.perception.clusters import MaskCandidate, clusters, fuse, objects_of
 from gvla2.perception.frames import BoolArray, frames_of, raised
-from gvla2.perception.fusing import MaskCandidate, fuse, objects_of
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers
-from gvla2.perception.things import numbered, over_workspace
 from gvla2.planning.scene import Box, Scene
 
 if TYPE_CHECKING:

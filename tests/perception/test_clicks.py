@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from gvla2.language import Endpoint
-from gvla2.perception.clicks import locate, overlay
+from gvla2.perception.clicks import Segments, localized, locate, overlay
+from gvla2.perception.clusters import iou
 from gvla2.perception.frames import frames_of
-from gvla2.perception.fusing import iou
-from gvla2.perception.localizing import localized
+from gvla2.perception.objects import thing_of
 from gvla2.perception.options import VisionOptions, vision_model
-from gvla2.perception.prompting import Segments
-from gvla2.perception.things import thing_of
 from gvla2.planning.scene import Scene
 from gvla2.testing.language import LocalModel, refused, said
 

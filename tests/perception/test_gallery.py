@@ -10,8 +10,8 @@ from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import thing_of
 from gvla2.perception.scans import check_names, read_scans
-from gvla2.perception.things import thing_of
 from gvla2.planning.scene import Scene
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gvla2.perception.things import coarse_shape, footprint, numbered, thing_of
+from gvla2.perception.objects import coarse_shape, footprint, numbered, thing_of
 
 
 def box_points(size, yaw, at, rng, count=3000):

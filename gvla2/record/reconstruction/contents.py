@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.things import points_of
+from gvla2.reconstruction.view_set import points_of
 from gvla2.record.reconstruction.measures import Measures
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
+from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
-from gvla2.geometry.ply import write_gaussians
 from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.record.files import FolderRecorder
