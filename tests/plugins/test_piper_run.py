@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError, RobotError
@@ -58,7 +58,7 @@ def parts(compose_run, registry):
     """Everything of a run but its robot, which each test brings."""
     config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
     config.robot.image_size = 16
-    return replace(build_parts(config, registry), task=None)
+    return replace(build_components(config, registry), task=None)
 
 
 def test_a_dry_run_plans_checks_shows_and_sends_nothing(piper, parts, tmp_path):
