@@ -37,8 +37,7 @@ if TYPE_CHECKING:
         Renderer,
     )
     from gvla2.record.tracker import Tracker, Viewer
-    from gvla2.robot.backend import RobotBackend
-    from gvla2.robot.camera import DepthCamera
+    from gvla2.robot.backend import DepthCamera, RobotBackend
     from gvla2.robot.task import Task
     from gvla2.skills.skill import Skill
 

@@ -20,7 +20,7 @@ from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.plugins.hydra_config import register
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from tests.quick import QUICK
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",

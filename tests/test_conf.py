@@ -21,7 +21,7 @@ from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Registry
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from tests.composing import composition
 
 CONF = Path(__file__).parents[1] / "conf"

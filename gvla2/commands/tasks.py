@@ -64,7 +64,7 @@ def _photograph(
     robot: RobotBackend, task: Task, name: str, summary: str, seed: int, demonstrate: bool
 ) -> TaskShown:
     from gvla2.record.overview import TaskShown
-    from gvla2.robot import demonstration
+    from gvla2.robot import backend
 
     instance = robot.reset(task, seed)
     if instance is None:
@@ -75,7 +75,7 @@ def _photograph(
     )
     if not demonstrate or instance.solution is None:
         return shown
-    reports = demonstration.demonstrate(robot, instance)
+    reports = backend.demonstrate(robot, instance)
     after = robot.observe().views
     judged = robot.success_check()
     done, strict = (False, False) if judged is None else (judged.relaxed, judged.strict)

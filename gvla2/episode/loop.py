@@ -48,7 +48,7 @@ from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 from gvla2.skills.skill import Skill

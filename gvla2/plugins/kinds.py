@@ -65,7 +65,7 @@ def _kind(name: str, hook: Callable[[], object], protocol: str, default: str = N
 
 _CORE = (
     _kind("robot", hookspecs.gvla2_robots, "gvla2.robot.backend:RobotBackend", "sapien_panda"),
-    _kind("camera", hookspecs.gvla2_cameras, "gvla2.robot.camera:DepthCamera"),
+    _kind("camera", hookspecs.gvla2_cameras, "gvla2.robot.backend:DepthCamera"),
     _kind("task", hookspecs.gvla2_tasks, "gvla2.robot.task:Task", "pick_and_lift"),
     _kind("perceiver", hookspecs.gvla2_perceivers, "gvla2.planning.contracts:Perceiver", "classical"),
     _kind("reconstructor", hookspecs.gvla2_reconstructors, "gvla2.reconstruction.contracts:Reconstructor"),

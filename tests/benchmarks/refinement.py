@@ -19,7 +19,7 @@ from gvla2.episode.refine import objects_of_interest, refine_scene
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 def main() -> None:
