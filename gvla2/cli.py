@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import os
 import sys
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module
 
 from gvla2.commands import COMMANDS
@@ -15,10 +13,8 @@ from gvla2.commands import COMMANDS
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a sub-command; returns the exit status (0 success, 1 error, 2 wrong usage, 130 interrupted)."""
-    # Imports and configurations make many objects that stay: collecting garbage among them costs 5 %.
-    gc.set_threshold(500_000, 50, 50)
     try:
-        status = _dispatch(argv)
+        status = _dispatch(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output left: `gvla2 plugins | head`
         _silence_stdout()
@@ -27,6 +23,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         _silence_stdout()
         print(f"gvla2: cannot write: {error.strerror or error}.", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("gvla2: interrupted.", file=sys.stderr)
+        return 130
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for wrong usage
+        return int(leaving.code or 0)
     return status
 
 
@@ -36,39 +37,27 @@ def _silence_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _dispatch(argv: Sequence[str] | None) -> int:
-    arguments = list(sys.argv[1:] if argv is None else argv)
+def _dispatch(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(usage(), file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
-    command, rest = arguments[0], arguments[1:]
+    command, *rest = arguments
     if command in ("-V", "--version", "version"):
         from gvla2 import __version__
 
         print(f"gvla2 {__version__}")
         return 0
     if command in ("--shell-completion", "-sc"):
-        from gvla2.commands.completion import main as complete
+        from gvla2.commands.hydra_job import complete
 
-        return complete(rest)
+        return complete(rest, COMMANDS)
     if command not in COMMANDS:
-        close = get_close_matches(command, COMMANDS, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else ""
+        from gvla2.errors import did_you_mean
+
+        hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
-    try:
-        module = import_module(f"gvla2.commands.{command}")
-        if not hasattr(module, "main"):
-            from gvla2.commands.hydra_job import launch
-
-            return launch(command, module.job, rest)
-        status = module.main(rest)
-    except KeyboardInterrupt:
-        print("gvla2: interrupted.", file=sys.stderr)
-        return 130
-    except SystemExit as leaving:  # argparse: 0 after --help, 2 for wrong usage
-        return int(leaving.code or 0)
-    return int(status)
+    return int(import_module(f"gvla2.commands.{command}").main(rest))
 
 
 def usage() -> str:
@@ -76,7 +65,7 @@ def usage() -> str:
     width = max(len(name) for name in COMMANDS)
     commands = "\n".join(f"  {name:<{width}}  {what}" for name, what in COMMANDS.items())
     return f"""\
-gvla2: geometry-aware, memory-guided robot planning, every part a plugin.
+gvla2: geometry-aware, memory-guided robot planning, every component a plugin.
 
 Usage: gvla2 <command> [key=value ...]
 
@@ -86,8 +75,8 @@ Commands:
 Options:
   -h, --help             this text; `gvla2 <command> --help` explains a command
   -V, --version          the version (also: gvla2 version)
-  --shell-completion install=bash|zsh|fish
-                         print a script for your shell: eval "$(gvla2 --shell-completion install=bash)"
+  -sc install=bash|zsh|fish
+                         print a completion script for your shell: eval "$(gvla2 -sc install=bash)"
 
 Examples:
   gvla2 run task=push_block seed=3

@@ -1,4 +1,4 @@
-"""Every extension point of gvla2 as pluggy sees it: one hook per kind of component, and three others.
+"""Every extension point of gvla2: one hook for each kind of component, and three others.
 
 A plugin is a module (or any object) with functions marked ``@hookimpl``, named after a hook. It is announced by an
 entry point of the group ``gvla2``, or passed to :func:`gvla2.register` in a notebook or a test. Each hook *collects*:
@@ -17,52 +17,150 @@ returns the list that counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from gvla2.component import hookspec
-from gvla2.plugins.kinds import KINDS, Kind
 
 if TYPE_CHECKING:
+    from gvla2.agents.contracts import Agent
+    from gvla2.component import Component
+    from gvla2.language.endpoint import LanguageModel
+    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
+    from gvla2.planning.contracts import Perceiver, Planner
+    from gvla2.plugins.kinds import Kind
+    from gvla2.reconstruction.contracts import (
+        AxisCompensation,
+        FusionStrategy,
+        GeometryPrior,
+        Reconstructor,
+        Renderer,
+    )
+    from gvla2.record.tracker import Tracker, Viewer
+    from gvla2.robot.backend import DepthCamera, RobotBackend
+    from gvla2.robot.task import Task
     from gvla2.skills.skill import Skill
-
-KINDS_HOOK = "gvla2_kinds"
-SEARCH_PATH_HOOK = "gvla2_config_search_path"
-SKILL_HOOK = "gvla2_skills"
 
 
 @hookspec
-def gvla2_kinds() -> Iterable[Kind]:
+def gvla2_robots() -> Iterable[Component[RobotBackend]]:  # type: ignore[empty-body]
+    """Return robot backends, simulated or real: cameras, motion, execution. Hydra group ``robot``."""
+
+
+@hookspec
+def gvla2_cameras() -> Iterable[Component[DepthCamera]]:  # type: ignore[empty-body]
+    """Return depth cameras for robots without cameras of their own: live or replayed. Hydra group ``camera``."""
+
+
+@hookspec
+def gvla2_tasks() -> Iterable[Component[Task]]:  # type: ignore[empty-body]
+    """Return tasks: what lies on the table, what is asked, when it is done. Hydra group ``task``."""
+
+
+@hookspec
+def gvla2_perceivers() -> Iterable[Component[Perceiver]]:  # type: ignore[empty-body]
+    """Return perceivers: RGB-D views to a labelled 3D scene. Hydra group ``perceiver``."""
+
+
+@hookspec
+def gvla2_reconstructors() -> Iterable[Component[Reconstructor]]:  # type: ignore[empty-body]
+    """Return reconstructors: masked views to a first geometry of the object. Hydra group ``reconstructor``."""
+
+
+@hookspec
+def gvla2_geometry_priors() -> Iterable[Component[GeometryPrior]]:  # type: ignore[empty-body]
+    """Return geometry priors: depth for the views from outside knowledge. Hydra group ``prior``."""
+
+
+@hookspec
+def gvla2_axis_compensations() -> Iterable[Component[AxisCompensation]]:  # type: ignore[empty-body]
+    """Return axis compensations: a scale for each axis and a shift, from masks alone. Hydra group ``axis``."""
+
+
+@hookspec
+def gvla2_fusion_strategies() -> Iterable[Component[FusionStrategy]]:  # type: ignore[empty-body]
+    """Return fusion strategies: two geometries into one. Hydra group ``fusion``."""
+
+
+@hookspec
+def gvla2_renderers() -> Iterable[Component[Renderer]]:  # type: ignore[empty-body]
+    """Return renderers of Gaussians. Hydra group ``renderer``."""
+
+
+@hookspec
+def gvla2_memories() -> Iterable[Component[Memory]]:  # type: ignore[empty-body]
+    """Return whole memory methods: recall and learn. Hydra group ``memory``."""
+
+
+@hookspec
+def gvla2_retrievers() -> Iterable[Component[Retriever]]:  # type: ignore[empty-body]
+    """Return retrievers: rank records for a task, or abstain. Hydra group ``retriever``."""
+
+
+@hookspec
+def gvla2_embedders() -> Iterable[Component[Embedder]]:  # type: ignore[empty-body]
+    """Return embedders: texts to unit vectors. Hydra group ``embedder``."""
+
+
+@hookspec
+def gvla2_inducers() -> Iterable[Component[Inducer]]:  # type: ignore[empty-body]
+    """Return inducers: an episode and its verdict to candidate lessons. Hydra group ``inducer``."""
+
+
+@hookspec
+def gvla2_judges() -> Iterable[Component[Judge]]:  # type: ignore[empty-body]
+    """Return judges: whether two lessons contradict each other. Hydra group ``judge``."""
+
+
+@hookspec
+def gvla2_planners() -> Iterable[Component[Planner]]:  # type: ignore[empty-body]
+    """Return planners: instruction, scene and advice to waypoints. Hydra group ``planner``."""
+
+
+@hookspec
+def gvla2_verifiers() -> Iterable[Component[Verifier]]:  # type: ignore[empty-body]
+    """Return verifiers: a verdict on an episode from its evidence. Hydra group ``verifier``."""
+
+
+@hookspec
+def gvla2_agents() -> Iterable[Component[Agent]]:  # type: ignore[empty-body]
+    """Return software agents that work at a shell in a sandbox. Hydra group ``agent``."""
+
+
+@hookspec
+def gvla2_trackers() -> Iterable[Component[Tracker]]:  # type: ignore[empty-body]
+    """Return trackers: experiment-tracking services that log a run. Hydra group ``tracker``."""
+
+
+@hookspec
+def gvla2_views() -> Iterable[Component[Viewer]]:  # type: ignore[empty-body]
+    """Return views: files that show an episode in an external 3D viewer. Hydra group ``view``."""
+
+
+@hookspec
+def gvla2_language_models() -> Iterable[Component[LanguageModel]]:  # type: ignore[empty-body]
+    """Return language models for components that say ``needs=("language",)``. Hydra group ``language``."""
+
+
+@hookspec
+def gvla2_skills() -> Iterable[Skill]:  # type: ignore[empty-body]
+    """Return skills that every planner may call: all that are offered, by name, without a Hydra group."""
+
+
+@hookspec
+def gvla2_kinds() -> Iterable[Kind]:  # type: ignore[empty-body]
     """Return kinds of components that this plugin adds to those of :data:`gvla2.plugins.kinds.KINDS`.
 
     Each has a hook and a Hydra group of its own, may be chosen in every ``gvla2 run``, and is built where another
     component ``needs`` it.
     """
-    raise AssertionError("specification only")
 
 
 @hookspec
-def gvla2_skills() -> Iterable[Skill]:
-    """Return skills that every planner may call: all that are offered, by name (no Hydra group)."""
-    raise AssertionError("specification only")
-
-
-@hookspec
-def gvla2_config_search_path() -> Iterable[str]:
+def gvla2_config_search_path() -> Iterable[str]:  # type: ignore[empty-body]
     """Return Hydra search paths with YAML presets of this plugin, such as ``pkg://mine.conf``."""
-    raise AssertionError("specification only")
 
 
-def specifications(kinds: Iterable[Kind] = KINDS.values()) -> type:
-    """The hooks of these kinds, for :meth:`pluggy.PluginManager.add_hookspecs`."""
-    hooks = {kind.hook: staticmethod(hookspec(_specification(kind))) for kind in kinds}
-    return type("Specifications", (), hooks)
-
-
-def _specification(kind: Kind) -> Callable[[], Iterable[object]]:
-    def hook() -> Iterable[object]:
-        raise AssertionError("specification only")
-
-    hook.__name__ = hook.__qualname__ = kind.hook
-    hook.__doc__ = f"Return {kind.what} (Hydra group ``{kind.name}``)."
-    return hook
+KINDS_HOOK = gvla2_kinds.__name__
+SEARCH_PATH_HOOK = gvla2_config_search_path.__name__
+SKILL_HOOK = gvla2_skills.__name__

@@ -14,13 +14,13 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts, run_episodes
+from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.plugins.hydra_config import register
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from tests.quick import QUICK
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
@@ -72,7 +72,7 @@ def parts(registry):
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         overrides = ["memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"]
         config = OmegaConf.to_object(compose("run", overrides=overrides))
-    built = build_parts(config, registry)
+    built = build_components(config, registry)
     with closing(built.robot):
         yield built
 

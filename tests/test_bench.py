@@ -27,7 +27,7 @@ from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")

@@ -151,11 +151,11 @@ def test_pairs_that_differ_are_filmed_before_failures():
     ],
 )
 def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str, factor: str, told: str):
-    def told_of(*given: str) -> tuple[str, str]:
+    def stories_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
         return str(design.plan[0].factors.get(factor, "")), design.plan[0].keys["strict"]
 
-    usual, changed = told_of(), told_of(override)
+    usual, changed = stories_of(), stories_of(override)
     assert changed[0] == told != usual[0]
     assert changed[1] != usual[1]
 

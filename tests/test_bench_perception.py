@@ -177,7 +177,7 @@ def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
         def close(self): ...
 
     from gvla2.evaluation.perception.suite import Bench, WantedLayout, measure
-    from gvla2.robot.noise_options import DepthNoise
+    from gvla2.robot.options import DepthNoise
 
     bench = Bench(Real(), None, Blind(), None, DepthNoise())
     with pytest.raises(ConfigurationError, match="knows what each pixel shows"):

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.config_errors import explain
-from gvla2.commands.run import build_parts, run_episodes
+from gvla2.commands.hydra_job import explain
+from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
@@ -52,7 +52,7 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(*overrides):
-        parts = build_parts(compose_run(*QUICK, *overrides), registry)
+        parts = build_components(compose_run(*QUICK, *overrides), registry)
         opened.extend((parts.robot, parts.memory))
         return parts
 

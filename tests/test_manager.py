@@ -223,9 +223,9 @@ def _returns_nonsense() -> Any:
     [
         (_raises_before, "ValueError: early"),
         (_raises_after, "ValueError: late"),
-        (_never_yields, "it never reaches a yield"),
-        (_yields_twice, "yields a second time"),
-        (_returns_nonsense, "not 3"),
+        (_never_yields, "did not yield"),
+        (_yields_twice, "has second yield"),
+        (_returns_nonsense, "not iterable"),
         (lambda: [], "wrapper without a yield"),
     ],
 )

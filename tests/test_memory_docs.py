@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.commands.memory_line import VERBS
+from gvla2.commands.memory import VERBS
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "05_memory_for_another_agent.py"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.commands.run import build_parts, run_episodes
+from gvla2.commands.run import build_components, run_episodes
 from gvla2.errors import MissingDependencyError
 from gvla2.testing.language import LocalModel, said
 from tests.quick import QUICK
@@ -43,7 +43,7 @@ def test_what_the_model_cost_is_in_the_result_by_purpose_and_the_key_nowhere(
 
 def test_a_model_that_nobody_asks_is_not_even_made(registry, compose_run, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    parts = build_parts(compose_run(*QUICK, "memory=none"), registry)
+    parts = build_components(compose_run(*QUICK, "memory=none"), registry)
     parts.robot.close()
     assert parts.language is None
     assert "language" not in parts.choices
@@ -53,4 +53,4 @@ def test_one_that_is_asked_needs_its_packages_before_the_robot_moves(registry, c
     config = compose_run(*QUICK, "memory=none", "verifier=llm")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingDependencyError, match=r"gvla2\[llm\]"):
-        build_parts(config, registry)
+        build_components(config, registry)

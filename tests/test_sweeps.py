@@ -216,14 +216,6 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
     assert sweeps.done_before(tmp_path, digest) is None
 
 
-@pytest.mark.parametrize("flag", [["--cfg", "job"], ["--cfg=job"], ["--info", "all"]])
-def test_flags_of_one_job_in_a_sweep_end_in_a_sentence(flag: list[str], capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["run", "-m", "seed=0,1", *flag]) == 2
-    told = capsys.readouterr().err
-    assert "show one job: omit -m" in told
-    assert "Traceback" not in told
-
-
 def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
     from gvla2.commands.run import bank_line
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2 import cli
-from gvla2.commands import tasks
+from gvla2.commands import hydra_job
 from gvla2.commands.tasks import main
 from gvla2.errors import Gvla2Error
 
@@ -43,7 +43,7 @@ def test_by_default_all_tasks_are_shown_that_need_no_option(tmp_path: Path, monk
     def broken(*_: object) -> dict[str, object]:
         raise Gvla2Error("there is no robot")
 
-    monkeypatch.setattr(tasks, "_build", broken)
+    monkeypatch.setattr(hydra_job, "composed", broken)
     page = tmp_path / "page.html"
     assert main(["--output", str(page)]) == 1, "none could be laid out"
     html = page.read_text()

@@ -1,4 +1,4 @@
-"""The sub-commands, one file each: a module with ``main(argv) -> exit status``, or for Hydra just a ``job``."""
+"""The sub-commands, one module each, with ``main(argv) -> exit status``."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -9,7 +9,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "reconstruct": "an object's refined geometry from a folder of calibrated views",
         "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
         "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
-        "memory": "inspect a memory's bank: list, search, history, import, export, govern, forget",
+        "memory": "search and list a memory bank, import, export, govern, forget",
         "data": "list the data sets and weights found here, and how to get the others",
         "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
         "tasks": "a page of every task from its four cameras, as laid out and as solved",

@@ -10,7 +10,7 @@ from gvla2.commands.run_config import ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 @dataclass

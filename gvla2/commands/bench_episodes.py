@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 from gvla2.commands.bench_arms import MEMORY, BenchArm, chosen_memory, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_subjects import subject_options
-from gvla2.commands.run import GEOMETRY, LOOP, EpisodeReporter, build_parts
+from gvla2.commands.run import GEOMETRY, LOOP, EpisodeReporter, build_components
 from gvla2.evaluation.robot.design import NOT_MEASURED, failure_class
 from gvla2.plugins.registry import Registry
 
 if TYPE_CHECKING:
-    from gvla2.episode.loop import Parts
+    from gvla2.episode.loop import Components
     from gvla2.episode.record import EpisodeRecord
     from gvla2.evaluation.results import Cell
     from gvla2.evaluation.robot.experience import Experience
@@ -94,7 +94,7 @@ def run_unit(unit: Planned, registry: Registry) -> list[Cell]:
     return cells_of(unit, record, seconds, explored)
 
 
-def _run(unit: Planned, parts: Parts) -> tuple[EpisodeRecord, float]:
+def _run(unit: Planned, parts: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
     from gvla2.episode.loop import EpisodeRequest, run_episode
     from gvla2.record.recorder import RunRecorder
@@ -187,7 +187,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _exploring(unit: Planned, registry: Registry, parts: Parts) -> Any:
+def _exploring(unit: Planned, registry: Registry, parts: Components) -> Any:
     """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
     planner = unit.config.planner
     if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
@@ -212,17 +212,17 @@ def _memory(unit: Planned, registry: Registry) -> Iterator[Memory]:
         yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
 
 
-_kept: dict[str, Parts] = {}
+_kept: dict[str, Components] = {}
 """The parts of the task that this process worked on last: a robot takes a second to build."""
 
 
-def _parts_of(unit: Planned, registry: Registry) -> Parts:
+def _parts_of(unit: Planned, registry: Registry) -> Components:
     key = repr((unit.config, unit.task))
     if key not in _kept:
         _forget_parts()
         root = chosen_parts(unit.config, registry, unit.task)
         named = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = build_parts(root, registry, {**named, "task": unit.task}, unit.config.branch)
+        _kept[key] = build_components(root, registry, {**named, "task": unit.task}, unit.config.branch)
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
 
 

@@ -19,7 +19,7 @@ from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError, Gvla2Error, did_you_mean
 from gvla2.io.files import write_bytes
 from gvla2.plugins.registry import Registry, load_plugins
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,3 +76,10 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     made.save(path)
     print(f"calibration: {path}")
     return made.rmse
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("calibrate", job, argv)

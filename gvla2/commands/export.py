@@ -46,11 +46,6 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def complete(words: Sequence[str]) -> list[str]:
-    """Completions of the last word."""
-    return list(FORMATS) if len(words) == 1 else ["to=", "only=success", "only=all"]
-
-
 def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
     """Write the data set of all episodes below ``runs``; returns a sentence on what it holds and what was left out."""
     lacking = [name for name in ("pyarrow", "imageio_ffmpeg") if find_spec(name) is None]

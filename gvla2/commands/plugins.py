@@ -73,17 +73,6 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def complete(words: Sequence[str]) -> list[str]:
-    """Completions of the last word: a kind, then a name of that kind, then ``--json``."""
-    if len(words) == 1:
-        return [*load_plugins().kinds, SKILL, "--json"]
-    if len(words) == 2 and words[0] == SKILL:
-        return [*load_plugins().skills, "--json"]
-    if len(words) == 2 and words[0] in (registry := load_plugins()).kinds:
-        return [*registry.components(words[0]), "--json"]
-    return ["--json"]
-
-
 def options(config: type) -> list[Option]:
     """The options of a component's dataclass, nested ones by dotted names; ``name`` is not an option."""
     return [option for option in _options(config, OmegaConf.structured(config)) if option.name != "name"]

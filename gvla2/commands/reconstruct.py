@@ -226,3 +226,10 @@ def _tell_stages(result: BranchResult, steps: _Steps) -> None:
         log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
         found = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
         steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, found)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("reconstruct", job, argv)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import sys
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gvla2.commands.run_config import RunConfig
-    from gvla2.episode.loop import Parts
+    from gvla2.episode.loop import Components
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
@@ -154,9 +153,7 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     counting, records = records is not None, [] if records is None else records
     with ExitStack() as stack:
-        parts = build_parts(config, registry, branch=config.branch)
-        gc.freeze()  # what was imported and built stays: an episode's garbage is not searched for there
-        gc.enable()
+        parts = build_components(config, registry, branch=config.branch)
         stack.enter_context(closing(parts.robot))
         stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
@@ -215,19 +212,19 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
-def build_parts(
+def build_components(
     config: object,
     registry: Registry,
     choices: Mapping[str, str] | None = None,
     branch: BranchOptions | None = None,
-) -> Parts:
+) -> Components:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
     ``choices`` are their names in the record, by default their names by group;
     ``branch`` the options of the reconstruction branch.
     """
-    from gvla2.episode.loop import Parts
-    from gvla2.episode.refine import GeometryParts
+    from gvla2.episode.loop import Components
+    from gvla2.episode.refine import GeometryComponents
     from gvla2.reconstruction.options import BranchOptions
 
     _check_camera(config, registry)
@@ -237,9 +234,11 @@ def build_parts(
         chosen = [group for group in registry.groups if group != "language" or group in built]
         choices = {kind: getattr(config, kind).name for kind in chosen}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Parts(
+    return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()),
+        geometry=GeometryComponents(
+            **{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()
+        ),
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
@@ -258,7 +257,7 @@ def _check_camera(config: object, registry: Registry) -> None:
         )
 
 
-def crashed_component(parts: Parts, error: BaseException) -> str:
+def crashed_component(parts: Components, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
@@ -278,7 +277,7 @@ def crashed_component(parts: Parts, error: BaseException) -> str:
 
 
 def _run_one(
-    parts: Parts,
+    parts: Components,
     config: RunConfig,
     seed: int,
     listener: EpisodeReporter,
@@ -306,11 +305,7 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.disable()  # until the first episode: see `run_episodes`
-    try:
-        from gvla2.commands.hydra_job import launch
-        from gvla2.commands.sweeps import conclude
+    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.sweeps import conclude
 
-        return conclude(launch("run", job, argv), argv)
-    finally:
-        gc.enable()
+    return conclude(launch("run", job, argv), argv)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.hydra_config import EveryKind
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 @dataclass

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
 
@@ -41,6 +41,7 @@ def main(argv: Sequence[str]) -> int:
 
 def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[TaskShown]:
     """The named tasks, or all that need no option, one by one as they are rendered; progress goes to stderr."""
+    from gvla2.commands.hydra_job import composed
     from gvla2.plugins.registry import load_plugins
     from gvla2.record.overview import TaskShown
 
@@ -51,30 +52,19 @@ def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> I
         offer = registry.get("task", name)
         print(f"{name} ...", file=sys.stderr, flush=True)
         try:
-            built = _build(registry, robot, name)
+            config, _ = composed("run", [f"task={name}", f"robot={robot}"])
+            built = registry.build_all(config, ("robot", "task"))
             with closing(built["robot"]) as arm:
                 yield _photograph(arm, built["task"], name, offer.summary, seed, demonstrate)
         except Gvla2Error as error:
             yield TaskShown(name, offer.summary, problem=str(error))
 
 
-def _build(registry: Any, robot: str, task: str) -> dict[str, Any]:
-    """Robot and task as ``gvla2 run`` would make them by default."""
-    from hydra import compose
-    from omegaconf import OmegaConf
-
-    from gvla2.commands.completion import hydra_application
-
-    with hydra_application(registry):
-        config = OmegaConf.to_object(compose("run", overrides=[f"task={task}", f"robot={robot}"]))
-    return dict(registry.build_all(config, ("robot", "task")))
-
-
 def _photograph(
     robot: RobotBackend, task: Task, name: str, summary: str, seed: int, demonstrate: bool
 ) -> TaskShown:
     from gvla2.record.overview import TaskShown
-    from gvla2.robot import demonstration
+    from gvla2.robot import backend
 
     instance = robot.reset(task, seed)
     if instance is None:
@@ -85,7 +75,7 @@ def _photograph(
     )
     if not demonstrate or instance.solution is None:
         return shown
-    reports = demonstration.demonstrate(robot, instance)
+    reports = backend.demonstrate(robot, instance)
     after = robot.observe().views
     judged = robot.success_check()
     done, strict = (False, False) if judged is None else (judged.relaxed, judged.strict)
@@ -110,11 +100,3 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--start-only", action="store_true", help="omit the demonstrations")
     return parser
-
-
-def complete(words: Sequence[str]) -> list[str]:
-    """Completions of the last word: tasks and options."""
-    from gvla2.plugins.registry import load_plugins
-
-    del words
-    return [*load_plugins().components("task"), "--robot", "--seed", "--output", "--start-only"]

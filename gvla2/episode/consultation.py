@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from gvla2.episode.advice import advice_for
-from gvla2.episode.checking import check_plan
+from gvla2.episode.fallback import check_plan
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
 from gvla2.language.failures import LanguageModelError

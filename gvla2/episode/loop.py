@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gvla2.episode.advice import with_sound_effects
-from gvla2.episode.consultation import Asked, Consultation
 from gvla2.episode.evidence import RobotEvidence
+from gvla2.episode.fallback import Asked, Consultation
 from gvla2.episode.lessons import memory_task, transcript
 from gvla2.episode.listener import EpisodeListener, SilentListener
 from gvla2.episode.memory_reporting import told_of
@@ -48,7 +48,7 @@ from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 from gvla2.skills.skill import Skill
@@ -92,7 +92,7 @@ class EpisodeRequest:
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
     there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
-    it is confident; None leaves that to the planner (:mod:`gvla2.episode.consultation`).
+    it is confident; None leaves that to the planner (:mod:`gvla2.episode.fallback`).
     """
 
     seed: int

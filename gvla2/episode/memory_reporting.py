@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gvla2.episode.conversation import turns
 from gvla2.episode.lessons import memory_episode
+from gvla2.episode.memory_reporting import turns
 from gvla2.episode.multi_step import with_whole_program
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import MemoryEpisode, Verdict

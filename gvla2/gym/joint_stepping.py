@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.gym.actions import JointDeltas
-from gvla2.robot.backend import RobotBackend, SuccessCheck
-from gvla2.robot.demonstration import Truthful
-from gvla2.robot.playback import Servo
+from gvla2.robot.backend import RobotBackend, SuccessCheck, Truthful
+from gvla2.robot.driver import Servo
 from gvla2.robot.task import TaskInstance
 
 RATE = 20.0

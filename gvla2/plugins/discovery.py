@@ -9,14 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 
 from gvla2.component import PROJECT, registered
+from gvla2.errors import did_you_mean
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
 """Environment variable with the names of plugins to skip, separated by commas; ``*`` skips all."""
@@ -66,7 +66,9 @@ def discover(problems: list[PluginProblem]) -> Iterator[tuple[Plugin, object]]:
             yield plugin, loaded
     for name in sorted(disabled - seen - {"*"}):
         problems.append(
-            PluginProblem(name, DISABLE_VARIABLE, f"is not installed, so not disabled.{closest(name, seen)}")
+            PluginProblem(
+                name, DISABLE_VARIABLE, f"is not installed, so not disabled.{did_you_mean(name, seen)}"
+            )
         )
 
 
@@ -113,12 +115,6 @@ def describe(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         text = f"{error.msg} ({error.filename}, line {error.lineno})"
     return f"{type(error).__name__}: {text}"
-
-
-def closest(word: str, known: Iterable[str]) -> str:
-    """The sentence " Did you mean 'x'?" for the nearest known word, or ""."""
-    close = get_close_matches(word, list(known), n=1)
-    return f" Did you mean '{close[0]}'?" if close else ""
 
 
 def _distribution(point: EntryPoint) -> tuple[str, str]:

@@ -1,7 +1,6 @@
-"""The bridge to Hydra: components become choices of groups, and plugins' presets are found.
+"""Components as choices of Hydra groups, and the presets of plugins.
 
-Hydra keeps its configurations and plugins in process-wide stores of its own. This module fills them and is the
-only place that does.
+Hydra keeps its configurations and plugins in process-wide stores of its own. This module alone fills them.
 """
 
 from __future__ import annotations
@@ -136,8 +135,6 @@ def register(
         store.store(name=f"{name}_schema", node=node, provider=PROVIDER)
     callback = {"sweep": {"_target_": SWEEP_CALLBACK}}
     store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
-    # Hydra copies the whole store for every composition and every line of a help text, though loading copies too.
-    ConfigStore.__deepcopy__ = _itself  # type: ignore[attr-defined]
     PresetSearchPath.paths = registry.search_paths
     Plugins.instance().register(PresetSearchPath)
     Plugins.instance().register(ComponentSource)
@@ -169,11 +166,6 @@ def _choices(registry: Registry) -> list[dict[str, str | None]]:
         there = kind.name in KINDS or kind.default in (NONE, *registry.components(kind.name))
         chosen[kind.name] = kind.default if there else None
     return [{group: name} for group, name in chosen.items()]
-
-
-def _itself(store: ConfigStore, memo: Mapping[int, Any]) -> ConfigStore:
-    """The store in place of a copy."""
-    return store
 
 
 def _forget(stored: dict[str, Any]) -> None:

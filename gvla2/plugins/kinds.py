@@ -7,14 +7,14 @@ follow from it. A plugin declares further kinds with the hook ``gvla2_kinds``.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.errors import ConfigurationError
+from gvla2 import hookspecs
+from gvla2.errors import ConfigurationError, did_you_mean
 
 NONE = "none"
 """The empty choice, where no component of the kind has that name."""
@@ -57,59 +57,45 @@ class Kind:
         return lacking
 
 
-def _table(*rows: tuple[str, str, str, str, str]) -> Mapping[str, Kind]:
-    return MappingProxyType(
-        {
-            name: Kind(name, f"gvla2_{hook}", protocol, what, default)
-            for name, hook, protocol, what, default in rows
-        }
-    )
+def _kind(name: str, hook: Callable[[], object], protocol: str, default: str = NONE) -> Kind:
+    """A kind of the core: the first sentence of its hook says what it is."""
+    what = (inspect.getdoc(hook) or "").partition(". ")[0].removeprefix("Return ")
+    return Kind(name, hook.__name__, protocol, what, default)
 
 
-# fmt: off
-KINDS: Mapping[str, Kind] = _table(
-    ("robot", "robots", "gvla2.robot.backend:RobotBackend",
-     "robot backends, simulated or real: cameras, motion, execution", "sapien_panda"),
-    ("camera", "cameras", "gvla2.robot.camera:DepthCamera",
-     "depth cameras for robots without cameras of their own: live or replayed", "none"),
-    ("task", "tasks", "gvla2.robot.task:Task",
-     "tasks: what lies on the table, what is asked, when it is done", "pick_and_lift"),
-    ("perceiver", "perceivers", "gvla2.planning.contracts:Perceiver",
-     "perceivers: RGB-D views to a labelled 3D scene", "classical"),
-    ("reconstructor", "reconstructors", "gvla2.reconstruction.contracts:Reconstructor",
-     "reconstructors: masked views to the first object G0", "none"),
-    ("prior", "geometry_priors", "gvla2.reconstruction.contracts:GeometryPrior",
-     "geometry priors: depth for the views from outside knowledge", "none"),
-    ("axis", "axis_compensations", "gvla2.reconstruction.contracts:AxisCompensation",
-     "axis compensations: a scale an axis and a shift from masks alone", "contours"),
-    ("fusion", "fusion_strategies", "gvla2.reconstruction.contracts:FusionStrategy",
-     "fusion strategies: two geometries into one", "residual"),
-    ("renderer", "renderers", "gvla2.reconstruction.contracts:Renderer",
-     "renderers of Gaussians", "numba"),
-    ("memory", "memories", "gvla2.memory.contracts:Memory",
-     "whole memory methods: recall and learn", "governed"),
-    ("retriever", "retrievers", "gvla2.memory.contracts:Retriever",
-     "retrievers: rank records for a task, or abstain", "hybrid"),
-    ("embedder", "embedders", "gvla2.memory.contracts:Embedder",
-     "embedders: texts to unit vectors", "auto"),
-    ("inducer", "inducers", "gvla2.memory.contracts:Inducer",
-     "inducers: an episode and its verdict to candidate lessons", "rules"),
-    ("judge", "judges", "gvla2.memory.contracts:Judge",
-     "judges: which of the suspected lessons contradict each other", "rules"),
-    ("planner", "planners", "gvla2.planning.contracts:Planner",
-     "planners: instruction, scene and advice to waypoints", "skill"),
-    ("verifier", "verifiers", "gvla2.memory.contracts:Verifier",
-     "verifiers: judge an episode from its evidence", "geometric"),
-    ("agent", "agents", "gvla2.agents.contracts:Agent",
-      "software agents that work at a shell in a sandbox", NONE),
-    ("tracker", "trackers", "gvla2.record.tracker:Tracker",
-     "trackers: experiment-tracking services that log a run", "none"),
-    ("view", "views", "gvla2.record.tracker:Viewer",
-     "views: files that show an episode in an external 3D viewer", "none"),
-    ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
-     "language models for components that say needs=(\"language\",)", "endpoint"),
+_CORE = (
+    _kind("robot", hookspecs.gvla2_robots, "gvla2.robot.backend:RobotBackend", "sapien_panda"),
+    _kind("camera", hookspecs.gvla2_cameras, "gvla2.robot.backend:DepthCamera"),
+    _kind("task", hookspecs.gvla2_tasks, "gvla2.robot.task:Task", "pick_and_lift"),
+    _kind("perceiver", hookspecs.gvla2_perceivers, "gvla2.planning.contracts:Perceiver", "classical"),
+    _kind("reconstructor", hookspecs.gvla2_reconstructors, "gvla2.reconstruction.contracts:Reconstructor"),
+    _kind("prior", hookspecs.gvla2_geometry_priors, "gvla2.reconstruction.contracts:GeometryPrior"),
+    _kind(
+        "axis",
+        hookspecs.gvla2_axis_compensations,
+        "gvla2.reconstruction.contracts:AxisCompensation",
+        "contours",
+    ),
+    _kind(
+        "fusion",
+        hookspecs.gvla2_fusion_strategies,
+        "gvla2.reconstruction.contracts:FusionStrategy",
+        "residual",
+    ),
+    _kind("renderer", hookspecs.gvla2_renderers, "gvla2.reconstruction.contracts:Renderer", "numba"),
+    _kind("memory", hookspecs.gvla2_memories, "gvla2.memory.contracts:Memory", "governed"),
+    _kind("retriever", hookspecs.gvla2_retrievers, "gvla2.memory.contracts:Retriever", "hybrid"),
+    _kind("embedder", hookspecs.gvla2_embedders, "gvla2.memory.contracts:Embedder", "auto"),
+    _kind("inducer", hookspecs.gvla2_inducers, "gvla2.memory.contracts:Inducer", "rules"),
+    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge", "rules"),
+    _kind("planner", hookspecs.gvla2_planners, "gvla2.planning.contracts:Planner", "skill"),
+    _kind("verifier", hookspecs.gvla2_verifiers, "gvla2.memory.contracts:Verifier", "geometric"),
+    _kind("agent", hookspecs.gvla2_agents, "gvla2.agents.contracts:Agent"),
+    _kind("tracker", hookspecs.gvla2_trackers, "gvla2.record.tracker:Tracker"),
+    _kind("view", hookspecs.gvla2_views, "gvla2.record.tracker:Viewer"),
+    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.endpoint:LanguageModel", "endpoint"),
 )
-# fmt: on
+KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE})
 """The kinds of the core by name, in the order of an episode, then the language model that others may ask."""
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
@@ -137,8 +123,7 @@ def kind_of(name: str, kinds: Mapping[str, Kind] = KINDS) -> Kind:
     """The kind of that name; raises :class:`ConfigurationError` with the names that exist."""
     if name in kinds:
         return kinds[name]
-    close = get_close_matches(name, kinds, n=1)
-    hint = f" Did you mean '{close[0]}'?" if close else ""
+    hint = did_you_mean(name, kinds)
     raise ConfigurationError(f"No kind of component is called '{name}'.{hint} Kinds: {', '.join(kinds)}.")
 
 

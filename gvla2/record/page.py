@@ -17,7 +17,7 @@ from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
 from markupsafe import Markup
 
-from gvla2.episode.conversation import turns_of
+from gvla2.episode.memory_reporting import turns_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import OutputError
 from gvla2.io.array_cache import cache_folder

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from gvla2.episode.conversation import kept
+from gvla2.episode.memory_reporting import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.files import plain
 from gvla2.planning.contracts import Plan

@@ -14,7 +14,6 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.robot.collision import CollisionChecker, CollisionModel
 from gvla2.robot.ik import InverseKinematics
 from gvla2.robot.kinematics import Kinematics
-from gvla2.robot.tool_line import trace_line
 
 
 class ArmModel:
@@ -100,4 +99,4 @@ class ArmModel:
     ) -> Sequence[FloatArray] | None:
         """Joints, ``start`` first, every ``step`` metres of a straight tool move; None if impossible."""
         target = check_rigid(world_from_tcp, "target pose")
-        return trace_line(self.kinematics, self.ik, np.asarray(start, dtype=np.float64), target, step)
+        return self.ik.line(np.asarray(start, dtype=np.float64), target, step)

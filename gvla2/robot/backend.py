@@ -9,12 +9,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.geometry.views import Observation
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation, View
 from gvla2.planning.arm import Arm
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2.robot.task import Task, TaskInstance
+from gvla2.robot.task import Task, TaskInstance, WorldState
 
 
 @dataclass(frozen=True)
@@ -101,3 +103,78 @@ class RobotBackend(Protocol):
     def close(self) -> None:
         """Release the simulator or the arm; safe to call twice."""
         ...
+
+
+@dataclass(frozen=True)
+class CameraFrames:
+    """The cameras' frames of one moment.
+
+    ``views`` are RGB-D: depth in metres along the camera's z, aligned to the colour image, NaN where nothing was
+    measured; each view's ``camera.world_from_camera`` is its pose in the robot's *base* frame (the robot moves it on
+    into the world). ``timestamps`` are the moments of exposure, one per view, seconds of ``time.time()``.
+    ``camera=none`` gives no views. Raises :class:`RobotError` when the two differ in number.
+    """
+
+    views: tuple[View, ...]
+    timestamps: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.views) != len(self.timestamps):
+            raise RobotError(
+                f"A camera gave {len(self.views)} views and {len(self.timestamps)} timestamps; each view has one."
+            )
+
+
+class DepthCamera(Protocol):
+    """One or several calibrated depth cameras, live or recorded.
+
+    ``observe`` may be called any number of times; ``close`` twice. A camera that was unplugged, is frozen, or gives
+    images of a different size than its calibration's raises :class:`gvla2.errors.RobotError`, naming it.
+    """
+
+    @property
+    def live(self) -> bool:
+        """Whether it shows the present; a real arm does not move by recorded or synthetic pictures."""
+        ...
+
+    def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
+        """Frames taken after the call began. A camera on the hand needs the tool's pose ``base_from_tcp`` (4, 4)."""
+        ...
+
+    def close(self) -> None:
+        """Release the device or the files."""
+        ...
+
+
+@runtime_checkable
+class Truthful(Protocol):
+    """A simulated robot that exposes the true state of its world, for demonstrations and the ``oracle`` perceiver."""
+
+    def true_state(self) -> WorldState:
+        """The state that a success check may read, live."""
+        ...
+
+    def true_scene(self) -> Scene:
+        """Every body of the episode as a scene object, its id the body's name."""
+        ...
+
+
+def demonstrate(
+    robot: RobotBackend, instance: TaskInstance, listener: ExecutionListener = ExecutionListener()
+) -> tuple[ExecutionReport, ...]:
+    """Carry out the episode's scripted solution; returns the reports of its stretches, up to the first abort.
+
+    Raises :class:`ConfigurationError` when the episode has none or the robot does not expose its true state.
+    """
+    if instance.solution is None:
+        raise ConfigurationError("This task comes without a demonstration.")
+    if not isinstance(robot, Truthful):
+        raise ConfigurationError(
+            f"The robot {type(robot).__name__} does not expose the true state of its world."
+        )
+    reports = []
+    for waypoints in instance.solution(robot.true_state(), robot.arm):
+        reports.append(robot.execute(Trajectory(tuple(waypoints)), robot.true_scene(), listener))
+        if reports[-1].abort is not None:
+            break
+    return tuple(reports)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Sequence
+import xml.etree.ElementTree as ET
+from collections import Counter, OrderedDict, defaultdict
+from collections.abc import Sequence, Set
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -12,13 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.robot.kinematics import Kinematics
-from gvla2.robot.libraries import library
-from gvla2.robot.link_hulls import link_geometry
-from gvla2.robot.self_collision import disabled, usually_close
+from gvla2.robot.kinematics import Kinematics, library
 
 TABLE = "table"
 """The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
@@ -224,3 +223,100 @@ def _bisecting(count: int) -> NDArray[np.intp]:
     for bit in range(bits):
         reverse |= ((codes >> bit) & 1) << (bits - 1 - bit)
     return np.asarray(reverse[reverse < count], dtype=np.intp)
+
+
+def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: Sequence[Path]) -> Any:
+    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, and names may repeat.
+
+    Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull. Raises :class:`RobotError`
+    when a mesh can't be read.
+    """
+    pin, folders = library("pinocchio"), [str(folder) for folder in package_dirs]
+    try:
+        source = pin.buildGeomFromUrdf(
+            kinematics.model, str(urdf), pin.GeometryType.COLLISION, package_dirs=folders
+        )
+    except ValueError as error:
+        raise RobotError(f"The collision meshes of {urdf.name} can't be read: {error}") from error
+    merged = pin.GeometryModel()
+
+    def add(frame: int, placement: Any, shape: Any) -> None:
+        link = kinematics.model.frames[frame]
+        merged.addGeometryObject(pin.GeometryObject(link.name, link.parentJoint, frame, placement, shape))
+
+    corners: dict[int, list[FloatArray]] = defaultdict(list)
+    for solid in source.geometryObjects:
+        points = _corners(solid.geometry)
+        if points is None:
+            add(solid.parentFrame, solid.placement, solid.geometry)
+        else:
+            pose = solid.placement
+            corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
+    for frame, parts in corners.items():
+        add(frame, pin.SE3.Identity(), _hull(np.concatenate(parts)))
+    return merged
+
+
+def _corners(shape: Any) -> FloatArray | None:
+    """Points (N, 3) whose hull contains a mesh or box; None for round primitives."""
+    coal = library("coal")
+    if isinstance(shape, coal.BVHModelBase):
+        return np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+    if isinstance(shape, coal.Box):
+        return box_corners(2.0 * shape.halfSide)
+    return None
+
+
+def _hull(points: FloatArray) -> Any:
+    coal = library("coal")
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex.convexHull(vertices, True, "Qt")
+
+
+Pair = frozenset[str]
+"""Two links by name."""
+
+POSTURES, USUAL = 300, 0.5
+"""Number of sampled postures; links whose hulls overlap in more than this share of them are neighbours with oversized
+hulls, not colliding."""
+
+
+def disabled(srdf: Path, reason: str = "") -> set[Pair]:
+    """The pairs whose checks an SRDF disables, for a ``reason`` ("Default": overlap at the default posture)."""
+    pairs = ET.parse(srdf).getroot().iter("disable_collisions")
+    return {
+        frozenset((pair.get("link1", ""), pair.get("link2", "")))
+        for pair in pairs
+        if reason in ("", pair.get("reason"))
+    }
+
+
+def usually_close(kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:
+    """Pairs of links whose overlap is harmless: joined by a joint, both of the ``hand`` (its fingers may meet), or
+    overlapping in more than ``USUAL`` of the postures drawn within the joints' limits, always the same ones.
+
+    ``robot`` is the pinocchio ``GeometryModel`` of the links' solids.
+    """
+    pin, model, solids = library("pinocchio"), kinematics.model, robot.geometryObjects
+    robot = robot.copy()
+    robot.removeAllCollisionPairs()
+    found: set[Pair] = set()
+    for i, j in combinations(range(len(solids)), 2):
+        one, other = solids[i], solids[j]
+        pair = frozenset((str(one.name), str(other.name)))
+        a, b = one.parentJoint, other.parentJoint
+        if a == b or model.parents[a] == b or model.parents[b] == a or pair <= hand:
+            found.add(pair)
+        else:
+            robot.addCollisionPair(pin.CollisionPair(i, j))
+    pairs = [frozenset((str(solids[p.first].name), str(solids[p.second].name))) for p in robot.collisionPairs]
+    data, geometry_data = model.createData(), robot.createData()
+    touched: Counter[Pair] = Counter()
+    rng = np.random.default_rng(20240229)
+    for joints in rng.uniform(kinematics.low, kinematics.high, (POSTURES, kinematics.dof)):
+        pin.computeCollisions(model, data, robot, geometry_data, kinematics.full(joints, 1.0), False)
+        results = geometry_data.collisionResults
+        touched.update({p for p, result in zip(pairs, results, strict=True) if result.isCollision()})
+    return found | {pair for pair, count in touched.items() if count > USUAL * POSTURES}

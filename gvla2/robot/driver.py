@@ -93,3 +93,17 @@ class GuardedDriver(Protocol):
         where it is, without settling, and the result says ``stopped``.
         """
         ...
+
+
+@runtime_checkable
+class Servo(Protocol):
+    """A simulated robot that follows a policy's joint targets among the task's things, without planning or checks."""
+
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
+        """The measurement after driving for ``seconds`` (0 only measures), without waiting for the arm to arrive.
+
+        The arm's targets move evenly to ``joints`` (dof,), radians, within its limits; the fingers' are immediately at
+        ``opening`` in [0, 1]. Raises :class:`gvla2.errors.RobotError` for joints that don't fit the arm, and when the
+        simulation has blown up.
+        """
+        ...

@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import RobotError
-from gvla2.geometry.transform import FloatArray
-from gvla2.planning.scene import Scene
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.arm import Attachment
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
+from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.driver import Driver, DriverState, GuardedDriver, MoveResult
-from gvla2.robot.guarding import GuardWatch
-from gvla2.robot.held import CarriedScene
 from gvla2.robot.motion import MotionFailure, MotionPlanner
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
-from gvla2.robot.safety import check_samples, check_trajectory
 from gvla2.robot.timing import MotionLimits, time_path
 
 
@@ -271,3 +270,133 @@ def _begun(index: int, waypoint: Waypoint) -> WaypointReport:
     """The report of a waypoint before anything is known about its motion."""
     x, y, z = map(float, waypoint.xyz)
     return WaypointReport(index, waypoint.stage, (x, y, z), (x, y, z), 0.0, 0.0, None)
+
+
+class CarriedScene:
+    """A scene in which at most one object is attached to the hand.
+
+    Parts of the carried object (those whose ``parent`` it is) move with it. ``scene`` is the hand's surroundings;
+    ``attached`` is the carried object, or None.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.attached: Attachment | None = None
+        self._parts: tuple[SceneObject, ...] = ()
+        self._grasped_at: FloatArray | None = None
+
+    def carry(self, object_id: str, world_from_tcp: FloatArray) -> None:
+        """Attach the object to the hand at the tool pose (4, 4) at which the fingers closed."""
+        if self.attached is not None and self.attached.object.id == object_id:
+            return
+        self.release(world_from_tcp)
+        thing = self.scene[object_id]
+        self._grasped_at = world_from_tcp
+        self._parts = tuple(o for o in self.scene.objects if o.parent == object_id)
+        rest = tuple(o for o in self.scene.objects if o.id != object_id and o.parent != object_id)
+        self.scene = replace(self.scene, objects=rest)
+        self.attached = Attachment(thing, invert_rigid(world_from_tcp) @ thing.world_from_object)
+
+    def release(self, world_from_tcp: FloatArray) -> None:
+        """Release the carried object where the tool pose (4, 4) leaves it."""
+        if self.attached is None or self._grasped_at is None:
+            return
+        moved = world_from_tcp @ invert_rigid(self._grasped_at)
+        left = tuple(
+            replace(
+                thing,
+                world_from_object=moved @ thing.world_from_object,
+                points=transform_points(moved, thing.points),
+                known=None
+                if thing.known is None
+                else replace(thing.known, world_from_scan=moved @ thing.known.world_from_scan),
+            )
+            for thing in (self.attached.object, *self._parts)
+        )
+        self.scene = replace(self.scene, objects=self.scene.objects + left)
+        self.attached, self._parts, self._grasped_at = None, (), None
+
+
+class GuardWatch:
+    """Watches one motion for a :class:`Guard`; implements :data:`gvla2.robot.driver.StopRule`.
+
+    ``force`` is the largest so far, newtons, None before a measurement. ``reason`` says what ended the motion, ""
+    before that.
+    """
+
+    def __init__(self, guard: Guard, arm: ArmModel) -> None:
+        self.force: float | None = None
+        self.reason = ""
+        self._guard, self._arm = guard, arm
+
+    def __call__(self, commanded: FloatArray, measured: FloatArray, force: FloatArray | None) -> bool:
+        """Whether to end the motion now; joints (dof,), radians, force (3,), newtons."""
+        guard = self._guard
+        if force is not None:
+            felt = float(np.linalg.norm(force))
+            self.force = max(felt, self.force or 0.0)
+            if 0.0 < guard.force < felt:
+                self.reason = f"Stopped on contact: {felt:.1f} N, guarded at {guard.force:g} N."
+                return True
+        if guard.stall > 0.0:
+            aimed, reached = self._arm.tool_positions(np.stack([commanded, measured]))
+            lag = float(np.linalg.norm(aimed - reached))
+            if lag > guard.stall:
+                self.reason = (
+                    f"Stopped where the tool was held back by {1e3 * lag:.1f} mm, "
+                    f"guarded at {1e3 * guard.stall:g} mm."
+                )
+                return True
+        return False
+
+
+def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) -> list[FloatArray]:
+    """World tool poses (4, 4) of all waypoints, from the tool's pose ``start`` (4, 4), after checking the waypoints.
+
+    Raises :class:`RobotError`, naming the first waypoint that can't be executed, and why.
+    """
+    if not trajectory.waypoints:
+        raise RobotError("The trajectory has no waypoints.")
+    known = {thing.id for thing in scene.objects}
+    for index, waypoint in enumerate(trajectory):
+        faults = [message for _, message in waypoint.faults()]
+        if not 0.0 <= waypoint.gripper <= 1.0:
+            faults.append(f"its gripper opening {waypoint.gripper} is outside [0, 1].")
+        if waypoint.carries and waypoint.carries not in known:
+            faults.append(f"it carries '{waypoint.carries}', which is not in the scene.")
+        if faults:
+            raise RobotError(f"Waypoint {index} ('{waypoint.stage}'): {faults[0]}")
+    return trajectory.poses(start)
+
+
+def check_samples(
+    samples: FloatArray,
+    dt: float,
+    measured: FloatArray,
+    limits: tuple[FloatArray, FloatArray],
+    velocity: FloatArray,
+    start_gap: float = 0.05,
+) -> None:
+    """Raise :class:`RobotError` unless joint samples (T, dof), one every ``dt`` seconds, may be sent.
+
+    They must be finite, inside ``limits`` (dof,), start within ``start_gap`` radians of the ``measured`` joints
+    (dof,), and never move faster than ``velocity`` (dof,) rad/s.
+    """
+    samples = np.asarray(samples, dtype=np.float64)
+    if samples.ndim != 2 or samples.shape[1] != len(measured) or not len(samples):
+        raise RobotError(f"Joint samples must be (T, {len(measured)}), got {samples.shape}.")
+    if not np.isfinite(samples).all() or not np.isfinite(measured).all():
+        raise RobotError("Joint samples or measured joints are not finite.")
+    low, high = limits
+    outside = np.maximum(low - samples, samples - high).max(axis=0)
+    if outside.max() > 1e-6:
+        joint = int(outside.argmax())
+        raise RobotError(f"Joint {joint + 1} would leave its limits by {outside[joint]:.3f} rad.")
+    gap = float(np.abs(samples[0] - measured).max())
+    if gap > start_gap:
+        raise RobotError(f"The motion starts {gap:.3f} rad from where the arm is; {start_gap} is allowed.")
+    if len(samples) > 1:
+        ratio = (np.abs(np.diff(samples, axis=0)) / (velocity * dt)).max(axis=0)
+        if ratio.max() > 1.05:
+            joint = int(ratio.argmax())
+            raise RobotError(f"Joint {joint + 1} would jump at {ratio[joint]:.1f} times its speed limit.")

@@ -2,8 +2,8 @@
 
 Eye to hand (the target is held by the hand): ``tcp_from_target = inv(base_from_tcp) base_from_camera
 camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): the constant is
-``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. Several closed-form solvers find the unknown;
-the best of them is then refined by least squares over the unknown and the constant together.
+``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed-form solvers find the unknown;
+the best answer is then refined by least squares over the unknown and the constant together.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, rigid
-from gvla2.robot.hand_eye_solvers import solvers
 
 Mount = Literal["eye_to_hand", "eye_in_hand"]
 
 FEWEST_PAIRS = 8
 SMALLEST_TURN = np.radians(15.0)
 """The hand must be turned at least this far about two axes: shifts alone leave a calibration undetermined."""
+
+SOLVERS = ("tsai", "park", "horaud", "andreff", "daniilidis")
+"""OpenCV's ``CALIB_HAND_EYE_*`` methods."""
 
 _LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
 
@@ -76,8 +78,8 @@ def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solut
     hands = [p.base_from_tcp if mount == "eye_in_hand" else invert_rigid(p.base_from_tcp) for p in pairs]
     targets = [p.camera_from_target for p in pairs]
     found = []
-    for name, solver in solvers().items():
-        transform = solver(hands, targets)
+    for name in SOLVERS:
+        transform = _closed_form(name, hands, targets)
         if np.isfinite(transform).all():
             found.append(_measure(name, transform, hands, targets))
     if not found:
@@ -87,6 +89,23 @@ def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solut
     best = min(found, key=lambda solution: solution.rmse)
     found.append(_measure("refined", _refine(best.transform, hands, targets), hands, targets))
     return sorted(found, key=lambda solution: solution.rmse)
+
+
+def _closed_form(method: str, hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """The unknown (4, 4) with ``hand unknown target`` constant by one of :data:`SOLVERS`; may hold NaN."""
+    import cv2
+
+    rotation, shift = cv2.calibrateHandEye(
+        [h[:3, :3] for h in hands],
+        [h[:3, 3] for h in hands],
+        [t[:3, :3] for t in targets],
+        [t[:3, 3] for t in targets],
+        method=getattr(cv2, f"CALIB_HAND_EYE_{method.upper()}"),
+    )
+    if not np.isfinite(rotation).all():
+        return np.full((4, 4), np.nan)
+    u, _, vt = np.linalg.svd(rotation)  # Andreff's answer is only nearly a rotation
+    return rigid(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt, np.ravel(shift))
 
 
 def _check_variety(rotations: Sequence[FloatArray], what: str) -> None:

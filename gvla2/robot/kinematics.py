@@ -4,15 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gvla2.errors import RobotError
+from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
-from gvla2.robot.descent import chain_of
-from gvla2.robot.libraries import library
+
+_PURPOSES = {
+    "pinocchio": "An arm's kinematics",
+    "coal": "Collision checking",
+    "ompl": "Motion planning",
+    "toppra": "Timing a motion",
+}
+
+
+def library(name: str) -> Any:
+    """The optional module ``name``, such as "coal" or "ompl.base".
+
+    Raises :class:`MissingDependencyError` when it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        purpose = _PURPOSES[name.partition(".")[0]]
+        raise MissingDependencyError(name, purpose, 'pip install "gvla2[sim]"') from error
 
 
 @dataclass(frozen=True)
@@ -86,7 +104,6 @@ class Kinematics:
         self.velocity: FloatArray = np.array(self._arm.velocityLimit)
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high)).all():
             raise RobotError(f"{urdf.name} has joints without usable limits.")
-        self.chain = chain_of(self._arm, self._tcp, self.low, self.high)
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)
@@ -104,7 +121,7 @@ class Kinematics:
         return q
 
     def pose(self, joints: FloatArray) -> Any:
-        """world_from_tcp as a pinocchio SE3; forward kinematics stay in place for :meth:`jacobian`."""
+        """world_from_tcp as a pinocchio SE3."""
         self._pin.forwardKinematics(self._arm, self._data, joints)
         return self._pin.updateFramePlacement(self._arm, self._data, self._tcp)
 
@@ -116,9 +133,15 @@ class Kinematics:
         """(N, 3) tool positions at joints (N, dof), metres, world."""
         return np.array([self.pose(row).translation for row in joints]).reshape(-1, 3)
 
+    def jacobian_and_pose(self, joints: FloatArray) -> tuple[FloatArray, Any]:
+        """(6, dof) Jacobian in the tool frame, metres, then radians, per radian of each joint; world_from_tcp, SE3."""
+        self._pin.computeJointJacobians(self._arm, self._data, joints)
+        pose = self._pin.updateFramePlacement(self._arm, self._data, self._tcp)
+        return self._pin.getFrameJacobian(self._arm, self._data, self._tcp, self._pin.LOCAL), pose
+
     def jacobian(self, joints: FloatArray) -> FloatArray:
-        """(6, dof) Jacobian in the tool frame: metres, then radians, per radian of each joint."""
-        return np.array(self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp))
+        """The Jacobian (6, dof) alone."""
+        return np.asarray(self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp))
 
     def manipulability(self, joints: FloatArray) -> float:
         """sqrt(det(J J^T)) (Yoshikawa), 0 at a singularity."""

@@ -212,7 +212,7 @@ class TaskInstance:
 
     ``goal`` is the success check's criterion in words, for the run's page. ``image_size`` is the least image side in
     pixels that shows what matters, 0 for any. ``solution`` shows that the episode is solvable with this arm's physics;
-    see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x,
+    see :mod:`gvla2.robot.backend`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x,
     y, radius) on the table that the task needs free, world metres, besides its bodies' places.
     """
 

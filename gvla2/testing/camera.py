@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.robot.camera import CameraFrames, DepthCamera
+from gvla2.robot.backend import CameraFrames, DepthCamera
 from gvla2.testing.conformance import allowed, require, require_members, require_rigid, require_type
 
 

@@ -13,8 +13,8 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend, SuccessCheck
 from gvla2.robot.checked_task import CheckedTask
 from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.solids import lowest
 from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
-from gvla2.robot.volumes import lowest
 from gvla2.testing.conformance import (
     ConformanceError,
     allowed,

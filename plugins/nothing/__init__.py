@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         GeometryPrior,
         Reconstructor,
     )
-    from gvla2.robot.camera import DepthCamera
+    from gvla2.robot.backend import DepthCamera
 
 
 def _build_reconstructor(config: ComponentConfig) -> Reconstructor:

@@ -8,7 +8,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.reconstruction.contracts import AxisFit
-from gvla2.robot.camera import CameraFrames
+from gvla2.robot.backend import CameraFrames
 
 _OFF = "memory is off"
 

@@ -9,8 +9,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Box, Scene
-from gvla2.robot.backend import RobotBackend
-from gvla2.robot.demonstration import Truthful
+from gvla2.robot.backend import RobotBackend, Truthful
 
 NOTE = "This scene is the simulator's ground truth (perceiver=oracle), not perceived: do not use its results."
 

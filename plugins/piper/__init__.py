@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
-    from gvla2.robot.backend import RobotBackend
-    from gvla2.robot.camera import DepthCamera
+    from gvla2.robot.backend import DepthCamera, RobotBackend
 
 
 @dataclass

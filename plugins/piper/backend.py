@@ -15,8 +15,7 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, SuccessCheck
-from gvla2.robot.camera import DepthCamera
+from gvla2.robot.backend import DepthCamera, ExecutionListener, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.motion import MotionPlanner

@@ -11,8 +11,6 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -83,46 +81,3 @@ class CommandLog:
                 os.fsync(self._file)
                 os.close(self._file)
                 self._file = None
-
-
-@dataclass(frozen=True)
-class LogEntry:
-    """One line of a log: its ``kind``, its ``time`` on the monotonic clock (seconds) and all its ``fields``."""
-
-    kind: str
-    time: float
-    fields: dict[str, Any]
-
-    @property
-    def arbitration_id(self) -> int:
-        """Of a frame."""
-        return int(self.fields["id"], 16)
-
-    @property
-    def data(self) -> bytes:
-        """Of a frame."""
-        return bytes.fromhex(self.fields["data"])
-
-
-def read_log(path: Path) -> Iterator[LogEntry]:
-    """The entries in order; a last line truncated by a crash is left out.
-
-    Raises :class:`RobotError` for a file that is not a command log.
-    """
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise RobotError(f"No command log can be read at {path}: {error.strerror}.") from error
-    lines = text.split(b"\n")
-    for number, line in enumerate(lines, 1):
-        if not line:
-            continue
-        try:
-            fields = json.loads(line)
-            yield LogEntry(str(fields["kind"]), float(fields["m"]), fields)
-        except (ValueError, KeyError, TypeError) as error:
-            if number == len(lines):
-                return
-            raise RobotError(
-                f"{path}, line {number}, is not a line of a command log: {line[:60]!r}."
-            ) from error

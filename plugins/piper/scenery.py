@@ -12,7 +12,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid
 from gvla2.geometry.views import View
-from gvla2.robot.camera import CameraFrames
+from gvla2.robot.backend import CameraFrames
 from gvla2_plugins.piper import SceneryConfig
 from gvla2_plugins.piper.dh import turn_z
 
@@ -23,7 +23,7 @@ _AT = (0.27, 0.0, 0.0)
 
 
 class Scenery:
-    """Implements :class:`gvla2.robot.camera.DepthCamera`; nothing in it ever moves, and the arm is not in it."""
+    """Implements :class:`gvla2.robot.backend.DepthCamera`; nothing in it ever moves, and the arm is not in it."""
 
     def __init__(self, config: SceneryConfig) -> None:
         if config.image_size <= 0:

@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
+from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration, Intrinsics
-from gvla2.robot.camera import CameraFrames
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.attached import choose, serial_of
 from gvla2_plugins.realsense.axis import colour_axis
@@ -24,7 +24,7 @@ TOLERANCE = 0.02
 
 
 class RealsenseCamera:
-    """Implements :class:`gvla2.robot.camera.DepthCamera`; streams from the constructor on.
+    """Implements :class:`gvla2.robot.backend.DepthCamera`; streams from the constructor on.
 
     ``device`` is a librealsense device to be used instead of one that is plugged in, ``rs.software_device`` for
     example. Raises :class:`ConfigurationError` for invalid options, :class:`RobotError` for a missing or silent camera,

@@ -14,7 +14,7 @@ from gvla2.errors import ConfigurationError, GeometryError, RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.geometry.view_folders import ARCHIVE, read_archive
 from gvla2.geometry.views import View
-from gvla2.robot.camera import CameraFrames
+from gvla2.robot.backend import CameraFrames
 from gvla2_plugins.replay_camera import AtEnd, ReplayConfig
 from gvla2_plugins.replay_camera.frames import CAMERA, FrameFolder
 
@@ -23,7 +23,7 @@ Moment = Callable[[int, FloatArray | None], tuple[View, ...]]
 
 
 class ReplayCamera:
-    """Implements :class:`gvla2.robot.camera.DepthCamera`.
+    """Implements :class:`gvla2.robot.backend.DepthCamera`.
 
     Frames are returned as if taken on request; an arm that moves by them moves by the past. Raises
     :class:`ConfigurationError` for a missing path, :class:`RobotError`, naming the file, for a recording that can't be

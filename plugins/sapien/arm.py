@@ -17,8 +17,7 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
-from gvla2.robot.kinematics import Kinematics
-from gvla2.robot.libraries import library
+from gvla2.robot.kinematics import Kinematics, library
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.cameras import Mounts
 from gvla2_plugins.sapien.cell import Workcell, table_of

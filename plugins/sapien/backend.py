@@ -153,30 +153,8 @@ class SapienArm:
         verdicts = self._instance.succeeded
         return SuccessCheck(bool(verdicts["relaxed"](state)), bool(verdicts["strict"](state)))
 
-    def play(self, joints: FloatArray, widths: FloatArray, dt: float) -> FloatArray:
-        """Send the arm through recorded targets over an empty table; see :class:`gvla2.robot.playback.Playback`."""
-        joints, widths = np.atleast_2d(np.asarray(joints, float)), np.asarray(widths, float)
-        fitting = joints.shape == (len(widths), self._arm.dof) and len(widths) > 0 and dt > 0
-        if not fitting or not (np.isfinite(joints).all() and np.isfinite(widths).all()):
-            raise RobotError(
-                f"{self._cell.robot} plays finite targets (T, {self._arm.dof}) and widths (T,) at dt > 0, got shapes "
-                f"{joints.shape} and {widths.shape} at dt={dt}."
-            )
-        self.reset(None, 0)
-        world = self._sane_world("played")
-        world.place_arm(joints[0], float(widths[0]))
-        measured, before = [], joints[0]
-        for row, (target, width) in enumerate(zip(joints, widths.tolist(), strict=True)):
-            world.drive_arm(target, (target - before) / dt)
-            world.drive_fingers(0.5 * width)
-            while world.time < (row + 1) * dt - 1e-9:
-                world.step()
-            measured.append(self._sane_world("played").joints)
-            before = target
-        return np.array(measured)
-
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
-        """Drive the arm by joint targets; see :class:`gvla2.robot.playback.Servo`."""
+        """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
         world, target = self._sane_world("moved"), np.asarray(joints, dtype=np.float64)
         if (
             target.shape != (self._arm.dof,)
@@ -193,7 +171,7 @@ class SapienArm:
         return driver.state()
 
     def true_state(self) -> TrueState:
-        """The state for success checks; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
+        """The state for success checks; for demonstrations (see :mod:`gvla2.robot.backend`)."""
         return TrueState(self._sane_world("read"))
 
     def true_scene(self) -> Scene:

@@ -11,8 +11,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
-from gvla2.robot.kinematics import Finger, Kinematics
-from gvla2.robot.libraries import library
+from gvla2.robot.kinematics import Finger, Kinematics, library
 from gvla2_plugins.sapien import SapienArmConfig
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")

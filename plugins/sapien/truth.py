@@ -11,8 +11,8 @@ from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
 from gvla2.robot.scan import Scan
+from gvla2.robot.solids import extent
 from gvla2.robot.task import Body, Layout
-from gvla2.robot.volumes import extent
 from gvla2_plugins.sapien.hollows import opening
 from gvla2_plugins.sapien.looks import body_surface
 from gvla2_plugins.sapien.world import World

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, hookimpl
 from gvla2.errors import ConfigurationError
-from gvla2.robot.task_options import TaskConfig
+from gvla2.robot.options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task

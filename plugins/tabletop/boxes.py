@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.placing import inside, sample_root
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Joint, Primitive, TaskSite
 
 BOX, WALL = (0.25, 0.35, 0.15), 0.01

@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
-from gvla2.robot.shapes import square_ring
+from gvla2.robot.solids import square_ring
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.rings import slip_over

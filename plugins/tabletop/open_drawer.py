@@ -8,7 +8,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.placing import at, inside, sample_root, sample_until
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.handles import pull_handle

@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, clear, in_reach, inside, sample_root, sample_until
+from gvla2.robot.solids import Volume, on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
-from gvla2.robot.volumes import Volume, on
 from gvla2_plugins.tabletop import OpenJarConfig
 from gvla2_plugins.tabletop.demonstrations.screws import unscrew
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours

@@ -6,8 +6,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
+from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
-from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.screws import unscrew
 from gvla2_plugins.tabletop.wording import sentence_of

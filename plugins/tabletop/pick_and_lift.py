@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import body_points
 from gvla2_plugins.tabletop import PickAndLiftConfig
 from gvla2_plugins.tabletop.demonstrations.placing import hold_up
 from gvla2_plugins.tabletop.painting import sample_colours

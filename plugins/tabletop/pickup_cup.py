@@ -7,9 +7,8 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.shapes import cup
+from gvla2.robot.solids import cup, on
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.rims import by_the_rim
 from gvla2_plugins.tabletop.painting import sample_colours

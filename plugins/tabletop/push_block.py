@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume
 from gvla2_plugins.tabletop import PushBlockConfig
 from gvla2_plugins.tabletop.demonstrations.pressing import push_to
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours

@@ -7,8 +7,8 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
+from gvla2.robot.solids import Volume, on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume, on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.placing import put_on
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, clear, inside, sample_root, sample_until
+from gvla2.robot.solids import on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.knives import draw_knife, knife_paths
 from gvla2_plugins.tabletop.painting import sample_colours

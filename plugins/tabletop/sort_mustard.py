@@ -6,9 +6,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import on, tray
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.placing import put_on
 from gvla2_plugins.tabletop.wording import sentence_of

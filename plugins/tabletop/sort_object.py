@@ -11,9 +11,8 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import at, clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import on, tray
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.placing import put_on
 from gvla2_plugins.tabletop.painting import sample_colours

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from gvla2 import Component, hookimpl
-from gvla2.robot.task_options import TaskConfig
+from gvla2.robot.options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Profile, WorldState
-from gvla2.robot.volumes import body_points
 
 LIFTED, LIFTED_WELL = 0.03, 0.08
 """Metres between a lifted thing's lowest point and the table: relaxed and strict."""

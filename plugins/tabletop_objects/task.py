@@ -15,7 +15,7 @@ from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.mesh_library import chosen, mesh_library, spoken
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.scan import Scan
-from gvla2.robot.shapes import tray
+from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, success_check, understood, wording

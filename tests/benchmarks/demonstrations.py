@@ -17,7 +17,7 @@ from gvla2.commands.primary import PRIMARY
 from gvla2.errors import Gvla2Error
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
-from gvla2.robot.demonstration import demonstrate
+from gvla2.robot.backend import demonstrate
 
 
 def run_task(job: tuple[str, int, list[str]]) -> list[dict]:

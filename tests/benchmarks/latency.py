@@ -15,8 +15,8 @@ from contextlib import closing
 from dataclasses import replace
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts
-from gvla2.episode.consultation import Asked, Consultation
+from gvla2.commands.run import build_components
+from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
@@ -32,7 +32,7 @@ def seconds(task, layout, times, what, overrides, registry):
 
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         composed = compose("run", overrides=[f"task={task}", "robot=sapien_panda", "memory=none", *overrides])
-    parts = build_parts(OmegaConf.to_object(composed), registry)
+    parts = build_components(OmegaConf.to_object(composed), registry)
     took = []
     with closing(parts.robot), closing(parts.memory):
         wish = parts.robot.reset(parts.task, layout, None).instruction
@@ -45,8 +45,8 @@ def seconds(task, layout, times, what, overrides, registry):
             if what == "plan":
                 began = time.perf_counter(), time.process_time()
                 record = EpisodeRecord("", "", "", layout, parts.choices, observation=seen, scene=scene)
-                asked = Asked("planner", parts.planner)
-                consultation = Consultation(asked, None, 0.0, parts.robot.arm, parts.skills, False)
+                asked = NamedPlanner("planner", parts.planner)
+                consultation = PlannerWithFallback(asked, None, 0.0, parts.robot.arm, parts.skills, False)
                 consultation.plan(replace(record, instruction=wish))
             took.append((time.perf_counter() - began[0], time.process_time() - began[1]))
     return took[1:]

@@ -29,8 +29,8 @@ from omegaconf import OmegaConf
 from PIL import Image, ImageDraw
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts
-from gvla2.episode.loop import EpisodeRequest, Parts, run_episode
+from gvla2.commands.run import build_components
+from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
@@ -140,14 +140,14 @@ def _tell(rows: list[dict]) -> None:
     print(f"median planning {np.median([r['planning_s'] for r in rows]):.2f} s")
 
 
-def _parts(case: Case, folder: str, registry: Registry) -> Parts:
+def _parts(case: Case, folder: str, registry: Registry) -> Components:
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         asked = [f"task.objects.root={folder}", f"task.objects.names=[{','.join(case.names)}]"]
         asked += [f"task.objects.pose={case.pose}", f"task.objects.count={case.count}"]
         choices = ["memory=none", "task=tabletop_objects", f"perceiver={case.perceiver}", *asked]
         choices += [f"perceiver.gallery={case.gallery}"] if case.gallery else []
         config = OmegaConf.to_object(compose("run", overrides=choices))
-    return build_parts(config, registry)
+    return build_components(config, registry)
 
 
 def _picture(registry: Registry, case: Case, folder: str, row: dict) -> Image.Image:

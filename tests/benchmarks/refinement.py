@@ -14,12 +14,12 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.refine import objects_of_interest, refine_scene
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 
 def main() -> None:
@@ -30,7 +30,7 @@ def main() -> None:
     register(registry, PRIMARY)
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=overrides))
-    parts = build_parts(config, registry)
+    parts = build_components(config, registry)
     true_side = config.task.size
     print("Mean absolute error of the cubes' width:")
     print(f"{'depth noise':>12} {'perceived mm':>14} {'refined mm':>12} {'s/object':>9}")

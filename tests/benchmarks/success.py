@@ -21,7 +21,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
@@ -48,7 +48,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
     register(registry, PRIMARY)
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=["memory=none", f"task={task}", *overrides]))
-    parts = build_parts(config, registry)
+    parts = build_components(config, registry)
     rows = []
     with closing(parts.robot), closing(parts.memory):
         noise = config.depth_noise

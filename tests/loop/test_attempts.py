@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts, run_episodes
+from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.advice import advice_for
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
@@ -35,7 +35,7 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(*overrides):
-        parts = build_parts(compose_run(*SMALL, *overrides), registry)
+        parts = build_components(compose_run(*SMALL, *overrides), registry)
         opened.extend((parts.robot, parts.memory))
         return parts
 

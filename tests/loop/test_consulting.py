@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
-from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.memory_reporting import stories_of
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
@@ -33,7 +33,7 @@ class Answering:
 
 @pytest.fixture
 def parts(registry, compose_run):
-    made = build_parts(compose_run(*SMALL, "fallback=skill"), registry)
+    made = build_components(compose_run(*SMALL, "fallback=skill"), registry)
     with closing(made.robot), closing(made.memory):
         yield made
 
@@ -148,11 +148,11 @@ def test_a_conversation_is_told_to_memory_without_keys(parts):
         return replace(parts.fallback.plan(request), transcript=talk[:1])
 
     record = run(parts, Answering(talking))
-    ((story, _),) = told_of(record)
+    ((story, _),) = stories_of(record)
     assert "conversation with a language model" in story.transcript
     assert "a1B2a1B2" not in story.transcript
     long = replace(record, plan=replace(record.plan, transcript=talk))
-    ((story, _),) = told_of(long)
+    ((story, _),) = stories_of(long)
     assert len(story.transcript) < 15_000
 
 

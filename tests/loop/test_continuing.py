@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.episode.multi_step import Continuation, rest_of_program, with_whole_program, words_of_part
@@ -56,7 +56,7 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(program, *overrides):
-        parts = build_parts(compose_run(*SMALL, *overrides), registry)
+        parts = build_components(compose_run(*SMALL, *overrides), registry)
         opened.extend((parts.robot, parts.memory))
         return replace(parts, planner=Programmer(program))
 

@@ -5,7 +5,7 @@ from gvla2.commands.run import run_episodes
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import (
     ABOVE_SUPPORT,
-    GeometryParts,
+    GeometryComponents,
     fit_box,
     masked_views,
     objects_of_interest,
@@ -74,7 +74,7 @@ class Failing:
 
 
 def parts(reconstructor):
-    return GeometryParts(
+    return GeometryComponents(
         reconstructor,
         NoPrior(),
         Contours(10, 400, 5e-4),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import json
 import os
 import signal
 import subprocess
@@ -29,7 +30,6 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.motion import MotionPlanner
 from gvla2_plugins.piper import PiperConfig, frames
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.command_log import read_log
 from gvla2_plugins.piper.virtual_arm import Faults, VirtualArm
 
 FAULTS: dict[str, Callable[[Faults], None]] = {
@@ -43,6 +43,17 @@ FAULTS: dict[str, Callable[[Faults], None]] = {
 """What breaks in the arm or on the bus. The others are: a planner that raises, Ctrl-C, a target out of bounds."""
 
 OTHERS = ("planner raises", "kill -INT", "target out of workspace")
+
+
+def read_log(path: Path) -> list[dict[str, Any]]:
+    """The entries of a command log in order; ``m`` is the monotonic clock."""
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def logged_frames(path: Path) -> list[tuple[int, bytes]]:
+    """Identifier and data of every frame in a command log."""
+    return [(int(e["id"], 16), bytes.fromhex(e["data"])) for e in read_log(path) if e["kind"] == "frame"]
+
 
 _DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 _AFTER = 0.4  # seconds that are watched after the end of a motion
@@ -178,13 +189,13 @@ class TrialBench:
                 robot.planner = MotionPlanner(robot.arm)
 
     def _held_since(self, moment: float) -> float:
-        held = [e.time for e in read_log(self.log) if e.fields.get("event") == "hold" and e.time >= moment]
+        held = [e["m"] for e in read_log(self.log) if e.get("event") == "hold" and e["m"] >= moment]
         return held[0] - moment if held else float("inf")
 
     def _judge(self, trial: FaultTrial, first: int, began: float) -> None:
         before = self.arm.joints.copy()
         everything = [(i, data) for _, i, data in list(self.arm.heard)]
-        said = [(e.arbitration_id, e.data) for e in read_log(self.log) if e.kind == "frame"]
+        said = logged_frames(self.log)
         time.sleep(0.15)
         trial.problems += judge_frames(everything)
         # All that was heard is in the log, which is written first; what is in the log was heard, or soon will be.
@@ -256,7 +267,7 @@ class _Blind:
     live = False
 
     def observe(self, base_from_tcp: Any = None) -> Any:
-        from gvla2.robot.camera import CameraFrames
+        from gvla2.robot.backend import CameraFrames
 
         return CameraFrames((), ())
 
@@ -352,13 +363,13 @@ def interrupted(folder: Path, seed: int, channel: str, window: float = 4.0) -> F
             trial.problems.append("the process did not end")
         before = arm.joints.copy()
         time.sleep(0.3)
-        holds = [e.time for e in read_log(log) if e.fields.get("event") == "hold" and e.time >= sent]
+        holds = [e["m"] for e in read_log(log) if e.get("event") == "hold" and e["m"] >= sent]
         trial.ending = "held" if holds else ""
         trial.latency = holds[0] - sent if holds else float("inf")
         trial.reason = complaint.strip().splitlines()[-1] if complaint.strip() else ""
         heard = [(i, d) for _, i, d in list(arm.heard)]
         trial.problems += judge_frames(heard)
-        logged = [(e.arbitration_id, e.data) for e in read_log(log) if e.kind == "frame"]
+        logged = logged_frames(log)
         if heard != logged:
             trial.problems.append(f"the log has {len(logged)} frames, the bus {len(heard)}")
         if not holds:

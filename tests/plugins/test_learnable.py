@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
@@ -187,7 +187,7 @@ def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, fa
     def run(memory, seed, replan):
         options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}",
                    *eyes, "robot.video_size=16", "robot.video_fps=1")  # fmt: skip
-        parts = build_parts(compose_run(*options, *memory), registry)
+        parts = build_components(compose_run(*options, *memory), registry)
         with closing(parts.robot), closing(parts.memory):
             return run_episode(parts, EpisodeRequest(seed=seed, replan=replan))
 

@@ -22,7 +22,7 @@ from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm, piper_description
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.command_log import CommandLog, read_log
+from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.gate import CommandGate
 from gvla2_plugins.piper.limits import Bounds
@@ -30,6 +30,7 @@ from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.piper.virtual_arm import PARKED, VirtualArm
+from tests.plugins.piper_trials import logged_frames, read_log
 
 WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
@@ -235,18 +236,12 @@ def test_the_log_is_appended_to_and_read_back(tmp_path):
         log.frame(0x155, frames.pair(1, -2))
         log.event("hold", why="tested")
         log.close()
-    with path.open("ab") as stream:
-        stream.write(b'{"t": 1, "m"')
-    entries = list(read_log(path))
-    assert [e.kind for e in entries] == ["session", "frame", "event"] * 2
-    assert (entries[1].arbitration_id, frames.unpack_pair(entries[1].data)) == (0x155, (1, -2))
+    assert [e["kind"] for e in read_log(path)] == ["session", "frame", "event"] * 2
+    assert logged_frames(path)[0] == (0x155, frames.pair(1, -2))
     with pytest.raises(RobotError, match="is closed"):
         log.event("late")
     with pytest.raises(RobotError, match="can't be written"):
         CommandLog(tmp_path / "deep")
-    path.write_text("nonsense\nmore\n")
-    with pytest.raises(RobotError, match="line 1, is not a line of a command log"):
-        list(read_log(path))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError, RobotError
@@ -14,15 +14,14 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.recorder import RunRecorder
-from gvla2.robot.camera import CameraFrames
+from gvla2.robot.backend import CameraFrames
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
 from gvla2_plugins.piper.arm import HOME
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.replay import main as replay_main
-from gvla2_plugins.piper.replay import replay, sessions, simulate
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.piper.virtual_arm import VirtualArm
 from gvla2_plugins.piper.virtual_arm import main as virtual_arm_main
+from tests.plugins.piper_trials import read_log
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
@@ -58,7 +57,7 @@ def parts(compose_run, registry):
     """Everything of a run but its robot, which each test brings."""
     config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
     config.robot.image_size = 16
-    return replace(build_parts(config, registry), task=None)
+    return replace(build_components(config, registry), task=None)
 
 
 def test_a_dry_run_plans_checks_shows_and_sends_nothing(piper, parts, tmp_path):
@@ -96,7 +95,7 @@ def test_an_armed_episode_moves_the_arm(piper, parts):
     assert not robot.session.loop.stopped
 
 
-def test_the_gripper_finds_an_object_and_the_log_replays(piper, tmp_path, capsys, monkeypatch):
+def test_the_gripper_finds_an_object_and_every_command_is_logged(piper, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "gvla2_plugins.piper.session.VirtualArm", partial(VirtualArm, joints=HOME)
     )  # it is near
@@ -113,21 +112,7 @@ def test_the_gripper_finds_an_object_and_the_log_replays(piper, tmp_path, capsys
     assert [w.held for w in report.waypoints] == [True, True]
     assert report.waypoints[1].gripper_width == pytest.approx(0.03, abs=1e-4)
     robot.close()
-
-    replayed = replay(sessions(tmp_path / "log.jsonl")[-1])
-    assert replayed.deviation.max() < 0.05
-    assert replayed.events[0] == "armed"
-    film = tmp_path / "film.gif"
-    assert replay_main([str(tmp_path / "log.jsonl"), "--film", str(film)]) == 0
-    assert film.read_bytes().startswith(b"GIF")
-    assert "largest distance" in capsys.readouterr().out
-    assert replay_main([str(tmp_path / "log.jsonl"), "--robot", "sapien_piper"]) == 0
-    assert "largest distance of sapien_piper from measured" in capsys.readouterr().out
-    assert simulate(replayed, "sapien_piper").max() < 0.10
-    for other in ("piper", "none"):
-        assert replay_main([str(tmp_path / "log.jsonl"), "--robot", other]) == 1
-    assert replay_main([str(tmp_path / "log.jsonl"), "--session", "7"]) == 1
-    assert "not number 7" in capsys.readouterr().err
+    assert "armed" in {e.get("event") for e in read_log(tmp_path / "log.jsonl")}
 
 
 class Unplugged:

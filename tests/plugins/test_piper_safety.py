@@ -17,13 +17,20 @@ from gvla2_plugins.piper import PiperConfig, SceneryConfig, arming, frames
 from gvla2_plugins.piper.arm import HOME
 from gvla2_plugins.piper.arming import ask_person, check_health, confirm
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.command_log import CommandLog, read_log
+from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.piper.virtual_arm import Faults, VirtualArm
-from tests.plugins.piper_trials import FAULTS, TrialBench, interrupted, judge_frames
+from tests.plugins.piper_trials import (
+    FAULTS,
+    TrialBench,
+    interrupted,
+    judge_frames,
+    logged_frames,
+    read_log,
+)
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 NUMBERS = itertools.count()
@@ -265,8 +272,8 @@ def test_closing_leaves_the_arm_powered_and_logs_the_end(rig):
     one.robot.close()
     time.sleep(0.1)
     assert one.arm.enabled
-    events = [e.fields["event"] for e in read_log(one.log) if e.kind == "event"]
+    events = [e["event"] for e in read_log(one.log) if e["kind"] == "event"]
     assert events[0] == "armed"
     assert events[-1] == "hold"
-    logged = [(e.arbitration_id, e.data) for e in read_log(one.log) if e.kind == "frame"]
+    logged = logged_frames(one.log)
     assert logged == one.sent()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gvla2.cli import main
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
@@ -65,7 +65,7 @@ def episode(compose_run, registry, tmp_path, monkeypatch):
     def run(camera, **options):
         config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
         config.robot.image_size = 16
-        parts = build_parts(config, registry)
+        parts = build_components(config, registry)
         robot = Piper(PiperConfig(bus="virtual", log=str(tmp_path / "log.jsonl"), **options), camera)
         made.append(robot)
         request = EpisodeRequest(0, "push the green cube to the red cube")

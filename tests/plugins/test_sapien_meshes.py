@@ -9,7 +9,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.mesh_body import Mesh
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2.robot.scan import read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
 from gvla2_plugins.sapien import SapienPandaConfig

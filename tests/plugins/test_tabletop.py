@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import transform_points
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.robot.solids import Volume, body_points
 from gvla2.robot.task import TaskInstance, TaskSite
-from gvla2.robot.volumes import Volume, body_points
 from gvla2_plugins.tabletop import LampOnConfig, PickAndLiftConfig, PushBlockConfig, gvla2_tasks
 
 TABLE = 0.752

@@ -3,7 +3,7 @@
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.robot.demonstration import demonstrate
+from gvla2.robot.backend import demonstrate
 from gvla2.robot.task import TaskInstance
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.tabletop import gvla2_tasks

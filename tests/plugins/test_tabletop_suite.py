@@ -5,8 +5,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.solids import extent
 from gvla2.robot.task import TaskInstance, TaskSite
-from gvla2.robot.volumes import extent
 from gvla2.testing.robot import check_task
 from gvla2_plugins.tabletop import gvla2_tasks
 

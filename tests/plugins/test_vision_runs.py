@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.planning.colours import colours_in
 from gvla2.testing.language import LocalModel, said
@@ -61,7 +61,7 @@ def test_an_episode_by_eye(registry, compose_run, drawing, pointing, planner, ta
             f"language.base_url={model.url}",
             "language.model=m",
         )
-        parts = build_parts(compose_run(*overrides), registry)
+        parts = build_components(compose_run(*overrides), registry)
         with closing(parts.robot), closing(parts.memory):
             record = run_episode(parts, EpisodeRequest(seed=seed))
     assert record.failure is None, record.failure

@@ -14,11 +14,10 @@ from gvla2.errors import Gvla2Error, MissingDependencyError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
-from gvla2.robot import descent
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
-from gvla2.robot.joint_search import rrt_connect
 from gvla2.robot.kinematics import Finger, Kinematics
+from gvla2.robot.motion import rrt_connect
 from gvla2_plugins.sapien import SapienPandaConfig, urdf
 
 
@@ -219,19 +218,3 @@ def test_a_panda_that_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr(urdf, "_files", absent)
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
         urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")
-
-
-def test_the_compiled_chain_agrees_with_pinocchio(arm):
-    import pinocchio as pin
-
-    kinematics, rng = arm.kinematics, np.random.default_rng(3)
-    pose, jacobian = np.empty((4, 4)), np.empty((6, kinematics.dof))
-    for one, other in rng.uniform(kinematics.low, kinematics.high, (20, 2, kinematics.dof)):
-        descent._tool(kinematics.chain, one, pose, jacobian)
-        np.testing.assert_allclose(pose, kinematics.forward(one), atol=1e-12)
-        np.testing.assert_allclose(jacobian, kinematics.jacobian(one), atol=1e-12)
-        target = kinematics.forward(other)
-        step = pin.log6(pin.SE3(pose).actInv(pin.SE3(target))).vector
-        twist = np.empty(6)
-        descent._error(pose, target, twist)
-        np.testing.assert_allclose(twist, step, atol=1e-9)

@@ -7,8 +7,7 @@ import pytest
 
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2.robot.executor import execute
-from gvla2.robot.guarding import GuardWatch
+from gvla2.robot.executor import GuardWatch, execute
 from gvla2.robot.motion import MotionPlanner
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
-from gvla2.robot.held import CarriedScene
+from gvla2.robot.executor import CarriedScene
 
 GRASP = rigid(Rotation.from_euler("x", np.pi).as_matrix(), (0.3, 0.0, 0.8))
 TURN = rigid(Rotation.from_euler("z", 0.7).as_matrix(), (0.1, 0.2, 0.3)) @ GRASP

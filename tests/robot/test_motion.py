@@ -9,8 +9,7 @@ import pytest
 
 from gvla2.geometry.transform import invert_rigid, rigid
 from gvla2.planning.arm import Attachment
-from gvla2.robot.joint_search import interpolate, shorten
-from gvla2.robot.motion import MotionFailure, MotionOptions, MotionPath, MotionPlanner
+from gvla2.robot.motion import MotionFailure, MotionOptions, MotionPath, MotionPlanner, interpolate, shorten
 from gvla2.robot.timing import MotionLimits, time_path
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.errors import RobotError
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.safety import check_samples, check_trajectory
+from gvla2.robot.executor import check_samples, check_trajectory
 
 GOOD = Waypoint((0.3, 0.0, 0.9), 1.0, "approach")
 LIMITS = (np.full(3, -1.0), np.full(3, 1.0))

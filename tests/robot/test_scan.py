@@ -6,7 +6,7 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.scan import read_scan
-from gvla2.robot.volumes import extent, lowest
+from gvla2.robot.solids import extent, lowest
 from tests.scanning import box, checkered, painted, write
 
 

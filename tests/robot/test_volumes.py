@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid, transform_points
-from gvla2.robot.shapes import cup, square_ring, tray
+from gvla2.robot.solids import Volume, cup, extent, on, square_ring, tray
 from gvla2.robot.task import Body, Primitive
-from gvla2.robot.volumes import Volume, extent, on
 
 RED = (1.0, 0.0, 0.0)
 coordinates = st.tuples(*[st.floats(-0.3, 0.3)] * 3)

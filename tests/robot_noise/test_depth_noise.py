@@ -5,7 +5,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 
 GAUSSIAN = DepthNoise("gaussian", sigma_m=0.002)
 L515 = DepthNoise("l515", sigma_m=0.0009, sigma_rel=0.0016, dropout=0.01)

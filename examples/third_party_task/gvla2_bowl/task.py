@@ -5,9 +5,8 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
-from gvla2.robot.shapes import cup
+from gvla2.robot.solids import Volume, cup
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2.robot.volumes import Volume
 
 from .demonstration import put_in
 

@@ -22,7 +22,7 @@ from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import RobotBackend
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.noise_options import DepthNoise
+from gvla2.robot.options import DepthNoise
 from gvla2.robot.task import Task
 
 log = logging.getLogger(__name__)

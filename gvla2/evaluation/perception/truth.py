@@ -14,8 +14,8 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_
 from gvla2.geometry.views import Observation
 from gvla2.planning.colours import colours_in
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive
-from gvla2.robot.volumes import Volume
 
 SEEN = 20
 """Pixels of all views together below which a thing counts as hidden and need not be found."""

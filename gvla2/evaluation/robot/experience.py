@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Lesson, Memory, MemoryEpisode, MemoryTask, Verdict
 from gvla2.skills.skill import Skill
@@ -26,7 +26,7 @@ class Experience:
     def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
         """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
         return tuple(
-            cls(record.task, record.seed, episode, verdict) for episode, verdict in told_of(record, skills)
+            cls(record.task, record.seed, episode, verdict) for episode, verdict in stories_of(record, skills)
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_parts
-from gvla2.episode.consultation import Asked, Consultation
+from gvla2.commands.run import build_components
+from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.robot.design import PAPER
@@ -142,15 +142,17 @@ def main() -> None:
                 "run", overrides=[f"task={task}", "robot=sapien_panda", "memory=none", *overrides]
             )
         config = OmegaConf.to_object(composed)
-        parts = build_parts(config, registry)
+        parts = build_components(config, registry)
         with closing(parts.robot), closing(parts.memory):
             record = seen(parts)
             if folder is not None:
                 draw(record, folder, number)
                 continue
-            other = None if parts.fallback is None else Asked("fallback", parts.fallback)
-            first = Asked("planner", parts.planner)
-            consultation = Consultation(first, other, 0.0, parts.robot.arm, parts.skills, config.agreement)
+            other = None if parts.fallback is None else NamedPlanner("fallback", parts.fallback)
+            first = NamedPlanner("planner", parts.planner)
+            consultation = PlannerWithFallback(
+                first, other, 0.0, parts.robot.arm, parts.skills, config.agreement
+            )
             for row in rows:
                 if row["scene"] == number:
                     found, detail = outcome(record, row, consultation)

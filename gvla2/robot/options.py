@@ -1,10 +1,11 @@
-"""Errors of a cell's cameras, in numbers: also part of the command line's schema, so it imports nothing."""
+"""Options of tasks and cameras that the command line's schema shows: nothing heavy is imported here."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
 KINDS = ("none", "gaussian", "l515", "realistic")
@@ -22,7 +23,7 @@ class DepthNoise:
 
     Per camera, constant over an episode: ``bias_rel`` the deviation over cameras of an error in scale of depth,
     ``exposure`` that of their gain, and the error of their believed pose, ``offset_m`` metres and ``turn_deg`` degrees.
-    ``kind`` names this noise in reports. :mod:`gvla2.robot.camera_errors` has the sources. Raises
+    ``kind`` names this noise in reports. :mod:`gvla2.robot.depth_noise` has the sources. Raises
     :class:`ConfigurationError` for values out of range.
     """
 
@@ -49,3 +50,17 @@ class DepthNoise:
                 raise ConfigurationError(f"depth_noise.{name}={value} is a share of pixels in {bounds}.")
             if name not in ("kind", *_SHARES) and not 0 <= value < math.inf:
                 raise ConfigurationError(f"depth_noise.{name}={value} must be finite and not negative.")
+
+
+@dataclass
+class TaskConfig(ComponentConfig):
+    """Base of a task's configuration: a task whose options extend it can be cluttered (:mod:`gvla2.robot.clutter`).
+
+    ``distractors`` things lie beside what the task needs. They are simple shapes, or meshes of the folder
+    ``distractors_root``; ``arrangement`` is "apart", "touching" (in pairs), "leaning" (a board against a block),
+    "stack" (threes, one on another) or "mixed".
+    """
+
+    distractors: int = 0
+    distractors_root: str = ""
+    arrangement: str = "apart"
