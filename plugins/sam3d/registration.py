@@ -21,7 +21,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.rasteriser_projection import harmonics
-from gvla2.reconstruction.silhouette import Silhouette, depth_map, mask_agreement, mask_iou, silhouettes
+from gvla2.reconstruction.silhouette import Silhouette, depth_map, mask_agreement, mask_iou, mask_silhouettes
 from gvla2.reconstruction.sim3 import Sim3
 
 
@@ -112,7 +112,7 @@ def register(mesh: TriangleMesh, views: Views, start: Sim3) -> Registration:
     Converges from displacements of about a quarter of the object. Raises :class:`GeometryError` for an empty mesh
     and when no view shows the object.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     if len(mesh.faces) == 0:
         raise GeometryError("A mesh without faces has no silhouette to align.")
     return _refine(mesh, shown, start)
@@ -123,7 +123,7 @@ def register_unposed(mesh: TriangleMesh, views: Views) -> Registration:
 
     Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     hull = carve(views, resolution=32)
     starts = [Sim3.identity(), *(_fitted(mesh, hull, turn) for turn in _quarter_turns())]
     return _best(mesh, shown, starts)
@@ -133,7 +133,7 @@ def register_along_ray(mesh: TriangleMesh, views: Views, pose: Sim3, eye: FloatA
     """The same for a shape in a camera's frame of unknown scale: ``pose`` puts it into the world up to a scale
     about the camera's centre ``eye`` (3,), which is searched over four decades.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     starts = []
     for scale in np.geomspace(0.01, 100.0, 81):
         about_eye = Sim3(float(scale), np.eye(3), (1 - scale) * eye)
