@@ -38,9 +38,9 @@ SUITES: Mapping[str, frozenset[str]] = MappingProxyType(
         },
         "memory": frozenset(("memory", "data")),
         "robot": _EPISODES | _GEOMETRY | _MEMORY | _ARMS | {
-            "branch", "reconstructor", "verifier", "planners", "planner_options", "fallback", "agreement", "teacher",
-            "world", "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration",
-            "exploration_replan", "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
+            "branch", "reconstructor", "verifier", "planners", "planner_options", "fallback", "teacher", "world",
+            "families", "task_options", "layouts", "seeds", "exploration_seeds", "exploration", "exploration_replan",
+            "replan", "max_parts", "planner_timeout", "videos", "language", "workers",
         },
         "perception": _EPISODES | {"perceivers", "task_options", "seeds", "workers", "language"},
         "agents": _MEMORY | _ARMS | {"agents", "agent", "verifier", "language", "seeds"},

@@ -106,11 +106,10 @@ class BenchConfig:
     planner, or the ``teacher`` for all of them, varies its plans by ``exploration`` (a relative spread, or a model's
     temperature), and is frozen before the test; it may try again ``exploration_replan`` times in an episode. ``replan``
     further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where the planner fails,
-    ``fallback`` plans, if there is one (``agreement``: it is asked first, and decides if it is confident; null: where
-    the planner defers). With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured,
-    nor is one whose language model was unavailable: it counts for no arm, and the next bench measures it again.
-    ``scale`` is the objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera
-    on.
+    ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer
+    is not measured, nor is one whose language model was unavailable: it counts for no arm, and the next bench
+    measures it again. ``scale`` is the objects' size; ``videos`` failed episodes of each task and arm are run
+    once more with the camera on.
 
     Of the suite ``agents``: every task of ``agents.tasks`` in the order of each of ``seeds``, with each memory of
     ``arms`` (by default off, awm, reasoning_bank and governed); ``agent`` works, ``verifier`` judges.
@@ -153,7 +152,6 @@ class BenchConfig:
     exploration: float = 0.25
     replan: int = 0
     max_parts: int = 6
-    agreement: bool | None = False
     planner_timeout: float = 0.0
     scale: float = 1.0
     videos: int = 1

@@ -140,8 +140,7 @@ def planner_label(config: BenchConfig) -> str:
     """The planner in a table: its name, changed options, and fallback."""
     label = described(config.planner)
     helped = config.fallback.name not in ("", NONE)
-    joint = {True: "agreeing with", False: "then", None: "with"}[config.agreement]
-    return f"{label}, {joint} {described(config.fallback)}" if helped else label
+    return f"{label}, then {described(config.fallback)}" if helped else label
 
 
 def _parts_label(config: BenchConfig) -> str:
@@ -243,7 +242,7 @@ def _design(
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
     """What all episodes of a task share that could change their outcome, by task."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    tries = (config.replan, config.max_parts, config.agreement)
+    tries = (config.replan, config.max_parts)
     found = {}
     for task in tasks:
         typed = configured(registry, chosen_parts(config, registry, task), (*LOOP, *GEOMETRY))

@@ -99,7 +99,7 @@ def _run(unit: Planned, parts: Components) -> tuple[EpisodeRecord, float]:
     from gvla2.episode.loop import EpisodeRequest, run_episode
     from gvla2.record.recorder import RunRecorder
 
-    same = ("depth_noise", "planner_timeout", "max_parts", "agreement")
+    same = ("depth_noise", "planner_timeout", "max_parts")
     options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
     replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
     source = f"{unit.task}-{unit.arm.name}-{unit.layout}"

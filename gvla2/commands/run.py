@@ -286,7 +286,7 @@ def _run_one(
 ) -> EpisodeRecord:
     from gvla2.episode.loop import EpisodeRequest, run_episode
 
-    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
+    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
     options: dict[str, Any] = {name: getattr(config, name) for name in same}
     try:
         return run_episode(parts, EpisodeRequest(seed=seed, source=source, **options), listener)

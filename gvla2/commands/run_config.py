@@ -27,11 +27,10 @@ class RunConfig(EveryKind):
     ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot looks and plans
     again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for lack of
-    means, ``fallback`` plans, another planner or none; with ``agreement`` it is asked first, and decides if it is
-    confident (null: where the planner defers to one, as a cautious ``code_policies`` does). A program that takes
-    several plans is carried out in up to ``max_parts``. ``branch`` holds the options of the reconstruction branch,
-    which runs where a ``reconstructor`` is chosen. A sweep puts its jobs into the database ``results``; jobs that are
-    done in its folder are kept, unless ``results.fresh``.
+    means, ``fallback`` plans, another planner or none. A program that takes several plans is carried out in up to
+    ``max_parts``. ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is
+    chosen. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept, unless
+    ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -41,7 +40,6 @@ class RunConfig(EveryKind):
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    agreement: bool | None = None
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     branch: BranchOptions = field(default_factory=BranchOptions)
     results: ResultsConfig = field(default_factory=ResultsConfig)

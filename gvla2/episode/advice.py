@@ -21,9 +21,9 @@ from gvla2.skills.table import STANDARD
 def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
     """Memory's text, effects (reconciled) and programs, then those of failed attempts, which bind in the same way."""
     context = record.recalled or MemoryContext()
-    told = [(item.effect, item.id) for item in context.items if item.effect]
-    effects = [*reconciled(Effect.from_json(one, source) for one, source in told if not _is_program(one))]
-    programs = [Program.from_json(effect, source) for effect, source in told if _is_program(effect)]
+    recalled = [(item.effect, item.id) for item in context.items if item.effect]
+    effects = [*reconciled(Effect.from_json(one, source) for one, source in recalled if not _is_program(one))]
+    programs = [Program.from_json(effect, source) for effect, source in recalled if _is_program(effect)]
     lines = [context.text] if context.text else []
     done: list[Done] = []
     for number, attempt in enumerate(record.attempts, 1):

@@ -15,6 +15,7 @@ from gvla2.episode.failure_diagnosis import approach_of, diagnose, theme_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.calls import written
+from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect, sides_of
 from gvla2.planning.looks import ON, look_of
 from gvla2.planning.programs import calls_program, kind_of, waypoints_program
@@ -25,8 +26,8 @@ from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 TRANSCRIPT_LIMIT = 8000
-MOST_PARAMETERS = 3
-"""At most this many of a skill's key parameters are taught: as many as a recall shows hints at a time.
+MAX_PARAMETERS = 3
+"""Maximum number of a skill's key parameters in lessons: as many as a recall shows hints at a time.
 
 Lift height and push distance are not among them: the instruction gives those. How far to swing, turn or pull something
 open is: no sentence says it.
@@ -79,11 +80,11 @@ def transcript(record: EpisodeRecord) -> str:
     """The episode in words: what was seen, planned, checked and executed; at most 8000 characters."""
     lines = [f"Instruction: {record.instruction}"]
     if record.scene is not None:
-        lines += ["Seen:", *(f"- {_seen(thing)}" for thing in record.scene.objects)]
+        lines += ["Seen:", *(f"- {_describe_object(obj)}" for obj in record.scene.objects)]
     if record.recalled is not None and record.recalled.items:
         lines.append(f"Recalled: {', '.join(item.id for item in record.recalled.items)}")
     if record.plan is not None:
-        lines += _planned(record)
+        lines += _describe_plan(record.plan)
     if record.checks is not None:
         lines.append(
             "Checks: passed" if record.checks.passed else f"Checks: {' '.join(record.checks.reasons)}"
@@ -99,7 +100,7 @@ def transcript(record: EpisodeRecord) -> str:
                 f"{1e3 * done.gripper_width:.0f} mm apart{held}{felt}{stop}"
             )
     if record.after_scene is not None:
-        lines += ["Seen at the end:", *(f"- {_seen(thing)}" for thing in record.after_scene.objects)]
+        lines += ["Seen at the end:", *(f"- {_describe_object(obj)}" for obj in record.after_scene.objects)]
     if record.failure is not None:
         lines.append(f"Ended at {record.failure.stage}: {record.failure.message}")
     text = "\n".join(lines)
@@ -117,10 +118,10 @@ def _lessons(record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill
 
 
 def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
-    """Nothing moved, so nothing was learnt about motion; only how the planner handles such an instruction."""
-    assert record.plan is not None
-    if record.plan.abstention is not None:
-        what = f"the planner abstained ({record.plan.abstention.kind})"
+    """Nothing moved, so there is no lesson about motion; only how the planner handles such an instruction."""
+    refusal = record.planned.plan.abstention
+    if refusal is not None:
+        what = f"the planner abstained ({refusal.kind})"
     elif record.checks is not None and not record.checks.passed:
         kinds = sorted({f.kind or f.check for f in record.checks.findings if not f.passed})
         what = f"the plan was rejected before any motion ({', '.join(kinds)})"
@@ -134,15 +135,12 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
 
     Values that go with the object's size are shares of it, so that they hold for other sizes.
     """
-    assert record.plan is not None
-    plan, subject, trajectory = record.plan, _subject(record, skills), record.plan.trajectory
-    assert trajectory is not None
-    look = _look(record)
+    plan, subject, look = record.executable.plan, _subject(record, skills), _look(record)
     usable = [n for n, v in plan.parameters.items() if math.isfinite(v)]
     ranked = (skills[plan.skill].key if plan.skill in skills else ()) or sorted(usable)
-    chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
+    chosen = [n for n in ranked if n in usable][:MAX_PARAMETERS]
     if not chosen:
-        stages = list(dict.fromkeys(w.stage for w in trajectory))
+        stages = list(dict.fromkeys(w.stage for w in record.executable.trajectory))
         hint = Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")
         return [hint, *_programs(record, subject)]
     hints = [
@@ -160,20 +158,19 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
 
 def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
     """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
-    assert record.plan is not None
-    assert record.scene is not None
-    plan, names = record.plan, unique_names(record.scene)
+    plan, scene = record.planned.plan, record.planned.scene
+    names = unique_names(scene)
     whole = not plan.remaining and not record.partial
     about = {"roles": plan.roles, "skill": plan.skill, "instruction": record.instruction}
     found = {plan.program.language: plan.program} if plan.program is not None else {}
     lines = [written(call, names) for call in plan.calls]
     if "calls" not in found and whole and lines and all(lines):
         ids = {name: i for i, name in names.items()}
-        found["calls"] = calls_program(lines, ids, record.scene, **about)
+        found["calls"] = calls_program(lines, ids, scene, **about)
     if "waypoints" not in found and whole and plan.trajectory is not None:
-        steps = relative_steps(plan.trajectory, record.scene, plan.roles)
+        steps = relative_steps(plan.trajectory, scene, plan.roles)
         if steps:
-            found["waypoints"] = waypoints_program(steps, record.scene, **about)
+            found["waypoints"] = waypoints_program(steps, scene, **about)
     words = {"calls": "this program of calls succeeded", "waypoints": "these waypoints of the hand succeeded"}
     return [
         Lesson("procedural_hint", f"{subject}: {words[language]}.", program.to_json())
@@ -183,8 +180,6 @@ def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
 
 def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain: bool) -> list[Lesson]:
     """What to avoid: diagnosed causes; or, for a certain failure without any, that it failed and how it ended."""
-    assert record.plan is not None
-    assert record.report is not None
     subject = _subject(record, skills)
     lessons = [
         Lesson(
@@ -196,7 +191,7 @@ def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain
     ]
     if lessons or not certain:
         return lessons
-    stopped = record.report.abort
+    stopped = record.report.abort if record.report is not None else None
     how = f"it stopped at '{stopped.stage}' ({stopped.abort})" if stopped else "it ran to its end"
     words = f"{subject}: the goal was not reached although {how}; do not expect the same motion to work."
     return [Lesson("failure_avoidance", words.replace("although it stopped", "and it stopped"))]
@@ -205,10 +200,9 @@ def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain
 def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     """Skill, size class, look and shape, and approach: the kind of episode, without its numbers.
 
-    It includes the look: things that look alike behave alike, others may not.
+    It includes the look: objects that look alike behave alike, others may not.
     """
-    assert record.plan is not None
-    plan, theme = record.plan, theme_of(record)
+    plan, theme = record.planned.plan, theme_of(record)
     known = skills[plan.skill].words if plan.skill in skills else ""
     words = known or plan.skill.capitalize() or "Follow an instruction"
     if theme is None:
@@ -217,7 +211,7 @@ def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     approach = approach_of(plan)
     described = " ".join(part for part in (_size_class(theme), _look(record).split(ON)[0], shape) if part)
     whole = _look(record).partition(ON)[2]
-    described += f" of something {whole}" if whole else ""
+    described += f" of an object {whole}" if whole else ""
     return f"{words} a {described}" + (f" from the {approach}" if approach else "")
 
 
@@ -226,9 +220,9 @@ def _look(record: EpisodeRecord) -> str:
     return look_of(theme_of(record), record.scene) if record.scene is not None else ""
 
 
-def _size_class(thing: SceneObject) -> str:
+def _size_class(obj: SceneObject) -> str:
     """In words: "small", "tall medium", "flat tiny"; boxes of the same words have similar shapes."""
-    across, height = float(max(thing.extents[:2])), float(thing.extents[2])
+    across, height = float(max(obj.extents[:2])), float(obj.extents[2])
     build = "tall " if height > 1.5 * across else "flat " if height < 0.5 * across else ""
     sizes = (("tiny", 0.03), ("small", 0.075), ("medium", 0.15))
     return build + next((name for name, limit in sizes if max(across, height) < limit), "large")
@@ -240,8 +234,8 @@ def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
     None for a tie, and for an object with parts: the words don't say which part will be handled.
     """
     solids = scene.obstacles()
-    said = set(re.findall(r"\w+", instruction.casefold()))
-    hits = [len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""}) for thing in solids]
+    words = set(re.findall(r"\w+", instruction.casefold()))
+    hits = [len(words & {*obj.label.casefold().split(), obj.colour.casefold()} - {""}) for obj in solids]
     best = max(hits, default=0)
     if len(solids) == 1:
         found = solids[0]
@@ -252,15 +246,13 @@ def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
     return None if any(other.parent == found.id for other in scene.objects) else found
 
 
-def _seen(thing: SceneObject) -> str:
-    place = ", ".join(f"{v:.3f}" for v in thing.centre)
-    size = " x ".join(f"{v:.3f}" for v in thing.extents)
-    return f"{thing.id}: {thing.label} ({thing.shape}, {size} m) at ({place})"
+def _describe_object(obj: SceneObject) -> str:
+    place = ", ".join(f"{v:.3f}" for v in obj.centre)
+    size = " x ".join(f"{v:.3f}" for v in obj.extents)
+    return f"{obj.id}: {obj.label} ({obj.shape}, {size} m) at ({place})"
 
 
-def _planned(record: EpisodeRecord) -> list[str]:
-    assert record.plan is not None
-    plan = record.plan
+def _describe_plan(plan: Plan) -> list[str]:
     if plan.abstention is not None:
         return [f"Planner abstained ({plan.abstention.kind}): {plan.abstention.message}"]
     roles = ", ".join(f"{role} {name}" for role, name in sorted(plan.roles.items()))

@@ -1,10 +1,10 @@
-"""One episode, from a sentence to a lesson: the loop that ties the wings.
+"""One episode, from a sentence to a lesson: the loop that ties the packages together.
 
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
 
 Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
 than one plan runs from observe to verify part by part; an attempt that is seen to have failed may be repeated as a
-whole. A simulator's success check comes last, after everything was learnt, so that no stage can see true state.
+whole. A simulator's success check comes last, after everything was learned, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 
 from gvla2.episode.advice import with_sound_effects
 from gvla2.episode.evidence import RobotEvidence
-from gvla2.episode.fallback import Asked, Consultation
+from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.lessons import memory_task, transcript
 from gvla2.episode.listener import EpisodeListener, SilentListener
-from gvla2.episode.memory_reporting import told_of
+from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.multi_step import (
     clear_the_view,
     goes_on,
@@ -31,7 +31,7 @@ from gvla2.episode.multi_step import (
     words_of_part,
 )
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
-from gvla2.episode.refine import GeometryParts, refine_scene
+from gvla2.episode.refine import GeometryComponents, refine_scene
 from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, pooled, worth_another
 from gvla2.errors import (
     Gvla2Error,
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Parts:
+class Components:
     """The components of one run, built; ``choices`` are their names by Hydra group, ``plugins`` those of their plugins.
 
     ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
@@ -69,7 +69,7 @@ class Parts:
     robot: RobotBackend
     task: Task | None
     perceiver: Perceiver
-    geometry: GeometryParts
+    geometry: GeometryComponents
     memory: Memory
     planner: Planner
     verifier: Verifier
@@ -91,8 +91,7 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked first, and decides if
-    it is confident; None leaves that to the planner (:mod:`gvla2.episode.fallback`).
+    there is a fallback; 0 waits for ever.
     """
 
     seed: int
@@ -102,13 +101,14 @@ class EpisodeRequest:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    agreement: bool | None = None
 
 
 _SILENT = SilentListener()
 
 
-def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener = _SILENT) -> EpisodeRecord:
+def run_episode(
+    components: Components, request: EpisodeRequest, listener: EpisodeListener = _SILENT
+) -> EpisodeRecord:
     """Run one episode and return its record, whose ``failure`` says where and why it ended early, if so.
 
     Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
@@ -116,29 +116,29 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     again.
     """
     record = EpisodeRecord(
-        episode_id=request.source or f"{parts.choices.get('task') or 'episode'}/seed-{request.seed}",
+        episode_id=request.source or f"{components.choices.get('task') or 'episode'}/seed-{request.seed}",
         instruction=request.instruction or "",
-        task=parts.choices.get("task", ""),
+        task=components.choices.get("task", ""),
         seed=request.seed,
-        choices=parts.choices,
+        choices=components.choices,
     )
-    counted = _counting(parts.language)
+    counted = _counting(components.language)
     once: _Stages = (
-        ("observe", lambda r: _observe(r, parts, request, listener)),
-        ("perceive", lambda r: _perceive(r, parts)),
-        ("reconstruct", lambda r: _reconstruct(r, parts)),
-        ("recall", lambda r: _recall(r, parts)),
-        ("plan", lambda r: _consultation(r, parts, request).plan(r)),
-        ("check", lambda r: _consultation(r, parts, request).check(r)),
-        ("execute", lambda r: _execute(r, parts, request, listener)),
-        ("verify", lambda r: _verify(r, parts)),
+        ("observe", lambda r: _observe(r, components, request, listener)),
+        ("perceive", lambda r: _perceive(r, components)),
+        ("reconstruct", lambda r: _reconstruct(r, components)),
+        ("recall", lambda r: _recall(r, components)),
+        ("plan", lambda r: _planner(r, components, request).plan(r)),
+        ("check", lambda r: _planner(r, components, request).check(r)),
+        ("execute", lambda r: _execute(r, components, request, listener)),
+        ("verify", lambda r: _verify(r, components)),
     )
     once = counted(once)
     again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
-    record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *once), record, listener)
+    record = _go_through((("setup", lambda r: _set_up(r, components, request)), *once), record, listener)
     record = _to_the_end(record, again, request.max_parts, listener)
     for _ in range(request.replan):
-        if not worth_another(record, parts.skills):
+        if not worth_another(record, components.skills):
             break
         record = _go_through(again, next_attempt(record), listener)
         if record.report is None:
@@ -147,8 +147,8 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
             break
         record = _to_the_end(record, again, request.max_parts, listener)
     closing: _Stages = (
-        ("learn", lambda r: _learn(r, parts)),
-        ("success_check", lambda r: _check_success(r, parts)),
+        ("learn", lambda r: _learn(r, components)),
+        ("success_check", lambda r: _check_success(r, components)),
     )
     return _go_through(counted(closing), record, listener)
 
@@ -197,7 +197,7 @@ class _StoppedMidwayError(Exception):
 
 
 def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
-    """After a failure, a plan is still verified and learnt from, and a laid-out scene still judged."""
+    """After a failure, a plan is still verified and learned from, and a laid-out scene still judged."""
     if record.failure is not None and record.failure.kind == VOID:
         return False
     if stage == "verify":
@@ -242,31 +242,31 @@ def _run_stage(
         raise
 
 
-def _set_up(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
-    instance = parts.robot.reset(parts.task, request.seed, request.instruction)
+def _set_up(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> EpisodeRecord:
+    instance = components.robot.reset(components.task, request.seed, request.instruction)
     if instance is None:
         return record
     return replace(record, instruction=instance.instruction, goal=instance.goal)
 
 
 def _observe(
-    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     if record.attempts or record.parts:
         moving = _moving(listener)
         trouble = (
-            clear_the_view(parts.robot, record.parts[-1], moving)
+            clear_the_view(components.robot, record.parts[-1], moving)
             if record.parts
-            else back_off(parts.robot, record.attempts[-1], moving)
+            else back_off(components.robot, record.attempts[-1], moving)
         )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
-    return replace(record, observation=_look(parts, request, 2 * _looks(record)))
+    return replace(record, observation=_look(components, request, 2 * _looks(record)))
 
 
 def _moving(
     listener: EpisodeListener, waypoint: Callable[[WaypointReport], None] | None = None
 ) -> ExecutionListener:
-    """What the listener asks for of a motion, and who hears of its waypoints."""
+    """The callbacks during a motion: those that the listener wants, and ``waypoint`` for each report."""
     heard: dict[str, Callable[..., None]] = {} if waypoint is None else {"waypoint": waypoint}
     if getattr(listener, "wants_frames", True):
         heard["frame"] = listener.frame
@@ -275,10 +275,10 @@ def _moving(
     return ExecutionListener(**heard)
 
 
-def _look(parts: Parts, request: EpisodeRequest, number: int) -> Observation:
+def _look(components: Components, request: EpisodeRequest, number: int) -> Observation:
     """What the robot sees, with the noise of this look."""
     noise = np.random.default_rng([request.seed, number])
-    return read_only(apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed))
+    return read_only(apply_noise(components.robot.observe(), request.depth_noise, noise, request.seed))
 
 
 def _looks(record: EpisodeRecord) -> int:
@@ -286,55 +286,53 @@ def _looks(record: EpisodeRecord) -> int:
     return sum(len(each.whole) for each in record.attempts) + len(record.parts)
 
 
-def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    assert record.observation is not None
-    return replace(record, scene=_perceived(record.observation, record, parts))
+def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+    if record.observation is None:
+        raise RuntimeError("The episode has no observation: perceive was run too early.")
+    return replace(record, scene=_perceived(record.observation, record, components))
 
 
-def _perceived(observation: Observation, record: EpisodeRecord, parts: Parts) -> Scene:
-    who, workspace = parts.named("perceiver"), parts.robot.arm.workspace
-    return perceive(parts.perceiver, observation, record.instruction, workspace, who)
+def _perceived(observation: Observation, record: EpisodeRecord, components: Components) -> Scene:
+    who, workspace = components.named("perceiver"), components.robot.arm.workspace
+    return perceive(components.perceiver, observation, record.instruction, workspace, who)
 
 
-def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    assert record.observation is not None
-    assert record.scene is not None
-    scene, sentence = refine_scene(record.scene, record.observation, record.instruction, parts.geometry)
-    refined = record.scene if scene is record.scene else read_only(scene)
+def _reconstruct(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+    seen = record.seen
+    scene, sentence = refine_scene(seen.scene, seen.observation, record.instruction, components.geometry)
+    refined = seen.scene if scene is seen.scene else read_only(scene)
     return replace(record, scene=refined, refinement=sentence)
 
 
-def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    context = context_of(parts.memory, memory_task(record), parts.named("memory"))
+def _recall(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+    context = context_of(components.memory, memory_task(record), components.named("memory"))
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
     context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
 
 
-def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> Consultation:
-    """Whom to ask for a plan: the planner and its fallback, or for a later part the program itself."""
-    name, other = parts.choices.get("planner", ""), parts.choices.get("fallback", "fallback")
-    first, fallback = Asked(name, parts.planner), None
+def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> PlannerWithFallback:
+    """The planner with its fallback; for a later part, the rest of the program itself."""
+    name, other = components.choices.get("planner", ""), components.choices.get("fallback", "fallback")
+    first, fallback = NamedPlanner(name, components.planner), None
     if record.parts:
-        first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
-    elif parts.fallback is not None:
-        fallback = Asked(other, parts.fallback)
-    seconds, arm = request.planner_timeout, parts.robot.arm
-    return Consultation(first, fallback, seconds, arm, parts.skills, request.agreement)
+        first = NamedPlanner(f"{name}, part {len(record.whole)}", rest_of_program(record))
+    elif components.fallback is not None:
+        fallback = NamedPlanner(other, components.fallback)
+    seconds, arm = request.planner_timeout, components.robot.arm
+    return PlannerWithFallback(first, fallback, seconds, arm, components.skills)
 
 
 def _execute(
-    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     """Move, and observe the result."""
-    assert record.plan is not None
-    assert record.plan.trajectory is not None
-    assert record.scene is not None
+    given = record.executable
     done: list[WaypointReport] = []
     heard = _moving(listener, done.append)
     try:
         with kept_alive():
-            report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
+            report = components.robot.execute(given.trajectory, given.scene, heard)
     except (Exception, KeyboardInterrupt) as cause:
         raise _StoppedMidwayError(replace(record, report=ExecutionReport(tuple(done)))) from cause
     record = replace(record, report=report)
@@ -343,48 +341,46 @@ def _execute(
         message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
-        after = _look(parts, request, 2 * _looks(record) + 1)
-        return replace(record, after=after, after_scene=_perceived(after, record, parts))
+        after = _look(components, request, 2 * _looks(record) + 1)
+        return replace(record, after=after, after_scene=_perceived(after, record, components))
     except SimulationError as error:
         return replace(record, failure=Failure("execute", VOID, str(error)))
     except Gvla2Error as error:
         return replace(record, notes=(*record.notes, f"Nothing could be perceived at the end: {error}"))
 
 
-def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    assert record.plan is not None
-    assert record.scene is not None
-    seen = record.after or record.observation
-    assert seen is not None
+def _verify(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+    given = record.planned
+    last = record.after or record.seen.observation
     evidence = RobotEvidence(
         instruction=words_of_part(record) if record.partial else record.instruction,
         transcript=transcript(record),
-        before=record.scene,
+        before=given.scene,
         after=record.after_scene,
-        plan=record.plan,
+        plan=given.plan,
         checks=record.checks or CheckReport(),
         report=record.report or ExecutionReport(),
-        gripper_width=seen.gripper_width,
+        gripper_width=last.gripper_width,
     )
-    name = parts.choices.get("verifier", "")
-    verdict = verdict_of(parts.verifier, evidence, name, parts.named("verifier"))
+    name = components.choices.get("verifier", "")
+    verdict = verdict_of(components.verifier, evidence, name, components.named("verifier"))
     record = replace(record, verdict=verdict)
     if verdict.outcome == "verified_fail" and record.failure is None:
         return replace(record, failure=Failure("verify", "not_achieved", " ".join(verdict.reasons)))
     return record
 
 
-def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+def _learn(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     """Report every attempt and every part to memory, each with its own verdict."""
-    who = parts.named("memory")
-    told = told_of(record, parts.skills)
-    learned = pooled([learned_of(parts.memory, episode, verdict, who) for episode, verdict in told])
-    notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
+    who = components.named("memory")
+    stories = stories_of(record, components.skills)
+    learned = pooled([learned_of(components.memory, episode, verdict, who) for episode, verdict in stories])
+    notes = (f"Nothing was learned: {learned.degraded}",) if learned.degraded else ()
     return replace(record, learned=learned, notes=record.notes + notes)
 
 
-def _check_success(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    success_check = parts.robot.success_check()
+def _check_success(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+    success_check = components.robot.success_check()
     record = replace(record, success_check=success_check)
     if success_check is not None and not success_check.relaxed and record.failure is None:
         # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.

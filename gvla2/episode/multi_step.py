@@ -54,8 +54,7 @@ def goes_on(record: EpisodeRecord) -> bool:
 
 def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
     """The record of a program that would need more parts than allowed."""
-    assert record.plan is not None
-    left = record.plan.remaining
+    left = record.planned.plan.remaining
     message = (
         f"The program has more than {most} parts: {_listed(left)} would come next. max_parts=NUMBER allows more; "
         "or give the instruction in several runs."
@@ -73,31 +72,25 @@ def rest_of_program(record: EpisodeRecord) -> Continuation:
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
-    before = record.parts[-1]
-    assert before.plan is not None
-    assert before.scene is not None
-    assert record.scene is not None
-    now = _present_ids(before, record.scene)
-    return Continuation(
-        tuple(_translated(call, now, before.scene) for call in before.plan.remaining),
-        before.plan.options,
-    )
+    before, after = record.parts[-1].planned, record.parts[-1].after_scene
+    now = _present_ids(before.scene, after, record.seen.scene)
+    calls = tuple(_translated(call, now, before.scene) for call in before.plan.remaining)
+    return Continuation(calls, before.plan.options)
 
 
-def _present_ids(before: EpisodeRecord, scene: Scene) -> dict[str, str]:
-    """Ids in ``scene`` by the ids that the previous part was planned with.
+def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, str]:
+    """Ids in ``now`` by the ids of ``before``, in which the previous part was planned.
 
-    They are matched directly; objects that changed too much, via the scene seen when that part ended.
+    They are matched directly; objects that changed too much, via the scene in which that part ``ended``.
     """
-    assert before.scene is not None
-    found = {old: new.id for old, new in correspond(before.scene, scene).later.items()}
-    if before.after_scene is not None:
-        ended, since = correspond(before.scene, before.after_scene), correspond(before.after_scene, scene)
-        for thing in before.scene.objects:
-            midway = ended.of(thing.id)
-            later = since.of(midway.id) if midway is not None else None
-            if thing.id not in found and later is not None and later.id not in found.values():
-                found[thing.id] = later.id
+    found = {old: new.id for old, new in correspond(before, now).later.items()}
+    if ended is not None:
+        midway, since = correspond(before, ended), correspond(ended, now)
+        for obj in before.objects:
+            then = midway.of(obj.id)
+            later = since.of(then.id) if then is not None else None
+            if obj.id not in found and later is not None and later.id not in found.values():
+                found[obj.id] = later.id
     return found
 
 
@@ -115,27 +108,23 @@ def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: Execution
 
     Returns "" or a sentence on what prevented it.
     """
-    assert part.after is not None
+    done = part.executed
     rest = robot.arm.forward(robot.arm.home)[:3, 3]
-    away = float(np.linalg.norm(part.after.world_from_tcp[:3, 3] - rest))
-    if away <= AT_HOME and part.after.gripper > 0.95:
+    away = float(np.linalg.norm(done.after.world_from_tcp[:3, 3] - rest))
+    if away <= AT_HOME and done.after.gripper > 0.95:
         return ""
-    down = _way_down(part)
+    down = _way_down(done.trajectory)
     if down is not None:
-        scene = part.after_scene or part.scene
-        assert scene is not None
-        stopped = robot.execute(down, scene, listener).abort
+        stopped = robot.execute(down, part.after_scene or done.scene, listener).abort
         if stopped is not None:
             return f"The held object could not be set down before the next part: {stopped.message}"
         part = replace(part, after=robot.observe(), after_scene=None)  # it stands where it stood before
     return back_off(robot, part, listener)
 
 
-def _way_down(part: EpisodeRecord) -> Trajectory | None:
+def _way_down(done: Trajectory) -> Trajectory | None:
     """Back along the path on which the held object was lifted, to where it was grasped; None with an empty hand."""
-    assert part.plan is not None
-    assert part.plan.trajectory is not None
-    waypoints = part.plan.trajectory.waypoints
+    waypoints = done.waypoints
     held = waypoints[-1].carries if waypoints[-1].gripper < 0.5 else ""
     if not held:
         return None
@@ -165,27 +154,27 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
     program = first.program if first is not None else None
     done = all(p.verdict is not None and p.verdict.outcome == "verified_success" for p in parts)
     finished = last is not None and last.trajectory is not None and not last.remaining
-    told = [replace(p, plan=replace(p.plan, program=None)) if p.plan is not None else p for p in parts]
-    if done and finished and told[-1].plan is not None:
-        told[-1] = replace(told[-1], plan=replace(told[-1].plan, program=program))
-    return tuple(told)
+    reported = [replace(p, plan=replace(p.plan, program=None)) if p.plan is not None else p for p in parts]
+    if done and finished and reported[-1].plan is not None:
+        reported[-1] = replace(reported[-1], plan=replace(reported[-1].plan, program=program))
+    return tuple(reported)
 
 
 def words_of_part(record: EpisodeRecord) -> str:
     """What this part alone should do, in the user's or gvla2's own words: "place the red cube in".
 
-    A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user had
-    said it: only label words that occur in the instruction are kept.
+    A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user
+    had used it: only label words that occur in the instruction are kept.
     """
     plan, scene = record.plan, record.scene
     if plan is None or scene is None:
         return record.instruction
-    said = set(record.instruction.casefold().replace(",", " ").replace(".", " ").split())
-    things = {o.id: o for o in scene.objects}
+    given = set(record.instruction.casefold().replace(",", " ").replace(".", " ").split())
+    objects = {o.id: o for o in scene.objects}
     calls = plan.calls or (SkillCall(plan.skill or "go on", *_roles(plan)),)
     sentences = []
     for call in calls:
-        theme, goal = (_known(things.get(name), said) for name in (call.theme, call.goal))
+        theme, goal = (_known(objects.get(name), given) for name in (call.theme, call.goal))
         words = (call.skill, theme, call.relation.replace("_", " "), goal)
         sentences.append(" ".join(word for word in words if word))
     return "; ".join(sentences)
@@ -195,10 +184,10 @@ def _roles(plan: Plan) -> tuple[str, str]:
     return plan.roles.get("theme", plan.roles.get("part", "")), plan.roles.get("goal", "")
 
 
-def _known(thing: SceneObject | None, said: set[str]) -> str:
-    if thing is None:
+def _known(obj: SceneObject | None, given: set[str]) -> str:
+    if obj is None:
         return ""
-    words = [w for w in dict.fromkeys(f"{thing.colour} {thing.label}".casefold().split()) if w in said]
+    words = [w for w in dict.fromkeys(f"{obj.colour} {obj.label}".casefold().split()) if w in given]
     return f"the {' '.join(words)}" if words else "it"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from gvla2.errors import (
     Gvla2Error,
@@ -17,11 +17,12 @@ from gvla2.geometry.views import Observation
 from gvla2.language.failures import ModelUnavailableError
 from gvla2.language.ledger import Tally
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
-from gvla2.planning.contracts import Plan
+from gvla2.planning.contracts import AbstentionKind, Plan
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.backend import SuccessCheck
-from gvla2.robot.report import ExecutionReport
+from gvla2.robot.report import AbortCode, ExecutionReport
 
 Stage = Literal[
     "setup",
@@ -38,31 +39,82 @@ Stage = Literal[
 ]
 
 
+FailureKind = Literal[
+    # not carried out
+    "error", "unavailable", "crashed", "interrupted", "simulation",
+    # perception and planning
+    "perception", "timeout", "invalid_plan", "rejected", "too_many_parts", AbstentionKind,
+    # execution and its judgement
+    AbortCode, "not_achieved", "goal_not_reached",
+]  # fmt: skip
+"""Why an episode ended early: a stable word for tables; abstentions and aborted motions have words of their own."""
+
+
 @dataclass(frozen=True)
 class Failure:
-    """Why an episode ended early: ``stage``, a stable word ``kind`` and a sentence."""
+    """Why an episode ended early: the ``stage``, the ``kind`` and a sentence."""
 
     stage: Stage
-    kind: str
+    kind: FailureKind
     message: str
 
 
-ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
+ABANDONED: tuple[FailureKind, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
 
 PLANNING: tuple[Stage, ...] = ("plan", "check")
 """The stages at which nothing but the planner, its fallback and the skills that they call can crash."""
 
-VOID = "simulation"
+VOID: FailureKind = "simulation"
 """The kind of failure that makes the whole episode meaningless: its simulated world has blown up."""
 
-_KINDS: Mapping[type[Gvla2Error], str] = {
+_KINDS: Mapping[type[Gvla2Error], FailureKind] = {
     PerceptionError: "perception",
     PlannerTimeoutError: "timeout",  # before the planning error that it is too
     PlanningError: "invalid_plan",
     SimulationError: VOID,
     ModelUnavailableError: "unavailable",
 }
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What ``perceive`` leaves to the stages after it."""
+
+    observation: Observation
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What ``plan`` leaves to the stages after it; the plan may be an abstention."""
+
+    scene: Scene
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class Executable(Planned):
+    """What ``check`` and ``execute`` take: a plan with waypoints."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
+class Executed(Executable):
+    """What ``execute`` leaves behind; ``after`` is the look at its end."""
+
+    report: ExecutionReport
+    after: Observation
+
+
+T = TypeVar("T")
+
+
+def _reached(value: T | None, what: str) -> T:
+    if value is None:
+        raise RuntimeError(f"The episode has no {what}: this stage was run too early.")
+    return value
 
 
 @dataclass(frozen=True)
@@ -102,6 +154,28 @@ class EpisodeRecord:
     notes: tuple[str, ...] = ()
     attempts: tuple[EpisodeRecord, ...] = ()
     parts: tuple[EpisodeRecord, ...] = ()
+
+    @property
+    def seen(self) -> Seen:
+        """What was perceived; this and the next three raise :class:`RuntimeError` before the stage that fills them."""
+        return Seen(_reached(self.observation, "observation"), _reached(self.scene, "scene"))
+
+    @property
+    def planned(self) -> Planned:
+        """The plan and what it was made for."""
+        return Planned(_reached(self.scene, "scene"), _reached(self.plan, "plan"))
+
+    @property
+    def executable(self) -> Executable:
+        """The plan with its waypoints."""
+        planned = self.planned
+        return Executable(**vars(planned), trajectory=_reached(planned.plan.trajectory, "trajectory"))
+
+    @property
+    def executed(self) -> Executed:
+        """The motion and what was seen at its end."""
+        report, after = _reached(self.report, "report"), _reached(self.after, "look at the end")
+        return Executed(**vars(self.executable), report=report, after=after)
 
     @property
     def seconds(self) -> float:
@@ -176,8 +250,8 @@ class EpisodeRecord:
 
 def failure_of(stage: Stage, error: Gvla2Error) -> Failure:
     """The failure of a stage that one of our errors ended."""
-    kind = next((kind for wrong, kind in _KINDS.items() if isinstance(error, wrong)), "error")
-    return Failure(stage, kind, str(error))
+    known = (kind for wrong, kind in _KINDS.items() if isinstance(error, wrong))
+    return Failure(stage, next(known, "error"), str(error))
 
 
 def planner_crashed(record: EpisodeRecord) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.episode.record import EpisodeRecord
+from gvla2.geometry.transform import FloatArray
 from gvla2.memory.contracts import Learned
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
@@ -26,8 +27,8 @@ RISE = 0.10
 def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
-    "10 cm to the left" refers to where a thing stood: after a failed push or placement without a visible goal it means
-    something else.
+    "10 cm to the left" refers to where an object stood: after a failed push or placement without a visible goal it
+    means something else.
     """
     if record.verdict is None or record.verdict.outcome != "verified_fail" or record.plan is None:
         return False
@@ -38,7 +39,7 @@ def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD)
 
 
 def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
-    """Whether a part of the attempt is relative to where a thing stood."""
+    """Whether a part of the attempt is relative to where an object stood."""
     for part in record.whole:
         plan = part.plan
         if plan is None:
@@ -74,19 +75,17 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
 
     Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
     """
-    assert attempt.after is not None
-    scene = attempt.after_scene or attempt.scene
-    assert scene is not None
-    way = _way_home(robot, attempt, scene)
+    scene = attempt.after_scene or attempt.seen.scene
+    way = _way_home(robot, attempt.executed.after.world_from_tcp[:3, 3], scene)
     stopped = robot.execute(way, scene, listener).abort
     if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
         stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
     return f"The arm did not reach home before the next look: {stopped.message}" if stopped else ""
 
 
-def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:
-    assert attempt.after is not None
-    arm, here = robot.arm, attempt.after.world_from_tcp[:3, 3]
+def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory:
+    """From the tool's position (3,), metres: open, straight up, home."""
+    arm = robot.arm
     home = arm.forward(arm.home)
     up = np.array([here[0], here[1], min(here[2] + RISE, float(arm.workspace.high[2]))])
     near = frozenset({o.id for o in scene.objects} | {"table"})
@@ -101,7 +100,7 @@ def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Traj
 
 
 def pooled(parts: list[Learned]) -> Learned:
-    """What memory learnt from all attempts, combined."""
+    """What memory learned from all attempts, combined."""
     return Learned(
         added=tuple(i for p in parts for i in p.added),
         merged=tuple(i for p in parts for i in p.merged),
@@ -112,6 +111,6 @@ def pooled(parts: list[Learned]) -> Learned:
     )
 
 
-def _tuple(point: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, float, float]:
+def _tuple(point: FloatArray) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in point)
     return x, y, z

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
@@ -74,16 +74,20 @@ class PlanRequest:
     rejected: Plan | None = None
 
 
+AbstentionKind = Literal[
+    "unknown_skill", "nothing_matches", "ambiguous", "no_goal", "unreachable", "too_wide", "other"
+]
+
+
 @dataclass(frozen=True)
 class Abstention:
     """A planner's typed refusal: nothing is moved.
 
-    ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
-    ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so a more capable planner may
-    find a plan; the thing need not be absent.
+    ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object
+    need not be absent.
     """
 
-    kind: str
+    kind: AbstentionKind
     message: str
     unread: bool = False
 
@@ -118,8 +122,7 @@ class Plan:
 
     A plan may be one part of a longer program: ``calls`` are the skill calls that this trajectory carries out,
     ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is the plan in
-    the planner's own language, as memory keeps it after a success. ``sure`` says that the planner parsed the
-    instruction by rules that decline anything uncertain; a language model is never sure.
+    the planner's own language, as memory keeps it after a success.
     """
 
     trajectory: Trajectory | None
@@ -136,14 +139,10 @@ class Plan:
     remaining: tuple[SkillCall, ...] = ()
     options: SkillOptions = field(default_factory=SkillOptions)
     program: Program | None = None
-    sure: bool = False
 
 
 class Planner(Protocol):
-    """Plans waypoints from an instruction, a scene and advice.
-
-    An optional attribute ``defers`` says that a fallback planner which is sure of its plan may go first.
-    """
+    """Plans waypoints from an instruction, a scene and advice."""
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan, or an abstention; never an exception for an impossible instruction."""

@@ -111,7 +111,6 @@ TAKEN = frozenset(
         "replan",
         "planner_timeout",
         "max_parts",
-        "agreement",
         "depth_noise",
         "results",
     }

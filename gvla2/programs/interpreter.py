@@ -15,12 +15,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
+from gvla2.planning.contracts import AbstentionKind
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.skill import Skill
 
 DECLINE = "decline"
 """The call by which a program refuses the wish, with a reason: ``decline(absent)``."""
-WHY: Mapping[str, tuple[str, str]] = {
+WHY: Mapping[str, tuple[AbstentionKind, str]] = {
     "absent": ("nothing_matches", "What the wish is about is not there."),
     "unclear": ("ambiguous", "It is not clear which thing is meant."),
     "impossible": ("other", "No skill does what the wish asks for."),

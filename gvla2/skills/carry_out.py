@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Done, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
 from gvla2.planning.effects import apply_effects, sides_of
 from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.scene import SceneObject
@@ -159,7 +159,9 @@ def answer(
     plan = replace(plan, candidates=ranking.candidates)
     if ranking.chosen is None:
         reasons = ranking.reasons()
-        kind = "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
+        kind: AbstentionKind = (
+            "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
+        )
         return replace(plan, abstention=Abstention(kind, f"{refusal}: {reasons}."))
     return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
 

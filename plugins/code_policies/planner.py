@@ -42,7 +42,6 @@ class CodePolicies:
 
     def __init__(self, config: CodePoliciesConfig, language: LanguageModel) -> None:
         self.config = config
-        self.defers = config.cautious
         self._language = language
         self._options = SkillOptions(
             lift_height=config.lift_height,

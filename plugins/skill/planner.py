@@ -44,7 +44,7 @@ class SkillPlanner:
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, options=self.options)
         made = carry_out(found.calls, request, self.options)
-        return replace(made, notes=(*found.notes, *made.notes), sure=True)
+        return replace(made, notes=(*found.notes, *made.notes))
 
 
 def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:

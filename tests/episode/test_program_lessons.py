@@ -3,8 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-from tests.episode.test_lessons_through_a_bank import open_bank
-
 from gvla2.episode.advice import advice_for, with_sound_effects
 from gvla2.episode.lessons import memory_episode, memory_task
 from gvla2.episode.record import EpisodeRecord
@@ -12,6 +10,7 @@ from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.programs import Program, told
 from gvla2.planning.scene_brief import unique_names
+from tests.episode.test_lessons_through_a_bank import open_bank
 from tests.picking import (
     FAIL,
     SUCCESS,
