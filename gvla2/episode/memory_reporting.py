@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gvla2.episode.lessons import memory_episode
-from gvla2.episode.memory_reporting import turns
 from gvla2.episode.multi_step import with_whole_program
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.files import plain
