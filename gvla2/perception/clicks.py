@@ -33,7 +33,7 @@ from gvla2.planning.scene import Scene, SceneObject
 class Prompt:
     """A target in a picture, in pixels, the first pixel's centre at (0.5, 0.5).
 
-    ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the thing or beside it; ``box`` is (left, top,
+    ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the object or beside it; ``box`` is (left, top,
     right, bottom) or None. At least one point or a box.
     """
 
@@ -43,7 +43,7 @@ class Prompt:
 
     @classmethod
     def click(cls, u: float, v: float) -> Prompt:
-        """One point on the thing."""
+        """One point on the object."""
         return cls(np.array([[u, v]]), np.array([True]))
 
 
@@ -84,7 +84,7 @@ BUDGET = 5
 SETTLED = 0.98
 """Intersection over union of two rounds' masks above which they have settled."""
 FAR = 24.0
-"""Pixels from the nearest thing or mask beyond which a click is refused."""
+"""Pixels from the nearest object or mask beyond which a click is refused."""
 GOOD = 0.3
 """The least IoU that the segmentation model must estimate for a mask."""
 LARGEST = 0.6
@@ -102,16 +102,16 @@ SCHEMA = {
     "additionalProperties": False,
 }
 QUESTION = """A robot is told: "{words}"
-Point at the one thing that it must handle first. The picture shows what stands there with yellow outlines{marked}.
+Point at the one object that it must handle first. The picture shows what stands there with yellow outlines{marked}.
 Answer one JSON object: {{"done": false, "x": X, "y": Y, "on": true}} for a click at X, Y (from 0 to {scale:g}, from the
-left and from the top) on the thing{missing}; {{"done": false, "x": X, "y": Y, "on": false}} for a click at what
+left and from the top) on the object{missing}; {{"done": false, "x": X, "y": Y, "on": false}} for a click at what
 is marked and does not belong to it; {{"done": true, "x": 0, "y": 0, "on": true}} when the mark covers all of it and
 nothing else.{refused}"""
 
 
 @dataclass(frozen=True)
 class Click:
-    """One answer: pixels (u, v) of the picture, whether on the thing, why it was refused ("" if taken)."""
+    """One answer: pixels (u, v) of the picture, whether on the object, why it was refused ("" if taken)."""
 
     u: float
     v: float
@@ -144,7 +144,7 @@ def locate(
     longest: int = 1024,
     budget: int = BUDGET,
 ) -> Located:
-    """Ask for clicks at what ``words`` refer to in a picture (H, W, 3); ``proposals`` (H, W) are the masks of things.
+    """Ask for clicks at what ``words`` refer to in a picture (H, W, 3); ``proposals`` (H, W) are the masks of objects.
 
     A model that is unavailable or useless ends it: the last good mask is kept.
     """
@@ -161,7 +161,7 @@ def locate(
         if answer is None:
             if mask is not None:
                 return Located(mask, score, tuple(clicks), "done", tuple(masks))
-            refused = " You said done, but nothing is marked yet: click at the thing."
+            refused = " You said done, but nothing is marked yet: click at the object."
             continue
         x, y, on = answer
         click = Click(x * image.shape[1] / scale, y * image.shape[0] / scale, on)
@@ -173,8 +173,8 @@ def locate(
         taken = [*(c for c in clicks if not c.refused), click]
         fresh, sure = _segmented(encoded, taken, proposals)
         if fresh is None:
-            clicks.append(Click(click.u, click.v, on, "The mask that it gave was no thing."))
-            refused = " Your last click gave no mask of a thing: click elsewhere on it."
+            clicks.append(Click(click.u, click.v, on, "The mask that it gave was no object."))
+            refused = " Your last click gave no mask of an object: click elsewhere on it."
             continue
         clicks.append(click)
         masks.append(fresh)
@@ -294,7 +294,7 @@ def localized(
     """The scene with a note on the instruction's target, from clicks in the picture that shows the most."""
     if not scene.objects or not instruction.strip():
         return scene
-    shown = [[_shown(frame, thing) for thing in scene.objects] for frame in frames]
+    shown = [[_shown(frame, obj) for obj in scene.objects] for frame in frames]
     view = int(np.argmax([sum(int(mask.sum()) for mask in masks) for masks in shown]))
     found = locate(
         model, frames[view].view.image, segmenter.encode(frames[view].view.image), shown[view], instruction,
@@ -310,20 +310,18 @@ def _merged(scene: Scene, frames: Sequence[ViewFrame], table: TablePlane, found:
     own = found.mask & frames[view].known
     cloud = frames[view].points[own & (frames[view].height > 0)]
     best, worth, of_mask = None, 0.0, 0.0
-    for thing in scene.objects:
-        if not len(cloud) or not len(thing.points):
+    for obj in scene.objects:
+        if not len(cloud) or not len(obj.points):
             continue
-        share = float(
-            np.isfinite(cKDTree(thing.points).query(cloud, distance_upper_bound=TOUCHING)[0]).mean()
-        )
-        in_sight = thing.points[_in_sight(frames[view], thing.points)]
+        share = float(np.isfinite(cKDTree(obj.points).query(cloud, distance_upper_bound=TOUCHING)[0]).mean())
+        in_sight = obj.points[_in_sight(frames[view], obj.points)]
         back = (
             float(np.isfinite(cKDTree(cloud).query(in_sight, distance_upper_bound=TOUCHING)[0]).mean())
             if len(in_sight)
             else 0.0
         )
         if share * back > worth:
-            best, worth, of_mask = thing, share * back, min(share, back)
+            best, worth, of_mask = obj, share * back, min(share, back)
     if best is not None and of_mask >= SAME:
         return replace(scene, notes=(*scene.notes, f"{best.id} is the target: {_story(found)}."))
     made, _ = objects_of([Fused((MaskCandidate(view, found.mask, found.score),))], frames, table, 3)
@@ -332,8 +330,8 @@ def _merged(scene: Scene, frames: Sequence[ViewFrame], table: TablePlane, found:
     new = f"o{len(scene.objects) + 1}"
     parent = best.id if best is not None and worth > 0.1 else ""
     note = f"{new} is the target, a part that geometry did not separate: {_story(found)}."
-    thing = replace(made[0], id=new, parent=parent)
-    return replace(scene, objects=(*scene.objects, thing), notes=(*scene.notes, note))
+    obj = replace(made[0], id=new, parent=parent)
+    return replace(scene, objects=(*scene.objects, obj), notes=(*scene.notes, note))
 
 
 def _story(found: Located) -> str:
@@ -341,11 +339,11 @@ def _story(found: Located) -> str:
     return f"{len(found.clicks)} clicks, {refused} refused, {found.stopped}"
 
 
-def _shown(frame: ViewFrame, thing: SceneObject) -> BoolArray:
+def _shown(frame: ViewFrame, obj: SceneObject) -> BoolArray:
     """(H, W) the pixels of an object's points in a picture."""
     mask = np.zeros(frame.height.shape, dtype=bool)
     camera = frame.view.camera
-    uv, _ = camera.project(thing.points[_in_sight(frame, thing.points)])
+    uv, _ = camera.project(obj.points[_in_sight(frame, obj.points)])
     columns, rows = np.floor(uv).astype(int).T
     mask[rows, columns] = True
     return mask

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
-from gvla2.perception.objects import thing_of
+from gvla2.perception.objects import object_of
 from gvla2.planning.scene import SceneObject
 
 IntArray = NDArray[np.int64]
@@ -84,7 +84,7 @@ def without_specks(mask: BoolArray, least: int = 3) -> BoolArray:
 
 
 SHARED = 0.55
-"""Share of each mask's points on the other, of those that its picture shows, above which both show one thing. A part's
+"""Share of each mask's points on the other, of those that its picture shows, above which both show one object. A part's
 points all lie on the whole, but few of the whole's on the part: they stay two.
 """
 IN_SIGHT = 0.015
@@ -95,18 +95,18 @@ SAMPLE = 400
 SAME = 0.8
 """Intersection over union in one picture above which two masks are one."""
 WITHIN = 0.9
-"""Share of a thing's points within another above which it is a part of it."""
+"""Share of an object's points within another above which it is a part of it."""
 STRAY = 0.04
-"""Share of a thing's points below which a detached piece is a leak of the mask, not the thing."""
+"""Share of an object's points below which a detached piece is a leak of the mask, not the object."""
 ABOVE = 0.0015
-"""Least metres above the table for a point in a mask to belong to the thing; the rest is the mask's soft rim."""
+"""Least metres above the table for a point in a mask to belong to the object; the rest is the mask's soft rim."""
 
 
 @dataclass(frozen=True)
 class MaskCandidate:
     """A mask (H, W) in the picture of frame ``view``: ``score`` in [0, 1]; ``label`` "" if the model gives none.
 
-    Candidates of one ``seed`` >= 0 were prompted by one cluster in 3D: they show one thing.
+    Candidates of one ``seed`` >= 0 were prompted by one cluster in 3D: they show one object.
     """
 
     view: int
@@ -118,7 +118,7 @@ class MaskCandidate:
 
 @dataclass(frozen=True)
 class Fused:
-    """One thing: ``members`` are its candidates, at most one per view; ``parent`` the index of its whole."""
+    """One object: ``members`` are its candidates, at most one per view; ``parent`` the index of its whole."""
 
     members: tuple[MaskCandidate, ...]
     parent: int = -1
@@ -139,7 +139,7 @@ class Fused:
 
 
 def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> list[Fused]:
-    """The things that the candidates show, largest first; candidates without a point in 3D are left out."""
+    """The objects that the candidates show, largest first; candidates without a point in 3D are left out."""
     kept = _without_doubles(candidates)
     clouds = [_points(frames[c.view], c.mask) for c in kept]
     seen = [i for i, cloud in enumerate(clouds) if len(cloud)]
@@ -148,28 +148,28 @@ def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> li
         (i, j)
         for i in range(len(kept))
         for j in range(i)
-        if kept[i].view != kept[j].view and _one_thing(frames, kept[i], kept[j], clouds[i], clouds[j])
+        if kept[i].view != kept[j].view and _one_object(frames, kept[i], kept[j], clouds[i], clouds[j])
     ]
     if not kept:
         return []
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(rows)), rows.T), shape=(len(kept), len(kept)))
     groups = connected_components(graph, directed=False)[1]
-    things, spread = [], []
+    objects, spread = [], []
     for group in np.unique(groups):
         own = np.nonzero(groups == group)[0]
         best: dict[int, int] = {}
         for i in sorted(own, key=lambda i: kept[i].score):
             best[kept[i].view] = int(i)  # of two in one picture that others join, the surer one
-        things.append(Fused(tuple(kept[i] for i in best.values())))
+        objects.append(Fused(tuple(kept[i] for i in best.values())))
         spread.append(np.concatenate([clouds[i] for i in best.values()]))
-    order = sorted(range(len(things)), key=lambda k: -len(spread[k]))
-    things, spread = [things[k] for k in order], [spread[k] for k in order]
-    return [replace(thing, parent=_whole_of(k, spread)) for k, thing in enumerate(things)]
+    order = sorted(range(len(objects)), key=lambda k: -len(spread[k]))
+    objects, spread = [objects[k] for k in order], [spread[k] for k in order]
+    return [replace(obj, parent=_whole_of(k, spread)) for k, obj in enumerate(objects)]
 
 
 def objects_of(
-    things: Sequence[Fused], frames: Sequence[ViewFrame], table: TablePlane, least: int
+    masks: Sequence[Fused], frames: Sequence[ViewFrame], table: TablePlane, least: int
 ) -> tuple[list[SceneObject], list[str]]:
     """Scene objects of fused masks, with ids ``thing0``, ...; and a sentence for each that is too small to place.
 
@@ -177,10 +177,10 @@ def objects_of(
     """
     objects, notes = [], []
     owners = [np.full(f.height.shape, -1) for f in frames]
-    for k in sorted(range(len(things)), key=lambda k: (things[k].parent >= 0, things[k].score)):
-        for member in things[k].members:
+    for k in sorted(range(len(masks)), key=lambda k: (masks[k].parent >= 0, masks[k].score)):
+        for member in masks[k].members:
             owners[member.view][member.mask] = k
-    for k, thing in enumerate(things):
+    for k, obj in enumerate(masks):
         points, colours = [], []
         for frame, owner in zip(frames, owners, strict=True):
             with np.errstate(invalid="ignore"):
@@ -194,13 +194,13 @@ def objects_of(
             cloud, rgb = cloud[own_parts], rgb[own_parts]
         if len(cloud) < max(least, 3):
             notes.append(
-                f"A mask of {sum(int(m.mask.sum()) for m in thing.members)} pixels has no depth to place it."
+                f"A mask of {sum(int(m.mask.sum()) for m in obj.members)} pixels has no depth to place it."
             )
             continue
         x, y = cloud[:, :2].mean(axis=0)
-        made = thing_of(cloud, rgb, table.height_at(float(x), float(y)), thing.score, f"thing{k}")
-        parent = f"thing{thing.parent}" if thing.parent >= 0 else ""
-        objects.append(replace(made, label=thing.label or made.label, parent=parent))
+        made = object_of(cloud, rgb, table.height_at(float(x), float(y)), obj.score, f"object{k}")
+        parent = f"object{obj.parent}" if obj.parent >= 0 else ""
+        objects.append(replace(made, label=obj.label or made.label, parent=parent))
     there = {o.id for o in objects}
     return [o if o.parent in there else replace(o, parent="") for o in objects], notes
 
@@ -224,11 +224,11 @@ def _points(frame: ViewFrame, mask: BoolArray) -> FloatArray:
     known = mask & frame.known
     with np.errstate(invalid="ignore"):
         above = known & (frame.height > ABOVE)
-    cloud = frame.points[above if above.any() else known]  # leaks onto the table are not part of a thing
+    cloud = frame.points[above if above.any() else known]  # leaks onto the table are not part of an object
     return cloud[:: max(1, len(cloud) // SAMPLE)]
 
 
-def _one_thing(
+def _one_object(
     frames: Sequence[ViewFrame], a: MaskCandidate, b: MaskCandidate, of_a: FloatArray, of_b: FloatArray
 ) -> bool:
     if a.seed >= 0 and b.seed >= 0:
@@ -248,7 +248,7 @@ def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
 
 
 def _whole_of(k: int, spread: Sequence[FloatArray]) -> int:
-    """The smallest larger thing that contains the k-th; -1 for none."""
+    """The smallest larger object that contains the k-th; -1 for none."""
     for j in range(k - 1, -1, -1):
         if len(spread[j]) < 1.5 * len(spread[k]):
             continue

@@ -1,4 +1,4 @@
-"""Registering a scan to the seen surface of a thing: many coarse starts, the best refined, scored in all views."""
+"""Registering a scan to the seen surface of an object: many coarse starts, the best refined, scored in all views."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ GAP = 0.012
 
 @dataclass(frozen=True)
 class Seen:
-    """A thing's seen surface: ``points`` (N, 3) world, metres; the cameras with what each measured.
+    """An object's seen surface: ``points`` (N, 3) world, metres; the cameras with what each measured.
 
     ``depths`` (H, W) metres, NaN where nothing is known, and ``looks`` (H, W, 3), see
     :func:`~gvla2.planning.colours.appearance`, one a camera; ``table`` is the table's height there.
@@ -198,7 +198,7 @@ def seen_surface(
     points: FloatArray, cameras: Sequence[Camera], depths: Sequence[FloatArray], images: Sequence[FloatArray],
     table: float,
 ) -> Seen:  # fmt: skip
-    """The seen surface of one thing; ``images`` (H, W, 3) are looks already. Looks of points come from the views."""
+    """The seen surface of one object; ``images`` (H, W, 3) are looks already. Looks of points come from the views."""
     points = without_strays(points)
     looks = np.full(points.shape, np.nan)
     for camera, depth, image in zip(cameras, depths, images, strict=True):
@@ -226,7 +226,7 @@ def look_of(image: np.ndarray) -> FloatArray:
 
 
 LEAST = 40
-"""Least seen points for a thing to be recognised."""
+"""Least seen points for an object to be recognised."""
 REFINED = 10
 """Number of scans refined among those whose size and colours fit."""
 BINS = 6
@@ -236,7 +236,7 @@ LEAST_SHARED = 0.12
 
 @dataclass(frozen=True)
 class Odds:
-    """From a fit's measures to the log-odds that the scan is the thing: one weight per measure and a constant."""
+    """From a fit's measures to the log-odds that the scan is the object: one weight per measure and a constant."""
 
     constant: float
     gap: float
@@ -282,8 +282,8 @@ class Gallery:
         made._histograms = [histogram(scan.looks) for scan in scans]
         return made
 
-    def names(self, things: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
-        """One answer per thing, in order."""
+    def names(self, objects: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
+        """One answer per object, in order."""
         views = [view for view in observation.views if view.depth is not None]
         cameras, depths = [view.camera for view in views], []
         for view in views:
@@ -294,11 +294,11 @@ class Gallery:
             depths.append(np.where(hidden, np.nan, depth))
         images = [look_of(view.image) for view in views]
         answers = []
-        for thing in things:
-            if len(thing.points) < LEAST:
-                answers.append(Naming("", 0.0, why=f"Only {len(thing.points)} points of it are seen."))
+        for obj in objects:
+            if len(obj.points) < LEAST:
+                answers.append(Naming("", 0.0, why=f"Only {len(obj.points)} points of it are seen."))
                 continue
-            answers.append(self.name(seen_surface(thing.points, cameras, depths, images, scene.table_height)))
+            answers.append(self.name(seen_surface(obj.points, cameras, depths, images, scene.table_height)))
         return answers
 
     def name(self, seen: Seen) -> Naming:

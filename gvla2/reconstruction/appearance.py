@@ -126,25 +126,25 @@ themselves always leave a per cent or two to gain, at the cost of the views that
 
 
 def calibrate_colours(
-    thing: Reconstruction, views: Views, renderer: Renderer
+    obj: Reconstruction, views: Views, renderer: Renderer
 ) -> tuple[Reconstruction, StageReport]:
     """The object with its base colours (SH-DC, mesh colours) under the median of the views' affines (g, b).
 
     Kept only when the renders come nearer to the inputs; geometry, opacity and higher harmonics are untouched.
     """
-    if thing.gaussians is None:
-        return thing, StageReport("appearance", "skipped", "There are no Gaussians to render.")
-    shots = [(view, *renderer.render(thing.gaussians, view.camera)) for view in views]
+    if obj.gaussians is None:
+        return obj, StageReport("appearance", "skipped", "There are no Gaussians to render.")
+    shots = [(view, *renderer.render(obj.gaussians, view.camera)) for view in views]
     fits = [fit_affine(rendered, view.image, _solid(view, alpha)) for view, rendered, alpha in shots]
     clear = [(fit.gain, fit.bias) for fit in fits if not fit.reason]
     if not clear:
         reason = "No view shows enough of the object to compare colours."
-        return thing, StageReport("appearance", "skipped", reason)
+        return obj, StageReport("appearance", "skipped", reason)
     before = float(np.nanmean([_error(*shot) for shot in shots]))
     gain, bias = np.median(clear, axis=0)
-    # A picture of solid things takes the affine as its Gaussians do: what cannot gain so is not rendered again.
+    # A picture of solid objects takes the affine as its Gaussians do: what cannot gain so is not rendered again.
     after = float(np.nanmean([_error(view, gain * image + bias, alpha) for view, image, alpha in shots]))
-    calibrated = _recoloured(thing, gain, bias)
+    calibrated = _recoloured(obj, gain, bias)
     if after <= (1 - LEAST_GAIN) * before:
         assert calibrated.gaussians is not None
         painted = ((view, *renderer.render(calibrated.gaussians, view.camera)) for view in views)
@@ -152,7 +152,7 @@ def calibrate_colours(
     measures = {"colour_error": before}, {"colour_error": after}
     if after > (1 - LEAST_GAIN) * before:
         reason = "An affine of the colours does not bring the renders nearer to the inputs."
-        return thing, StageReport("appearance", "rejected", reason, *measures)
+        return obj, StageReport("appearance", "rejected", reason, *measures)
     reason = f"Gain {np.round(gain, 3).tolist()}, bias {np.round(bias, 3).tolist()}."
     return calibrated, StageReport("appearance", "applied", reason, *measures)
 
@@ -167,13 +167,13 @@ def _solid(view: View, alpha: np.ndarray) -> np.ndarray:
     return np.asarray((mask_of(view) > SOLID) & (alpha > SOLID))
 
 
-def _recoloured(thing: Reconstruction, gain: FloatArray, bias: FloatArray) -> Reconstruction:
-    assert thing.gaussians is not None
-    sh_dc = ((gain * thing.gaussians.rgb + bias - 0.5) / SH_C0).astype(np.float32)
-    gaussians, mesh = replace(thing.gaussians, sh_dc=sh_dc), thing.mesh
+def _recoloured(obj: Reconstruction, gain: FloatArray, bias: FloatArray) -> Reconstruction:
+    assert obj.gaussians is not None
+    sh_dc = ((gain * obj.gaussians.rgb + bias - 0.5) / SH_C0).astype(np.float32)
+    gaussians, mesh = replace(obj.gaussians, sh_dc=sh_dc), obj.mesh
     if mesh is not None and mesh.colours is not None:
         mesh = replace(mesh, colours=np.clip(gain * mesh.colours + bias, 0.0, 1.0))
-    return replace(thing, gaussians=gaussians, mesh=mesh)
+    return replace(obj, gaussians=gaussians, mesh=mesh)
 
 
 _VIEWS = 4  # a vertex listens to this many views at most, those that face it best

@@ -1,4 +1,8 @@
-"""Where an object can be at all: the intersection of its masks' frusta."""
+"""Space carving: from silhouettes to a closed, coloured surface.
+
+The visual hull (Laurentini 1994) is the zero of a field that is metres, not a count of voxels, so that marching
+cubes finds the surface far more finely than the grid is spaced.
+"""
 
 from __future__ import annotations
 

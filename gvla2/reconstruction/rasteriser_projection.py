@@ -47,7 +47,7 @@ ln(opacity / min_alpha): alpha stays above min_alpha while half the squared Maha
 SPLAT_COLUMNS = 12
 
 ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
-"""Where things lie in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
+"""Where objects lie in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
 the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
 CAMERA_ENTRIES = 27
 

@@ -85,37 +85,37 @@ class ViewSet:
 DENSE = 100_000
 
 
-def points_of(thing: Reconstruction) -> FloatArray:
+def points_of(obj: Reconstruction) -> FloatArray:
     """The points that stand for the object: Gaussian centres, else mesh vertices, (N, 3)."""
-    if thing.gaussians is not None and len(thing.gaussians.centres):
-        return np.asarray(thing.gaussians.centres, dtype=np.float64)
-    if thing.mesh is not None and len(thing.mesh.vertices):
-        return np.asarray(thing.mesh.vertices, dtype=np.float64)
+    if obj.gaussians is not None and len(obj.gaussians.centres):
+        return np.asarray(obj.gaussians.centres, dtype=np.float64)
+    if obj.mesh is not None and len(obj.mesh.vertices):
+        return np.asarray(obj.mesh.vertices, dtype=np.float64)
     raise GeometryError("The reconstruction is empty: it has neither Gaussians nor mesh vertices.")
 
 
-def outlined(thing: Reconstruction) -> tuple[FloatArray, NDArray[np.int64] | None]:
+def outlined(obj: Reconstruction) -> tuple[FloatArray, NDArray[np.int64] | None]:
     """What casts the object's silhouettes: the mesh, which has no gaps, else the Gaussians' centres."""
-    if thing.mesh is not None and len(thing.mesh.faces):
-        return thing.mesh.vertices, thing.mesh.faces
-    return points_of(thing), None
+    if obj.mesh is not None and len(obj.mesh.faces):
+        return obj.mesh.vertices, obj.mesh.faces
+    return points_of(obj), None
 
 
-def dense_points(thing: Reconstruction) -> FloatArray:
+def dense_points(obj: Reconstruction) -> FloatArray:
     """(N, 3) points so close together that their outline is the object's: samples of the mesh where there is one."""
-    if thing.mesh is not None and len(thing.mesh.faces) and thing.mesh.areas.sum() > 0:
-        return thing.mesh.sample(DENSE, np.random.default_rng(0))[0]
-    return points_of(thing)
+    if obj.mesh is not None and len(obj.mesh.faces) and obj.mesh.areas.sum() > 0:
+        return obj.mesh.sample(DENSE, np.random.default_rng(0))[0]
+    return points_of(obj)
 
 
-def both_moved(thing: Reconstruction, move: Callable[[FloatArray], FloatArray]) -> Reconstruction:
+def both_moved(obj: Reconstruction, move: Callable[[FloatArray], FloatArray]) -> Reconstruction:
     """The same motion for Gaussians and mesh."""
-    gaussians, mesh = thing.gaussians, thing.mesh
+    gaussians, mesh = obj.gaussians, obj.mesh
     if gaussians is not None:
         gaussians = gaussians.with_centres(move(np.asarray(gaussians.centres, dtype=np.float64)))
     if mesh is not None:
         mesh = mesh.with_vertices(move(np.asarray(mesh.vertices, dtype=np.float64)))
-    return replace(thing, gaussians=gaussians, mesh=mesh)
+    return replace(obj, gaussians=gaussians, mesh=mesh)
 
 
 def mismatch(a: Reconstruction, b: Reconstruction) -> str:

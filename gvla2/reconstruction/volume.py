@@ -1,4 +1,10 @@
-"""How deep points of a grid lie inside a closed mesh."""
+"""One volume for all that is known: masks, free space and surface from each depth map, and G0 where nobody looked.
+
+Each depth map says of a voxel how far it lies behind the surface. Maps that see one surface, by their normals, are
+averaged; what different surfaces say is cut: solid is what lies behind all of them (a directional TSDF, Splietker and
+Behnke 2019, taken pairwise). A mean over all maps would let the front of a thin object meet its back; a cut of single
+maps, which is carving, would take the worst error of all. With exact depth the two are the same and this is carving.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +102,7 @@ def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None)
     """The object within its masks' visual hull as the depth maps see it.
 
     Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
-    left without anything on its ray, the likeliest voxel of the ray is filled: thin things stay whole.
+    left without anything on its ray, the likeliest voxel of the ray is filled: thin objects stay whole.
     """
     hull, views = seen.hull, seen.views
     usual = float(np.nanmedian(evidence.depth) * np.nanmedian(evidence.std))

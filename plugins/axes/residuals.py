@@ -1,4 +1,4 @@
-"""Residuals of an axis scale and shift: contours of the masks, and their sum with priors."""
+"""Distances of a shape's outline from a mask's contour, in pixels along the contour's normals."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     points, over all views, are a speck. ``min_region``: the smallest painted patch, square metres. ``robot_margin``:
     pixels around the robot that are not believed. ``jump``: neighbouring pixels further apart than this lie on
     different surfaces. ``colour_step``: neighbouring pixels whose looks differ by more (see
-    ``gvla2.planning.colours``) are of different things. ``gap``: free space of this height under a thing means that
+    ``gvla2.planning.colours``) are of different objects. ``gap``: free space of this height under an object means that
     it does not stand on the table. Names of known objects: see :class:`NamingOptions`.
     """
 

@@ -21,7 +21,7 @@ from gvla2_plugins.classical.pixels import (
 )
 from gvla2_plugins.classical.segmentation import groups, join_across_views, pieces_in_views
 from gvla2_plugins.classical.solids import (
-    Thing,
+    SeenObject,
     box_distance,
     cylinder_distance,
     evenly,
@@ -55,7 +55,7 @@ def footprint_of(
     bare: Sequence[NDArray[np.bool_]],
     height: float = 0.0,
 ) -> Footprint:
-    """The outline of the flat thing of the pixels ``members`` (N,) that lies ``height`` metres above the table.
+    """The outline of the flat object of the pixels ``members`` (N,) that lies ``height`` metres above the table.
 
     ``bare`` (H, W), one a frame, are pixels that show what is not of it.
     """
@@ -120,7 +120,7 @@ def find_patches(
     min_region: float,
     min_points: int,
     colour_step: float,
-) -> tuple[Pixels, list[Thing]]:
+) -> tuple[Pixels, list[SeenObject]]:
     """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
     pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
     if len(pixels) == 0:
@@ -128,7 +128,7 @@ def find_patches(
     pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
     labels = join_across_views(pixels, pieces, REACH)
     fitted = [_fit(frames, pixels, members, bare) for members in groups(labels, min_points)]
-    patches: list[Thing] = []
+    patches: list[SeenObject] = []
     for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
         sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
         # A piece of one that is already found, cut off by what stands on it.
@@ -144,7 +144,7 @@ def find_patches(
 
 def _fit(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
-) -> Thing:
+) -> SeenObject:
     outline = footprint_of(frames, pixels, members, bare)
     (width, depth), yaw = outline.lengths, outline.yaw
     noun = "circle"
@@ -152,6 +152,6 @@ def _fit(
         yaw, width, depth = upright_rectangle(yaw, width, depth)
         noun = "square" if depth > 0.85 * width else "patch"
     centre, extents = np.array([*outline.middle, 0.5 * PAINT]), np.array([width, depth, PAINT])
-    return Thing(
+    return SeenObject(
         "region", members, pixels.points[members], centre, yaw, extents, outline.agreement, noun=noun
     )

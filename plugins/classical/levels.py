@@ -9,7 +9,7 @@ from trimesh.bounds import oriented_bounds
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.pixels import IntArray
-from gvla2_plugins.classical.solids import THIN, Thing, evenly, narrow_yaw
+from gvla2_plugins.classical.solids import THIN, SeenObject, evenly, narrow_yaw
 
 THICKEST = 0.02  # metres: what is thicker is no plate
 LEAST = 0.05  # metres: the shorter side of a plate that is believed to lean
@@ -19,28 +19,28 @@ LEAST_LEAN, MOST_LEAN = 0.03, 0.35  # radians: a block leans, and does not lie
 MOST_POINTS = 1000  # that the smallest box is made about
 
 
-def leaning_plate(thing: Thing) -> Thing | None:
-    """The thing as a plate that leans, where its points lie in one; None otherwise.
+def leaning_plate(obj: SeenObject) -> SeenObject | None:
+    """The object as a plate that leans, where its points lie in one; None otherwise.
 
     Its x axis is level, its y axis rises along the plate, its z axis is the plate's normal, upwards.
     """
-    axes = _axes_of_box(thing.points)
-    lengths = np.ptp(np.percentile(thing.points @ axes, [2.0, 98.0], axis=0), axis=0)
+    axes = _axes_of_box(obj.points)
+    lengths = np.ptp(np.percentile(obj.points @ axes, [2.0, 98.0], axis=0), axis=0)
     thin = int(np.argmin(lengths))
     normal = axes[:, thin] * np.sign(axes[2, thin] or 1.0)
     if lengths[thin] > THICKEST or np.delete(lengths, thin).min() < LEAST or not STEEP < normal[2] < LEVEL:
         return None
     if np.abs(np.delete(axes, thin, axis=1)[2]).min() > np.sin(TURNED):
         return None
-    flat, normal = _plane(thing.points, normal)
+    flat, normal = _plane(obj.points, normal)
     level = np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
-    leaning = _along(thing, np.stack([level, np.cross(normal, level), normal], axis=1), flat)
-    extents, agreement = np.maximum(leaning.extents, 2 * THIN), len(flat) / len(thing.points)
+    leaning = _along(obj, np.stack([level, np.cross(normal, level), normal], axis=1), flat)
+    extents, agreement = np.maximum(leaning.extents, 2 * THIN), len(flat) / len(obj.points)
     yaw = float(np.arctan2(level[1], level[0]))
     return replace(leaning, kind="box", yaw=yaw, extents=extents, agreement=agreement, floating=True)
 
 
-def lean_of(block: Thing) -> FloatArray:
+def lean_of(block: SeenObject) -> FloatArray:
     """(3,) the upward axis of a box that may lean a little."""
     axes = _axes_of_box(block.points)
     upward = axes[:, np.argmax(np.abs(axes[2]))]
@@ -49,18 +49,18 @@ def lean_of(block: Thing) -> FloatArray:
     return upward if leans else np.array([0.0, 0.0, 1.0])
 
 
-def leant(thing: Thing, axis: FloatArray) -> Thing:
-    """The upright thing with its z axis along ``axis`` (3,) and its box about its points."""
+def leant(obj: SeenObject, axis: FloatArray) -> SeenObject:
+    """The upright object with its z axis along ``axis`` (3,) and its box about its points."""
     if axis[2] > 1.0 - 1e-9:
-        return thing
-    x = thing.pose[:3, 0]
+        return obj
+    x = obj.pose[:3, 0]
     x = x - (x @ axis) * axis
     x = x / np.linalg.norm(x)
-    leaning = _along(thing, np.stack([x, np.cross(axis, x), axis], axis=1))
-    if thing.floating or thing.on >= 0:
+    leaning = _along(obj, np.stack([x, np.cross(axis, x), axis], axis=1))
+    if obj.floating or obj.on >= 0:
         return leaning
     # The foot is hidden or in shade: the box goes down to the table.
-    down = max(0.0, float(axis @ (leaning.centre - [*thing.centre[:2], 0.0]) - 0.5 * leaning.extents[2]))
+    down = max(0.0, float(axis @ (leaning.centre - [*obj.centre[:2], 0.0]) - 0.5 * leaning.extents[2]))
     extents = np.append(leaning.extents[:2], leaning.extents[2] + down)
     return replace(leaning, centre=leaning.centre - 0.5 * down * axis, extents=extents)
 
@@ -82,15 +82,15 @@ def _plane(points: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArr
     return flat, fitted * np.sign(fitted @ normal)
 
 
-def _along(thing: Thing, turn: FloatArray, points: FloatArray | None = None) -> Thing:
-    """The thing with the axes ``turn`` (3, 3) and its box about its points, or some of them."""
-    low, high = np.percentile((thing.points if points is None else points) @ turn, [0.5, 99.5], axis=0)
-    return replace(thing, centre=turn @ (0.5 * (low + high)), extents=np.maximum(high - low, THIN), turn=turn)
+def _along(obj: SeenObject, turn: FloatArray, points: FloatArray | None = None) -> SeenObject:
+    """The object with the axes ``turn`` (3, 3) and its box about its points, or some of them."""
+    low, high = np.percentile((obj.points if points is None else points) @ turn, [0.5, 99.5], axis=0)
+    return replace(obj, centre=turn @ (0.5 * (low + high)), extents=np.maximum(high - low, THIN), turn=turn)
 
 
 SLICE = 0.010  # metres
 CELL, EDGE = 0.005, 0.003  # metres
-STEP = 0.015  # metres between the tops of things side by side
+STEP = 0.015  # metres between the tops of objects side by side
 LIKE = 0.45  # intersection over union of the outlines of two neighbouring slices of one part
 
 

@@ -1,5 +1,4 @@
-"""From pixels above the table to bodies, pieces of one paint, and painted patches: first within each image, then across
-the views.
+"""From pixels above the table to bodies, pieces of one paint, and layers: first within each image, then across views.
 
 A body hangs together in three dimensions, whatever its colours: within an image neighbourhood is exact, however far
 apart the points of a steep face lie; across views, points that lie on one another are of one body.
@@ -20,8 +19,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, appearance_of, choose, seen_through
 
-LIKE = 14.0  # hues of pieces of one thing differ by less
-SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more
+LIKE = 14.0  # hues of pieces of one object differ by less
+SHADED = 0.62  # L* + 16 of an object's darkest face, over that of its lightest, is more
 LEAST = 3  # pixels of a piece; fewer are specks
 DEEP = 3  # pixels that a mask grows down
 MOST = 9000  # points that are searched for neighbours across views
@@ -35,7 +34,7 @@ def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray
 
 
 def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: bool = True) -> IntArray:
-    """(N,) thing of each pixel, -1 for specks: pieces of several views whose points lie within ``reach`` metres of
+    """(N,) object of each pixel, -1 for specks: pieces of several views whose points lie within ``reach`` metres of
     one another, and that look alike, unless ``looks`` are to have no say.
     """
     sizes = np.bincount(pieces)
@@ -59,21 +58,21 @@ def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: 
         own = piece_looks(pixels, pieces)
         like = alike(own[keys[:, 0]], own[keys[:, 1]])
     joined = keys[like & (counts >= np.maximum(2, (0.12 if looks else 0.08) * small))]
-    things = components(len(sizes), joined)[pieces]
-    things[sizes[pieces] < LEAST] = -1
-    return things
+    objects = components(len(sizes), joined)[pieces]
+    objects[sizes[pieces] < LEAST] = -1
+    return objects
 
 
-def join_in_bodies(pixels: Pixels, things: IntArray, bodies: IntArray) -> IntArray:
-    """(N,) things (N,) of one body (N,) and one paint made one, the larger ones' names kept.
+def join_in_bodies(pixels: Pixels, objects: IntArray, bodies: IntArray) -> IntArray:
+    """(N,) objects (N,) of one body (N,) and one paint made one, the larger ones' names kept.
 
     Noise at rims tears the two sides of a wall apart: no image shows them as neighbours.
     """
-    named = things.copy()
-    leaders: list[tuple[int, int, FloatArray]] = []  # body, thing, look
-    order = np.argsort(-np.bincount(things[things >= 0], minlength=1), kind="stable")
+    named = objects.copy()
+    leaders: list[tuple[int, int, FloatArray]] = []  # body, object, look
+    order = np.argsort(-np.bincount(objects[objects >= 0], minlength=1), kind="stable")
     for k in order:
-        mine = np.nonzero(things == k)[0]
+        mine = np.nonzero(objects == k)[0]
         own = bodies[mine][bodies[mine] >= 0]
         if not len(own):
             continue
@@ -106,10 +105,10 @@ def grow_down(
     different: Sequence[NDArray[np.bool_]],
     colour_step: float,
 ) -> list[NDArray[np.bool_]]:
-    """The masks (H, W) with the lowest pixels of each thing, which lie too near to the table to be told by height.
+    """The masks (H, W) with the lowest pixels of each object, which lie too near to the table to be told by height.
 
     A pixel of ``low`` that looks ``different`` from the table joins a mask at most :data:`DEEP` pixels off, where it
-    looks like the nearest pixel there: paint beside a thing is left alone.
+    looks like the nearest pixel there: paint beside an object is left alone.
     """
     grown = []
     for frame, mask, near, other in zip(frames, masks, low, different, strict=True):
@@ -203,7 +202,7 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDA
 
 
 LAYER = (0.5, 2.0)  # of the least height: layers whose middle lies between these are judged as wholes
-UP = 0.75  # of the least height: a layer whose middle is higher is a thing
+UP = 0.75  # of the least height: a layer whose middle is higher is an object
 FEWEST_OF_LAYER = 12  # pixels of a layer in one view
 AS_LEVEL = 1.5  # of the table's noise, by which the pixels of a layer differ at most
 STEP = 5e-4  # metres: and by this more

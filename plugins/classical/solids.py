@@ -1,4 +1,9 @@
-"""One thing on the table: a solid and the pixels that show it."""
+"""Solids by their signed distance, and their fit to surface points and to points known to be free.
+
+A point that a camera saw lies on the surface: its distance should be 0. A point that a camera looked through lies
+outside: its distance should not be negative. The first places the faces, the second the silhouette, which is known
+to a fraction of a pixel where several views see it.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +25,16 @@ THIN = 2e-3  # metres: nothing is taken to be flatter
 
 
 @dataclass(frozen=True)
-class Thing:
+class SeenObject:
     """One solid on the table, in the table's frame (z = 0 is its top), metres.
 
     ``members`` (N,) its pixels in the list; ``points`` (N, 3); ``centre``, ``yaw``, ``extents`` its upright box;
     ``agreement`` in [0, 1] how well the solid explains the points; ``hollow``: one sees into it; ``floating``: free
     space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
-    ``group`` tells which things were one before a split by height; ``on`` is the index of the thing that carries
-    it, -1 for the table; ``part_of`` that of the thing that it is known to be a part of, and ``noun`` what it is known
+    ``group`` tells which objects were one before a split by height; ``on`` is the index of the object that carries
+    it, -1 for the table; ``part_of`` that of the object that it is known to be a part of, and ``noun`` what it is known
     to be, "" where only its shape tells; ``textured``: paint tells nothing of its parts; ``opening`` its inner width,
-    0 where it is closed; ``turn`` (3, 3) the axes of a thing that leans, in place of ``yaw``.
+    0 where it is closed; ``turn`` (3, 3) the axes of an object that leans, in place of ``yaw``.
     """
 
     kind: Kind
@@ -78,8 +83,8 @@ class Thing:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], self.centre)
 
-    def resting_at(self, height: float) -> Thing:
-        """The same thing with its lower face at ``height``; its top stays."""
+    def resting_at(self, height: float) -> SeenObject:
+        """The same object with its lower face at ``height``; its top stays."""
         span = max(THIN, self.top - height)
         centre = np.array([*self.centre[:2], self.top - 0.5 * span])
         return replace(self, centre=centre, extents=np.array([*self.extents[:2], span]))
@@ -186,7 +191,7 @@ def fit_solid(
     tolerance: float = 0.005,
 ) -> SolidFit:
     """Robust least squares from ``start`` (P,), where a parameter stays of which no point tells anything: how far a
-    box reaches behind a side that another thing hides.
+    box reaches behind a side that another object hides.
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
     that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of

@@ -20,7 +20,7 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
     """Options of ``sam3`` and ``detector``.
 
     ``weights``: a folder as ``save_pretrained`` writes it (config.json, model.safetensors, the tokenizer's files).
-    ``words``: what to look for; by default the things named in the instruction: each noun phrase between its verbs and
+    ``words``: what to look for; by default the objects named in the instruction: each noun phrase between its verbs and
     prepositions. ``threshold``: less certain answers are dropped. ``min_points``: fewer pixels with depth, over all
     views, are a speck.
     """

@@ -1,4 +1,7 @@
-"""Colour from real spherical harmonics, as 3D Gaussian splatting stores them."""
+"""Elliptical weighted average splatting (Zwicker et al. 2001; Kerbl et al. 2023), written for readability.
+
+It is slow: a Python loop over the Gaussians, no tiles, no early stop. It is the reference for faster renderers.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Parts of pictures in which something stands, laid out on few sheets: to encode bare table costs as much as things."""
+"""The perceiver ``sam``: geometry proposes clusters, a promptable model draws their masks.
+
+Parts of pictures in which something stands are laid out on few sheets: to encode bare table costs as much as objects.
+"""
 
 from __future__ import annotations
 
@@ -192,7 +195,7 @@ class SamPerceiver:
     def _drawn(
         self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
     ) -> list[MaskCandidate]:
-        """A candidate for each thing that is in sight in one picture, from the answers of its clusters."""
+        """A candidate for each object that is in sight in one picture, from the answers of its clusters."""
         groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
         drawn: dict[int, tuple[BoolArray, float]] = {}
         for k, answer in answers.items():
@@ -223,7 +226,7 @@ def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[i
     """For each cluster the one that it belongs to, mostly itself.
 
     Depth tears apart what thin struts hold together: where the masks of a larger cluster cover a smaller one, in the
-    pictures that show both, the two are one thing.
+    pictures that show both, the two are one object.
     """
     whole = list(range(found.count))
     for small in range(found.count):

@@ -1,5 +1,8 @@
-"""Aligning a shape with the views' masks by a similarity, and moving a whole reconstruction by one: Gauss-Newton on
-silhouettes; Gaussians move with their harmonics.
+"""Aligning a shape with the views' masks by a similarity, and moving a whole reconstruction by one.
+
+Gauss-Newton on silhouettes: the shape is drawn into each view; where its silhouette has its rim, a point of the surface
+is known (depth map), and the mask's signed distance at that pixel should be zero. One residual a rim pixel, seven
+unknowns. Gaussians move with their rotations, scales and harmonics.
 """
 
 from __future__ import annotations

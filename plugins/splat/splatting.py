@@ -1,4 +1,13 @@
-"""Targets of an optimisation: the object's part of each view, on white."""
+"""A short 3D Gaussian splatting optimisation (Kerbl et al. 2023) that starts from a reconstruction.
+
+A handful of views leaves most of what Gaussians can do undetermined: without constraints they overfit the inputs, and
+other views get worse. Two smoothness terms prevent this, both on the *change* since the start and over a graph of
+neighbours: centres move together (unseen ones follow seen ones), and colours shift together. There is no densification:
+the start already covers the surface.
+
+A low-pass widens every silhouette by more than half a pixel, and Gaussians shrink to compensate. So for the shape
+(:func:`carry`) fit with hardly any low-pass first, then for the pictures with the renderer's own.
+"""
 
 from __future__ import annotations
 

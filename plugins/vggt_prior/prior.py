@@ -1,4 +1,4 @@
-"""Cameras from VGGT's pose encoding."""
+"""Running VGGT on the views."""
 
 from __future__ import annotations
 
