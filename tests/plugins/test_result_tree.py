@@ -16,7 +16,7 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
-from gvla2_plugins.sam3d.result_tree import place_gaussians, place_mesh
+from gvla2_plugins.sam3d.registration import place_gaussians, place_mesh
 from tests.similarities import inverse, moved_poses
 
 
