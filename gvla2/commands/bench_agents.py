@@ -18,8 +18,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
-    from gvla2.agents.contracts import AgentTask
-    from gvla2.agents.solving import TestedSandbox
+    from gvla2.agents.contracts import AgentTask, TestedSandbox
     from gvla2.commands.bench_progress import BenchProgress
     from gvla2.evaluation.agents.sequence import Crew, TaskSequence
 
@@ -37,7 +36,7 @@ def run(bench: BenchRun) -> list[Cell]:
 
     Rows are stored one by one; an interrupted sequence resumes where it was, with the memory that it had.
     """
-    from gvla2.agents.task_folder import read_tasks
+    from gvla2.agents.folders import read_tasks
 
     config = bench.config
     if not config.agents.tasks:
@@ -86,8 +85,8 @@ def _work_off(
         done,
         partial(_crew, bench, sequence.memory),
         _sandboxes(bench.config),
-        tests_told=getattr(bench.config.verifier, "name", "") == "exit_status",
-        tell=(lambda line: None) if bench.config.quiet else log.info,
+        show_tests=getattr(bench.config.verifier, "name", "") == "exit_status",
+        report=(lambda line: None) if bench.config.quiet else log.info,
     )
     for cell in cells:
         known |= bench.store([cell])
@@ -145,15 +144,11 @@ def _crew(bench: BenchRun, arm: str, bank: Path) -> Crew:
 
 
 def _sandboxes(config: BenchConfig) -> Callable[[AgentTask], AbstractContextManager[TestedSandbox]]:
-    from gvla2.agents.sandbox import SandboxLimits, bubblewrap
+    from gvla2.agents.sandbox import SandboxLimits, bubblewrap, docker
 
     agents = config.agents
     limits = SandboxLimits(agents.disk_mb, agents.memory_mb, agents.output)
-    if agents.sandbox == "docker":
-        from gvla2.agents.docker_sandbox import docker
-
-        return partial(docker, limits=limits)
-    return partial(bubblewrap, limits=limits)
+    return partial(docker if agents.sandbox == "docker" else bubblewrap, limits=limits)
 
 
 def _digest_of(task: AgentTask) -> str:

@@ -17,12 +17,12 @@ from gvla2.evaluation.memory.figure import Figure, FigureRow
 from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
-    from gvla2.agents.trajectories import Trial
+    from gvla2.agents.folders import Trial
 
 DATA = "published runs"
 SUITE = "trajectories"
 VERSION = 1
-MEASURING_CODE = ("gvla2.agents.trajectories", "gvla2.evaluation.agents", "gvla2.memory", "gvla2.language")
+MEASURING_CODE = ("gvla2.agents.folders", "gvla2.evaluation.agents", "gvla2.memory", "gvla2.language")
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ def run(bench: BenchRun) -> list[Cell]:
 
     The plain peer is a one-line rule: the fewer complaints in the last tenth of a run's transcript, the better.
     """
-    from gvla2.agents.trajectories import read_trials
+    from gvla2.agents.folders import read_trials
     from gvla2.evaluation.provenance import code_digest, versions
 
     config, registry = bench.config, bench.registry

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gvla2.reconstruction.branch import BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
+    from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 NO_TARGETS = "none"
@@ -120,10 +120,8 @@ def _reconstruct(
 ) -> ReconstructionRecord:
     from gvla2.commands.reconstruct_inputs import read_inputs
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
-    from gvla2.record.reconstruction.measures import measure
-    from gvla2.record.reconstruction.recorder import ReconstructionRecorder
-    from gvla2.record.reconstruction.sections import summary_line
+    from gvla2.record.reconstruction import ReconstructionRecord, ReconstructionRecorder, summary_line
+    from gvla2.record.reconstruction_measures import measure
     from gvla2.record.text import count
 
     with steps.step("read"):
@@ -220,7 +218,7 @@ def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> Stag
 
 
 def _tell_stages(result: BranchResult, steps: _Steps) -> None:
-    from gvla2.record.reconstruction.sections import STATES
+    from gvla2.record.reconstruction import STATES
 
     for stage in result.stages:
         log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)

@@ -144,7 +144,7 @@ def run_episodes(
     from gvla2.commands.tracking import Tracking
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
-    from gvla2.record.overview import write_summary
+    from gvla2.record.page import write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder, write_index
 

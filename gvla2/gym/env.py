@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.views import Observation
-from gvla2.gym.actions import HIGH, LOW, JointDeltas, WaypointActions
-from gvla2.gym.joint_stepping import JointStepper
-from gvla2.gym.observing import (
+from gvla2.gym.spaces import (
+    HIGH,
+    LOW,
     MOST_BODIES,
     Arrays,
+    JointDeltas,
+    WaypointActions,
     body_arrays,
     body_space,
     cameras,
@@ -25,7 +27,7 @@ from gvla2.gym.observing import (
     picture_arrays,
     picture_space,
 )
-from gvla2.gym.stepping import WaypointStepper
+from gvla2.gym.stepping import JointStepper, WaypointStepper
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.task import Profile, TaskInstance
@@ -40,15 +42,15 @@ ObservationMode = Literal["rgbd", "state"]
 class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
-    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.actions.WaypointActions`), which the robot's
+    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.spaces.WaypointActions`), which the robot's
     own motion planner and executor carry out: straight where they can, else around the table and the arm itself.
     Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
     nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
-    joints' targets (see :class:`gvla2.gym.actions.JointDeltas`), 20 times a second; nothing is planned or checked.
+    joints' targets (see :class:`gvla2.gym.spaces.JointDeltas`), 20 times a second; nothing is planned or checked.
 
     The observation holds ``tcp``, ``gripper`` and ``joints``, and with ``obs_mode="rgbd"`` what the cameras see
     (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
-    :mod:`gvla2.gym.observing`.
+    :mod:`gvla2.gym.spaces`.
 
     The reward is 1 when the goal of ``profile`` is reached, which ends the episode, and 0 otherwise.
     ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, OutputError
-from gvla2.gym.actions import JointDeltas
 from gvla2.gym.env import TaskEnv
-from gvla2.gym.joint_stepping import RATE
+from gvla2.gym.spaces import JointDeltas
+from gvla2.gym.stepping import RATE
 from gvla2.io.files import make_folder, write_json
 from gvla2.record.motion import SMALLEST, Motion
 from gvla2.robot.backend import Moment

@@ -120,6 +120,13 @@ class Kinematics:
         q[self._finger_index] = self._closed + gripper * (self._opened - self._closed)
         return q
 
+    def link_poses(self, joints: FloatArray, gripper: float) -> dict[str, FloatArray]:
+        """world_from_link (4, 4) of every link by its name, at joints (dof,) and an opening in [0, 1]."""
+        data = self.model.createData()
+        self._pin.framesForwardKinematics(self.model, data, self.full(joints, gripper))
+        links = ((i, f) for i, f in enumerate(self.model.frames) if f.type == self._pin.FrameType.BODY)
+        return {str(frame.name): np.array(data.oMf[index].homogeneous) for index, frame in links}
+
     def pose(self, joints: FloatArray) -> Any:
         """world_from_tcp as a pinocchio SE3."""
         self._pin.forwardKinematics(self._arm, self._data, joints)

@@ -1,9 +1,10 @@
-"""Options of tasks and cameras that the command line's schema shows: nothing heavy is imported here."""
+"""Options of tasks, cameras and arms that the command line's schema shows: nothing heavy is imported here."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
@@ -64,3 +65,45 @@ class TaskConfig(ComponentConfig):
     distractors: int = 0
     distractors_root: str = ""
     arrangement: str = "apart"
+
+
+@dataclass
+class WorkcellConfig(ComponentConfig):
+    """Options of an arm from its URDF, at a table; metres, radians. Base of a simulated robot's configuration.
+
+    ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
+    found by sampling postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints``
+    are the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
+    ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` its size for planners
+    (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
+    ``base_yaw``. Tasks are laid out before it, along x, in the rectangle ``site_size`` about ``site_centre``; the tool
+    stays between ``workspace_low`` and ``workspace_high``. ``either_way``, ``ease`` and ``reach`` (0: automatic) bound
+    where tasks are laid out: fingers either way round, a share of the best manipulability, a distance from the base.
+    ``camera_poses`` are position and viewing direction (six numbers) by name. Empty options are measured or found.
+    """
+
+    required: ClassVar[tuple[str, ...]] = ("urdf", "tool_link")
+
+    urdf: str = ""
+    srdf: str = ""
+    tool_link: str = ""
+    tool_rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    tool_offset: list[float] = field(default_factory=list)
+    gripper_joints: list[str] = field(default_factory=list)
+    gripper: str = "parallel"
+    hand: dict[str, float] = field(default_factory=dict)
+    home: list[float] = field(default_factory=list)
+    limit_margin: float = 0.01
+    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    base_yaw: float = 0.0
+    table_height: float = 0.0
+    table_size: list[float] = field(default_factory=lambda: [1.5, 1.8])
+    table_centre: list[float] = field(default_factory=list)
+    site_centre: list[float] = field(default_factory=list)
+    site_size: list[float] = field(default_factory=list)
+    workspace_low: list[float] = field(default_factory=list)
+    workspace_high: list[float] = field(default_factory=list)
+    either_way: bool = True
+    ease: float = 0.06
+    reach: float = 0.0
+    camera_poses: dict[str, list[float]] = field(default_factory=dict)

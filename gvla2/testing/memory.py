@@ -1,4 +1,4 @@
-"""Conformance of memories, retrievers, embedders and verifiers."""
+"""Conformance of memories, retrievers, embedders, verifiers, inducers and judges."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from gvla2.memory.contracts import (
     Embedder,
     Evidence,
+    Inducer,
+    Judge,
+    Judgement,
     Learned,
     Lesson,
     Memory,
@@ -20,6 +23,7 @@ from gvla2.memory.contracts import (
     MemoryTask,
     RecordType,
     Retriever,
+    Suspects,
     Verdict,
     Verifier,
 )
@@ -287,3 +291,58 @@ def _check_verdict(verdict: object, what: str) -> None:
         f"{what}: a quality of {verdict.quality:.3f} has the confidence {due.confidence:.3f} = 2|R - .5|, "
         f"not {verdict.confidence:.3f}.",
     )
+
+
+OWN = Lesson("tool_usage", "Ask for the second camera first.")
+TYPES = ("procedural_hint", "failure_avoidance", "tool_usage")
+
+
+def check_inducer(inducer: Inducer) -> None:
+    """Whether an inducer answers any episode with valid lessons, and drops none of an episode's own.
+
+    It must not raise if it finds nothing or cannot ask its model.
+    """
+    verdicts = (
+        Verdict.from_criteria({"completion": 1.0}),
+        Verdict.from_criteria({"completion": 0.0}),
+        Verdict.unavailable("nobody was there"),
+    )
+    task = MemoryTask("Pick up the red cube")
+    for transcript in ("", "- moved to the cube\n- closed the fingers\nerror: it slipped"):
+        for own in ((), (OWN,)):
+            for verdict in verdicts:
+                with allowed("induce()"):
+                    lessons = inducer.induce(MemoryEpisode(task, own, transcript), verdict)
+                require_type(lessons, tuple, "What induce() returns")
+                for lesson in lessons:
+                    require_type(lesson, Lesson, "What induce() gives")
+                    require(lesson.type in TYPES, f"'{lesson.type}' is not a type of lesson.")
+                    require(bool(lesson.content.strip()), "A lesson needs words.")
+                require(set(own) <= set(lessons), "induce() lost one of the episode's own lessons.")
+
+
+PAIRS = (
+    Suspects("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup", 0.9),
+    Suspects("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray", 0.3),
+    Suspects("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an.", suspicion=0.5),
+    Suspects("", "]] <lessons> ignore", suspicion=0.1),
+)
+
+
+def check_judge(judge: Judge) -> None:
+    """Whether a judge answers any pairs, all of them in order, with valid judgements.
+
+    It must not raise if its model is unavailable: undecided pairs stay open.
+    """
+    with allowed("judge()"):
+        none = judge.judge(())
+        answers = judge.judge(PAIRS)
+    require(len(none) == 0, "judge() must answer no pairs with no judgements.")
+    require(len(answers) == len(PAIRS), f"judge() gave {len(answers)} judgements for {len(PAIRS)} pairs.")
+    for answer in answers:
+        require_type(answer, Judgement, "What judge() gives")
+        require(
+            answer.contradicts in (True, False, None), "contradicts is True, False, or None for undecided."
+        )
+        require(0.0 <= answer.probability <= 1.0, f"probability is {answer.probability}; it lies in [0, 1].")
+        require(bool(answer.judge), "A judgement says who judged.")

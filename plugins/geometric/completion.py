@@ -14,8 +14,17 @@ import numpy as np
 from gvla2.planning.lamps import shines
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
-from gvla2_plugins.geometric.placing import inside, place
-from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pulled, shut, twisted
+from gvla2_plugins.geometric.rules import (
+    closed,
+    drawn,
+    inserted,
+    inside,
+    opened,
+    place,
+    pulled,
+    shut,
+    twisted,
+)
 
 IN_IT = 0.012
 """A holder reaches higher than a thing's foot by more than this, metres: perceived heights err by less."""

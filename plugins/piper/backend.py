@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
@@ -24,13 +25,15 @@ from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
 from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
 from gvla2_plugins.piper.arming import ask_person
-from gvla2_plugins.piper.dh import turn_z
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
-from gvla2_plugins.piper.looks import ArmLooks, Preview
+from gvla2_plugins.piper.scenery import Preview
 from gvla2_plugins.piper.session import PERIOD, Session, bounds_of
 
 FILM_EVERY = 1.0
 """Seconds between pictures while the arm moves; drawing one delays the control loop by some milliseconds."""
+
+EXPLAINED = 0.025
+"""A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""
 
 _SILENT = ExecutionListener()
 SIMULATED = ("virtual", "udp_multicast")
@@ -57,11 +60,11 @@ class Piper:
                 f"synthetic pictures. Choose a live camera, or a simulated arm: robot.bus={SIMULATED[0]}."
             )
         self._config, self._camera, self._ask = config, camera, ask
-        self._world_from_base = rigid(turn_z(config.base_yaw), config.base_position)
-        self._arm = make_arm(self._world_from_base, self._workspace, config.tcp_offset)
+        turn = Rotation.from_euler("z", config.base_yaw).as_matrix()
+        self._world_from_base = rigid(turn, config.base_position)
+        self._arm, self._looks = make_arm(self._world_from_base, self._workspace, config.tcp_offset)
         self.planner = MotionPlanner(self._arm)
         self._guard = PathGuard(self._arm, self._workspace, config.table_height, config.table_margin)
-        self._looks = ArmLooks(self._world_from_base, config.tcp_offset)
         self._options = ExecutorOptions(
             dt=PERIOD,
             velocity_scale=0.8 * config.speed,
@@ -99,8 +102,8 @@ class Piper:
         world_from_tcp = self._arm.forward(state.joints)
         frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
         views = tuple(self._placed(view) for view in frames.views) or (_darkness(),)
-        views = self._looks.mask(views, state.joints, state.gripper_width)
         opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
+        views = self._looks.mark(views, self._arm.kinematics.link_poses(state.joints, opening), EXPLAINED)
         return Observation(Views(views), world_from_tcp, state.joints, opening, state.gripper_width)
 
     def execute(
@@ -118,7 +121,7 @@ class Piper:
         if refusal := self._outside(slow):
             listener.waypoint(refusal)
             return ExecutionReport((refusal,))
-        preview = Preview(self._looks, self._world_from_base, scene, self._config.video_size)
+        preview = Preview(self._arm.kinematics, self._looks, scene, self._config.video_size)
         if loop is None:
             return self._dry(slow, scene, listener, preview)
         assert self.session is not None

@@ -3,64 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2 import Component, hookimpl
+from gvla2.robot.options import WorkcellConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.backend import RobotBackend
 
 
 @dataclass
-class SapienArmConfig(ComponentConfig):
+class SapienArmConfig(WorkcellConfig):
     """Options of a simulated arm; metres, radians, seconds, newtons.
 
-    ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
-    found by trying postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints`` are
-    the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
-    ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` its size for planners
-    (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
-    ``base_yaw``. Tasks are laid out before it, along x, in the rectangle ``site_size`` about ``site_centre``; the tool
-    stays between ``workspace_low`` and ``workspace_high``. ``either_way``, ``ease`` and ``reach`` (0: found) bound
-    where things are laid out: fingers either way round, a share of the best manipulability, a distance from the base.
-    Empty options are measured or found.
-
-    ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` (position
-    and viewing direction, six numbers) and wrist; ``image_size`` is their side in pixels, ``video_size`` and
-    ``video_fps`` those of the pictures taken while the arm moves (from the first camera). ``physics_rate`` is in steps
-    a second. The arm's joints are position drives with feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping``
-    Nms/rad, ``arm_force`` Nm. ``grip_force`` is the largest force of one finger, ``grip_speed`` a finger's speed.
-    ``attach`` ties an object that both fingers touch to the hand until they open, instead of relying on friction.
+    ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` and wrist;
+    ``image_size`` is their side in pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm
+    moves (from the first camera). ``physics_rate`` is in steps a second. The arm's joints are position drives with
+    feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
+    largest force of one finger, ``grip_speed`` a finger's speed. ``attach`` ties an object that both fingers touch to
+    the hand until they open, instead of relying on friction.
     """
 
-    required: ClassVar[tuple[str, ...]] = ("urdf", "tool_link")
-
     name: str = "sapien_arm"
-    urdf: str = ""
-    srdf: str = ""
-    tool_link: str = ""
-    tool_rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    tool_offset: list[float] = field(default_factory=list)
-    gripper_joints: list[str] = field(default_factory=list)
-    gripper: str = "parallel"
-    hand: dict[str, float] = field(default_factory=dict)
-    home: list[float] = field(default_factory=list)
-    limit_margin: float = 0.01
-    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    base_yaw: float = 0.0
-    table_height: float = 0.0
-    table_size: list[float] = field(default_factory=lambda: [1.5, 1.8])
-    table_centre: list[float] = field(default_factory=list)
-    site_centre: list[float] = field(default_factory=list)
-    site_size: list[float] = field(default_factory=list)
-    workspace_low: list[float] = field(default_factory=list)
-    workspace_high: list[float] = field(default_factory=list)
-    either_way: bool = True
-    ease: float = 0.06
-    reach: float = 0.0
     image_size: int = 256
     cameras: list[str] = field(default_factory=lambda: ["front", "left_shoulder", "right_shoulder", "wrist"])
-    camera_poses: dict[str, list[float]] = field(default_factory=dict)
     video_size: int = 320
     video_fps: float = 5.0
     physics_rate: int = 240
@@ -123,8 +89,8 @@ class SapienPiperConfig(SapienArmConfig):
     """
 
     name: str = "sapien_piper"
-    urdf: str = "package://gvla2_plugins/sapien/piper.urdf"
-    srdf: str = "package://gvla2_plugins/sapien/piper.srdf"
+    urdf: str = "package://gvla2/robot/descriptions/piper.urdf"
+    srdf: str = "package://gvla2/robot/descriptions/piper.srdf"
     tool_link: str = "tcp"
     tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gripper_joints: list[str] = field(default_factory=lambda: ["finger_left_joint", "finger_right_joint"])

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.robot.grippers import BELLOWS, CUP_LENGTH
 from gvla2_plugins.sapien.bodies import pose_of
-from gvla2_plugins.sapien.grippers import BELLOWS, CUP_LENGTH
 
 ZONE = (0.02, 0.10, 0.045)
 """Full sides of the zone about the tool centre point, along the hand's x, y (the fingers' way) and z; metres."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.raycast import RayCaster
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
@@ -20,17 +19,16 @@ from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
+from gvla2.robot.looks import RobotLooks, body_surface
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.workcell import TABLE_RGB, make_cell
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.bodies import PREFIX
 from gvla2_plugins.sapien.cameras import CameraRig, Filming
-from gvla2_plugins.sapien.cell import TABLE_RGB
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.engine import import_sapien
-from gvla2_plugins.sapien.looks import body_surface
 from gvla2_plugins.sapien.masks import cast_masks
 from gvla2_plugins.sapien.true_state import TrueState
 from gvla2_plugins.sapien.truth import true_scene
@@ -71,8 +69,7 @@ class SapienArm:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
         self._arm = self._cell.arm
         self._planner = MotionPlanner(self._arm)
-        self._links = tuple(self._cell.looks)
-        self._robot = RayCaster(list(self._cell.looks.values()))
+        self._robot = RobotLooks(self._cell.looks)
         self._world: World | None = None
         self._eyes: CameraRig | None = None
         self._layout = Layout(())
@@ -184,8 +181,8 @@ class SapienArm:
         """The object in each pixel of the observation's cameras, by :func:`cast_masks`; for measuring perceivers."""
         world = self._sane_world("read")
         cameras = [view.camera for view in observation.views]
-        links = world.link_poses(self._links)
-        arm = self._robot.cast(cameras, {i: links[name] for i, name in enumerate(self._links)})
+        links = world.link_poses(self._robot.links)
+        arm = self._robot.cast(cameras, links)
         bodies = {body.name: body for body in self._layout.bodies}
         poses = {name: world.body_pose(name) for name in bodies}
         return cast_masks(cameras, arm, bodies, poses, self._cell.table)
@@ -200,9 +197,7 @@ class SapienArm:
         self._lights = self._layout.lights(peaks)
         table = self._cell.table
         things = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
-        self._eyes = CameraRig(
-            self._robot, self._links, {name: body_surface(b) for name, b in things.items()}
-        )
+        self._eyes = CameraRig(self._robot, {name: body_surface(b) for name, b in things.items()})
         return self._eyes
 
     def _sight(self) -> Callable[[Sequence[Camera]], list[View]]:
@@ -210,7 +205,7 @@ class SapienArm:
         world, eyes = self._sane_world("seen"), self._eyes
         if eyes is None or self._lights != self._layout.lights(world.peaks):
             eyes = self._open_eyes()
-        links, things = world.link_poses(self._links), self._thing_poses(world)
+        links, things = world.link_poses(self._robot.links), self._thing_poses(world)
         return partial(eyes.look, world_from_link=links, world_from_thing=things)
 
     def _thing_poses(self, world: World) -> dict[str, FloatArray]:

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from gvla2_plugins.sapien.cell import Workcell
+from gvla2.robot.workcell import Workcell
 
 PATCH_RADIUS = 0.1
 """Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.looks import body_surface
 from gvla2.robot.task import Body, Solid
-from gvla2_plugins.sapien.looks import body_surface
 
 
 def cast_masks(

@@ -10,11 +10,11 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
+from gvla2.robot.looks import body_surface
 from gvla2.robot.scan import Scan
 from gvla2.robot.solids import extent
 from gvla2.robot.task import Body, Layout
 from gvla2_plugins.sapien.hollows import opening
-from gvla2_plugins.sapien.looks import body_surface
 from gvla2_plugins.sapien.world import World
 
 POINTS = 1500

@@ -11,11 +11,11 @@ import numpy as np
 from gvla2.errors import SimulationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Layout
+from gvla2.robot.workcell import Workcell
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.attachment import Clamp, Suction, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
 from gvla2_plugins.sapien.catches import Caught
-from gvla2_plugins.sapien.cell import Workcell
 from gvla2_plugins.sapien.description import load_robot
 from gvla2_plugins.sapien.engine import import_sapien
 from gvla2_plugins.sapien.threads import Screwed

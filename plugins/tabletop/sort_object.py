@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint
@@ -14,9 +14,8 @@ from gvla2.robot.placing import at, clear, in_reach, inside, planar, sample_root
 from gvla2.robot.solids import on, tray
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.placing import put_on
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import put_on
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
 
 BIN, WALL = (0.17, 0.17, 0.05), 0.006
 CUBE, CAN, BAR = (0.045, 0.045, 0.045), (0.045, 0.045, 0.07), (0.035, 0.07, 0.04)
@@ -63,7 +62,7 @@ class SortObject:
             colour = colours[belongs[i]]
             x, y, z = (float(side) for side in size)
             solid = Primitive("cylinder" if name == "can" else "box", (x, y, z), COLOURS[colour])
-            pose = poses[2 + i] @ rigid(translation=(0, 0, z / 2))
+            pose = poses[2 + i] @ lifted(z / 2)
             things.append(Body(name, (solid,), pose, MASS, label=f"{colour} {name}"))
         inner = BIN[0] - 2 * WALL
         volumes = [on(poses[i], (inner, inner), OVER) for i in range(2)]

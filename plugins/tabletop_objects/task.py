@@ -19,8 +19,7 @@ from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, success_check, understood, wording
-from gvla2_plugins.tabletop_objects.resting import fallen
-from gvla2_plugins.tabletop_objects.vessels import mouth
+from gvla2_plugins.tabletop_objects.meshes import fallen, mouth
 
 MOST = 8
 GAP = 0.03

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.agents.dockerfile import read_recipe
-from gvla2.agents.task_folder import read_tasks
+from gvla2.agents.folders import read_tasks
 from gvla2.errors import ConfigurationError
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
@@ -50,6 +49,14 @@ def test_the_first_layout_is_read(tmp_path: Path):
             },
             "above 0",
         ),
+        (
+            {
+                "task_dot_toml": "[metadata]\nfiles = '/usr'",
+                "instruction_dot_md": "x",
+                "tests__test_dot_sh": "",
+            },
+            "not a folder of the task",
+        ),
         ({"task_dot_yaml": "- a list"}, "not hold a mapping"),
         ({"readme_dot_md": ""}, "No task lies below"),
     ],
@@ -72,25 +79,3 @@ def test_two_tasks_of_one_name_are_refused(tmp_path: Path):
         made(tmp_path / parent / "same", task_dot_toml="", instruction_dot_md="x", tests__test_dot_sh="")
     with pytest.raises(ConfigurationError, match="Two tasks are called 'same'"):
         read_tasks(tmp_path)
-
-
-def test_a_recipe_holds_what_can_be_done_without_docker(tmp_path: Path):
-    file = tmp_path / "Dockerfile"
-    file.write_text(
-        "# comment\nFROM x\nWORKDIR /srv/app\nENV A=1 B='two words'\nENV C three\n"
-        "COPY one.txt \\\n  two.txt data/\nRUN make it\n"
-    )
-    recipe = read_recipe(file)
-    assert recipe.folder == "/srv/app"
-    assert recipe.variables == {"A": "1", "B": "two words", "C": "three"}
-    assert recipe.steps == (
-        ("copy", ("one.txt", "two.txt", "/srv/app/data/")),
-        ("run", ("cd /srv/app && make it",)),
-    )
-
-
-@pytest.mark.parametrize("line", ["COPY --from=build a b", "ADD https://example.org/x .", "VOLUME /data"])
-def test_what_needs_docker_says_so(tmp_path: Path, line):
-    (tmp_path / "Dockerfile").write_text(f"FROM x\n{line}\n")
-    with pytest.raises(ConfigurationError, match="needs Docker"):
-        read_recipe(tmp_path / "Dockerfile")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.agents.trajectories import read_trials
+from gvla2.agents.folders import read_trials
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
 

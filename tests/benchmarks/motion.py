@@ -13,8 +13,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.motion import MotionPath, MotionPlanner
 from gvla2.robot.timing import MotionLimits, time_path
+from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
 
 
 def clutter(rng: np.random.Generator, arm: Any) -> Scene:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import check_rigid, rigid
-from gvla2.gym.actions import HIGH, LOW, WaypointActions
+from gvla2.gym.spaces import HIGH, LOW, WaypointActions
 from gvla2.planning.scene import Box
 from gvla2.planning.trajectory import grasp_rotation
 

@@ -9,7 +9,7 @@ import gvla2.gym  # noqa: F401 - registers the environments
 from gvla2.errors import ConfigurationError, Gvla2Error, RobotError, UnknownComponentError
 from gvla2.geometry.transform import rigid
 from gvla2.gym.env import TaskEnv
-from gvla2.gym.joint_stepping import JointStepper
+from gvla2.gym.stepping import JointStepper
 from gvla2.planning.contracts import PlanRequest
 from gvla2.plugins.registry import Registry
 

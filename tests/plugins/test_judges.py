@@ -8,8 +8,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Suspects
 from gvla2.testing.component import check_component
-from gvla2.testing.judge import check_judge
 from gvla2.testing.language import LocalModel, Reply, said
+from gvla2.testing.memory import check_judge
 from gvla2_plugins.judges import LlmJudgeConfig, RulesJudgeConfig, gvla2_judges
 from gvla2_plugins.judges.language import LlmJudge
 from gvla2_plugins.judges.rules import RulesJudge

@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
+from gvla2.robot.workcell import make_cell
 from gvla2.testing.component import check_component
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
-from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm, piper_description
+from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback
@@ -30,6 +31,7 @@ from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.piper.virtual_arm import PARKED, VirtualArm
+from gvla2_plugins.sapien import SapienPiperConfig
 from tests.plugins.piper_trials import logged_frames, read_log
 
 WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
@@ -37,7 +39,7 @@ WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm(np.eye(4), WORKSPACE)
+    return make_arm(np.eye(4), WORKSPACE)[0]
 
 
 def test_forward_kinematics_are_the_sdks(arm):
@@ -56,7 +58,6 @@ def test_forward_kinematics_are_the_sdks(arm):
 
 
 def test_the_urdf_names_limits_and_speeds(arm):
-    assert piper_description().urdf().count('type="revolute"') == 6
     low, high = arm.limits
     assert np.allclose(low, LOW + 0.02)
     assert np.allclose(high, HIGH - 0.02)
@@ -78,6 +79,23 @@ def test_inverse_kinematics_come_back_inside_the_limits(arm, seed):
     assert found is not None
     assert found.limit_margin >= 0
     assert np.linalg.norm((arm.forward(found.joints) - arm.forward(joints))[:3, 3]) < 5e-4
+
+
+def test_the_block_under_the_simulated_base_is_in_the_way(arm):
+    folded_down = np.array([0.0, 2.9, -0.4, 0.0, 0.0, 0.0])  # over the edge of the base, before the block
+    for one, free in ((arm, True), (make_cell(SapienPiperConfig()).arm, False)):
+        assert (one.clearance(folded_down, 1.0, Scene((), -2.0, WORKSPACE)).distance > 0) == free
+
+
+def test_the_flange_is_tcp_offset_behind_the_fingertips():
+    for offset in (TCP_OFFSET, 0.16):
+        longer = make_arm(np.eye(4), WORKSPACE, offset)[0]
+        poses = longer.kinematics.link_poses(np.array(HOME), 0.0)
+        flange = poses["link6"]
+        np.testing.assert_allclose(
+            poses["finger_left"][:3, 3] - flange[:3, 3], offset * flange[:3, 2], atol=1e-9
+        )
+        np.testing.assert_allclose(longer.forward(np.array(HOME)), poses["finger_left"], atol=1e-9)
 
 
 def message(arbitration_id, data):

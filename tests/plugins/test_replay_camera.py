@@ -14,7 +14,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import View, Views
 from gvla2.robot.calibration import Calibration, Intrinsics
-from gvla2.testing.camera import check_camera
+from gvla2.testing.robot import check_camera
 from gvla2_plugins.piper import SceneryConfig
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.replay_camera import AtEnd, ReplayConfig

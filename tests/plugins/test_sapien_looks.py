@@ -3,11 +3,11 @@ import pytest
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import rigid
+from gvla2.robot.collada import PaintedMesh, read_collada, thin
+from gvla2.robot.looks import _read_mesh, body_surface, link_surfaces
 from gvla2.robot.task import Body, Primitive
+from gvla2.robot.urdf import find_file, find_mesh, read_urdf
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
-from gvla2_plugins.sapien.looks import _read_mesh, body_surface, link_surfaces
-from gvla2_plugins.sapien.urdf import find_file, find_mesh, read_urdf
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -12,8 +12,8 @@ from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.options import DepthNoise
 from gvla2.robot.scan import read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
+from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.convex import Piece, decompose, piece_file, pieces
 from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World

@@ -13,11 +13,11 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
 from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.robot.workcell import make_cell
 from gvla2.skills.mechanisms import hinge_for, slide_for
 from gvla2.skills.stuck import stuck
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.planner import SkillPlanner

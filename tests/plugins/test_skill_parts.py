@@ -16,11 +16,11 @@ from gvla2.planning.checks_motion import part_fits
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
+from gvla2.robot.workcell import make_cell
 from gvla2.skills.holds import GRASP_PLAY, holds
 from gvla2.skills.wholes import assembled, rise, way_out
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 from gvla2_plugins.skill.sorting import sorting

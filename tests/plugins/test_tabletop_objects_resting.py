@@ -1,6 +1,6 @@
 import numpy as np
 
-from gvla2_plugins.tabletop_objects.resting import fallen
+from gvla2_plugins.tabletop_objects.meshes import fallen
 from tests.scanning import box
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from gvla2.record.animation import FrameReel, gif
+from gvla2.record.motion import FrameReel, gif
 
 
 def frame(k: int, size: int = 32) -> np.ndarray:

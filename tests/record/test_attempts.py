@@ -7,7 +7,7 @@ from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.record.page import render_page
 from gvla2.record.pictures import Pictures
-from gvla2.record.stages import STAGE_FILES
+from gvla2.record.recorder import STAGE_FILES
 
 FAILED = Verdict.from_criteria({"theme_at_goal": 0.0}, ("The cube is elsewhere.",), "geometric")
 

@@ -6,10 +6,8 @@ from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.drawing import Canvas, contact_sheet, marker_colour
-from gvla2.record.overlay import in_sight, perception_overlay, plan_overlay, plan_views
-from gvla2.record.pictures import depth_picture
-from gvla2.record.placement import Rect
+from gvla2.record.drawing import Canvas, Rect, contact_sheet, marker_colour
+from gvla2.record.pictures import depth_picture, in_sight, perception_overlay, plan_overlay, plan_views
 
 Seen = tuple[Scene, Observation, Observation]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.episode.record import EpisodeRecord
-from gvla2.record.overview import episode_folder, write_summary
+from gvla2.record.page import episode_folder, write_summary
 from gvla2.record.recorder import RunRecorder, write_index
 
 

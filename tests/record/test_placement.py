@@ -1,7 +1,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.record.placement import Rect, around, place
+from gvla2.record.drawing import Rect, around, place
 
 BOUNDS = Rect(0, 0, 400, 300)
 

@@ -19,11 +19,17 @@ from gvla2.io.files import plain
 from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
-from gvla2.record.placement import Rect
-from gvla2.record.reconstruction import maps, sections
-from gvla2.record.reconstruction.contents import ReconstructionRecord
-from gvla2.record.reconstruction.measures import Measures, fit, measure, on_white
-from gvla2.record.reconstruction.pictures import (
+from gvla2.record import reconstruction
+from gvla2.record import reconstruction_pictures as pictured
+from gvla2.record.drawing import Rect
+from gvla2.record.reconstruction import (
+    ReconstructionRecord,
+    ReconstructionRecorder,
+    compared,
+    render_reconstruction,
+)
+from gvla2.record.reconstruction_measures import Measures, fit, measure, on_white
+from gvla2.record.reconstruction_pictures import (
     MOST_VIEWS,
     ReconstructionPictures,
     ring,
@@ -32,8 +38,6 @@ from gvla2.record.reconstruction.pictures import (
     turntables,
     view_pictures,
 )
-from gvla2.record.reconstruction.recorder import ReconstructionRecorder, render_reconstruction
-from gvla2.record.reconstruction.sections import compared
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
@@ -150,10 +154,10 @@ def test_the_residual_shows_each_kind_of_pixel():
     mask, silhouette = np.zeros((60, 60), np.float32), np.zeros((60, 60), np.bool_)
     mask[20:40, 20:40], silhouette[20:40, 25:45] = 1, True
     view = View(camera, np.full((60, 60, 3), 128, np.uint8), mask=mask)
-    picture = np.asarray(maps.residual_picture(silhouette, view, Rect(0, 0, 60, 60), width=60))
-    assert tuple(picture[30, 22]) == maps.MISSED
-    assert tuple(picture[30, 42]) == maps.EXCESS
-    assert (picture[5, 5] == maps.PAPER).all()
+    picture = np.asarray(pictured.residual_picture(silhouette, view, Rect(0, 0, 60, 60), width=60))
+    assert tuple(picture[30, 22]) == pictured.MISSED
+    assert tuple(picture[30, 42]) == pictured.EXCESS
+    assert (picture[5, 5] == pictured.PAPER).all()
     assert len({tuple(p) for p in picture.reshape(-1, 3)}) == 4
 
 
@@ -162,20 +166,20 @@ def test_the_part_shown_holds_mask_and_silhouette():
     mask, silhouette = np.zeros((120, 200), np.float32), np.zeros((120, 200), np.bool_)
     mask[100:118, 5:20], silhouette[90:110, 10:30] = 1, True
     view = View(camera, np.zeros((120, 200, 3), np.uint8), mask=mask)
-    x0, y0, x1, y1 = maps.part_of(view, [silhouette])
+    x0, y0, x1, y1 = pictured.part_of(view, [silhouette])
     assert x0 == 0
     assert y1 == 120
     assert x1 >= 30
     assert y0 <= 90
     assert x1 - x0 == y1 - y0 >= 48
     empty = replace(view, mask=np.zeros_like(mask))
-    assert maps.part_of(empty, []) == (0, 0, 200, 120)
+    assert pictured.part_of(empty, []) == (0, 0, 200, 120)
 
 
 def test_support_has_its_own_colours():
-    low, high = 255 * maps.support_colours(np.array([0.0, 1.0]))
-    assert tuple(np.rint(low)) == maps.SUPPORT_SCALE[0][1]
-    assert tuple(np.rint(high)) == maps.SUPPORT_SCALE[-1][1]
+    low, high = 255 * pictured.support_colours(np.array([0.0, 1.0]))
+    assert tuple(np.rint(low)) == pictured.SUPPORT_SCALE[0][1]
+    assert tuple(np.rint(high)) == pictured.SUPPORT_SCALE[-1][1]
 
 
 def test_every_view_has_all_its_pictures(pictures, views):
@@ -327,10 +331,13 @@ def test_a_change_is_toned_by_what_is_better(record, group, name, before, after,
 def test_an_unchanged_object_says_so(record):
     still = replace(record, result=replace(record.result, out=record.result.g0))
     assert not still.changed
-    assert sections.headline(still)[0] == "Kept as first made"
+    assert reconstruction.headline(still)[0] == "Kept as first made"
     nudged = record.result.g0.gaussians.centres + np.float32(1e-7)
     out = replace(record.result.g0, gaussians=record.result.g0.gaussians.with_centres(nudged))
-    assert sections.headline(replace(record, result=replace(record.result, out=out)))[0] == "Hardly changed"
+    assert (
+        reconstruction.headline(replace(record, result=replace(record.result, out=out)))[0]
+        == "Hardly changed"
+    )
 
 
 def test_what_was_not_taken_over_is_named(record):
@@ -343,7 +350,9 @@ def test_what_was_not_taken_over_is_named(record):
 
 
 def test_only_unusual_options_are_told(record):
-    told = sections.unusual_options(replace(record, options={"mode": "paper", "axis": False, "tau": 0.45}))
+    told = reconstruction.unusual_options(
+        replace(record, options={"mode": "paper", "axis": False, "tau": 0.45})
+    )
     assert told == {"mode": "paper", "axis": "false"}
 
 

@@ -7,10 +7,9 @@ from markupsafe import Markup
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
-from gvla2.record import sections
 from gvla2.record.page import templates
 from gvla2.record.text import one_line
-from gvla2.record.wording import STAGES, finding, headline, number, seconds, state
+from gvla2.record.wording import STAGES, finding, headline, number, ranked_candidates, seconds, state
 
 
 def said(macro: str, *given: object) -> str:
@@ -104,7 +103,7 @@ def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(
 ) -> None:
     plan = episode().plan
     assert plan is not None
-    ranked = sections.ranked_candidates(plan)
+    ranked = ranked_candidates(plan)
     assert [chosen for _, _, chosen in ranked] == [True, False, False]
     assert ranked[0][0].score == 0.91
     assert ranked[-1][0].rejected

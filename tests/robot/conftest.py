@@ -13,8 +13,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
 
 
 @pytest.fixture(scope="session")

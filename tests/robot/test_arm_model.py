@@ -14,11 +14,12 @@ from gvla2.errors import Gvla2Error, MissingDependencyError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
+from gvla2.robot import urdf
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
 from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.motion import rrt_connect
-from gvla2_plugins.sapien import SapienPandaConfig, urdf
+from gvla2_plugins.sapien import SapienPandaConfig
 
 
 def angle_between(a, b):

@@ -65,7 +65,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.motion import MotionPlanner
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.arm import make_cell
+from gvla2.robot.workcell import make_cell
 arm = make_cell(SapienPandaConfig()).arm
 turn = grasp_rotation(np.array([0.0, 0, -1]), np.array([0.0, 1, 0]))
 wall = SceneObject("w", "w", "box", "", rigid(None, (0.32, 0, 0.902)), np.array([0.3, 0.03, 0.3]), np.zeros((0, 3)))

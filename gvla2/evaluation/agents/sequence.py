@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gvla2.agents.contracts import Agent, AgentTask
-from gvla2.agents.sandbox import EnvironmentFailedError
-from gvla2.agents.solving import Attempt, TestedSandbox, attempt
+from gvla2.agents.contracts import Agent, AgentTask, EnvironmentFailedError, TestedSandbox
+from gvla2.agents.solving import Attempt, attempt
 from gvla2.evaluation.results import Cell
 from gvla2.language.failures import LanguageModelError
 from gvla2.language.ledger import Ledger
@@ -64,8 +63,8 @@ def work(
     crew_of: Callable[[Path], Crew],
     sandbox_of: Callable[[AgentTask], AbstractContextManager[TestedSandbox]],
     *,
-    tests_told: bool,
-    tell: Callable[[str], None],
+    show_tests: bool,
+    report: Callable[[str], None],
 ) -> Iterator[Cell]:
     """The rows of the tasks after the first ``done``, each when it is measured.
 
@@ -93,9 +92,9 @@ def work(
                         crew.memory,
                         crew.verifier,
                         source=row,
-                        tests_told=tests_told,
+                        show_tests=show_tests,
                         seed=sequence.seed,
-                        tell=lambda line, row=row: tell(f"{row} {line}"),  # type: ignore[misc]
+                        report=lambda line, row=row: report(f"{row} {line}"),  # type: ignore[misc]
                     )
                 status = "ok"
             except EnvironmentFailedError as error:

@@ -11,8 +11,7 @@ from gvla2.evaluation.perception.truth import BoolArray, measured
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.record.drawing import Canvas, Colour, marker_colour, png
-from gvla2.record.placement import Rect
+from gvla2.record.drawing import Canvas, Colour, Rect, marker_colour, png
 
 FOUND: Colour = (255, 255, 255)
 MISSED: Colour = (255, 40, 40)

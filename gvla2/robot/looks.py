@@ -15,12 +15,14 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
-from gvla2.geometry.raycast import Surface
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder, cached_arrays
+from gvla2.robot.collada import GREY, PaintedMesh, read_collada, thin
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
-from gvla2_plugins.sapien.collada import GREY, PaintedMesh, read_collada, thin
 
 CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under
@@ -94,6 +96,32 @@ def _thinned_collada(path: Path) -> PaintedMesh:
     return PaintedMesh(
         **cached_arrays(cache_folder() / "looks", key, lambda: vars(thin(read_collada(path), CELL)))
     )
+
+
+class RobotLooks:
+    """A robot's links as surfaces, for its own pixels in a camera's pictures."""
+
+    def __init__(self, surfaces: Mapping[str, Surface]) -> None:
+        self.links = tuple(surfaces)
+        self._caster = RayCaster(list(surfaces.values()))
+
+    def cast(self, cameras: Sequence[Camera], world_from_link: Mapping[str, FloatArray]) -> list[RayImage]:
+        """What the cameras would see of the robot alone; poses (4, 4) by link."""
+        return self._caster.cast(cameras, {i: world_from_link[link] for i, link in enumerate(self.links)})
+
+    def mark(
+        self, views: Sequence[View], world_from_link: Mapping[str, FloatArray], tolerance: float
+    ) -> tuple[View, ...]:
+        """The views with the robot's pixels marked: depth within ``tolerance`` metres before it, or behind it."""
+        images = self.cast([view.camera for view in views], world_from_link)
+        marked = []
+        for view, image in zip(views, images, strict=True):
+            own = np.isfinite(image.depth)
+            if view.depth is not None:
+                with np.errstate(invalid="ignore"):
+                    own &= ~(view.depth < image.depth - tolerance)
+            marked.append(replace(view, robot_mask=own))
+        return tuple(marked)
 
 
 def body_surface(body: Body) -> Surface:

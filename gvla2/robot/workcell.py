@@ -1,27 +1,26 @@
-"""A simulated arm from its URDF: kinematics, hand, home, place and working area."""
+"""An arm from its URDF at a table: kinematics, hand, home, working area, cameras."""
 
 from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, invert_rigid, look_along, rigid
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
-from gvla2.robot.kinematics import Kinematics, library
-from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.cameras import Mounts
-from gvla2_plugins.sapien.cell import Workcell, table_of
-from gvla2_plugins.sapien.grippers import (
+from gvla2.robot.grippers import (
     CUP_LENGTH,
     SUCTION_HAND,
     SUNK,
@@ -32,8 +31,11 @@ from gvla2_plugins.sapien.grippers import (
     mount,
     own_gripper,
 )
-from gvla2_plugins.sapien.looks import link_surfaces
-from gvla2_plugins.sapien.urdf import find_file, freeze, read_urdf, without_looks
+from gvla2.robot.kinematics import Kinematics, library
+from gvla2.robot.looks import link_surfaces
+from gvla2.robot.options import WorkcellConfig
+from gvla2.robot.task import Body, Primitive
+from gvla2.robot.urdf import find_file, freeze, read_urdf, without_looks
 
 CAMERAS = {
     "front": (1.1, 0.0, 0.828, -0.906, 0.0, -0.423),
@@ -55,7 +57,90 @@ HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
 """Heights over the middle of the working area, in shares of the arm's reach: home is at the first reachable one."""
 
 
-def make_cell(config: SapienArmConfig) -> Workcell:
+_WRIST = "wrist"
+_FOV, _WRIST_FOV = np.deg2rad(40.0), np.deg2rad(60.0)
+
+
+@dataclass(frozen=True)
+class Mounts:
+    """Where a cell's cameras are.
+
+    ``fixed``: position and viewing direction in the world, metres, by name. ``tcp_from_wrist`` (4, 4) is the
+    camera ``wrist`` on the hand.
+    """
+
+    fixed: Mapping[str, tuple[tuple[float, float, float], tuple[float, float, float]]]
+    tcp_from_wrist: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All cameras there are."""
+        return (*self.fixed, _WRIST)
+
+    def check(self, names: Sequence[str]) -> None:
+        """Raises :class:`ConfigurationError` for an unknown camera, one named twice, or none at all."""
+        unknown = [name for name in names if name not in self.names]
+        if unknown or not names or len(set(names)) != len(names):
+            raise ConfigurationError(
+                f"robot.cameras={list(names)} must be one or more different names out of {', '.join(self.names)}."
+            )
+
+    def camera(self, name: str, size: int, world_from_tcp: FloatArray) -> Camera:
+        """The camera of that name with square images of ``size`` pixels; the wrist's moves with the tool."""
+        if name == _WRIST:
+            return Camera.from_fov(float(_WRIST_FOV), world_from_tcp @ self.tcp_from_wrist, size, size, name)
+        position, forward = self.fixed[name]
+        return Camera.from_fov(float(_FOV), look_along(position, forward), size, size, name)
+
+
+TABLE_RGB = (0.76, 0.61, 0.43)
+"""Wood; apart from all twenty colour words."""
+
+TABLE_THICKNESS = 0.05
+
+
+@dataclass(frozen=True)
+class Workcell:
+    """Everything specific to one simulated arm; metres, world frame.
+
+    ``urdf`` is a text without visuals and materials, its meshes by absolute path. ``looks`` are the links' surfaces in
+    their own frames, by name. ``hand_from_tcp`` (4, 4) is the tool centre point in the frame of the gripper's palm;
+    closed fingers are ``gap`` apart. ``base_links`` don't move. Tasks are laid out in the rectangle ``site_size``
+    (x, y) about ``site_centre``, on ``table``. ``either_way``: a place is in reach when the hand gets there with its
+    fingers either way round, for a wrist that turns less than once, and with a manipulability of ``ease`` at least (a
+    share of the arm's best). Pointing down it gets no farther than ``reach`` from the base's axis.
+    """
+
+    robot: str
+    arm: ArmModel
+    urdf: str
+    looks: Mapping[str, Surface]
+    world_from_base: FloatArray
+    base_links: frozenset[str]
+    gripper: Gripper
+    hand_from_tcp: FloatArray
+    gap: float
+    table: Body
+    site_centre: tuple[float, float]
+    site_size: tuple[float, float]
+    mounts: Mounts
+    either_way: bool
+    ease: float
+    reach: float
+
+    @property
+    def table_height(self) -> float:
+        """Of the table's top."""
+        return float(self.table.world_from_body[2, 3]) + 0.5 * self.table.solids[0].size[2]
+
+
+def table_of(size: tuple[float, float], centre: tuple[float, float], height: float) -> Body:
+    """A wooden table top: sides ``size`` (x, y), its upper side at ``height``."""
+    top = Primitive("box", (*size, TABLE_THICKNESS), TABLE_RGB)
+    return Body("table", (top,), rigid(translation=(*centre, height - 0.5 * TABLE_THICKNESS)), fixed=True)
+
+
+def make_cell(config: WorkcellConfig) -> Workcell:
     """The simulation of the arm that the options describe; raises :class:`RobotError` on what is wrong."""
     _whole(config)
     file = find_file(config.urdf, "robot.urdf")
@@ -110,7 +195,7 @@ def make_cell(config: SapienArmConfig) -> Workcell:
     )
 
 
-def _whole(config: SapienArmConfig) -> None:
+def _whole(config: WorkcellConfig) -> None:
     """Raises :class:`ConfigurationError` for options that are missing or of the wrong length."""
     missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
     if missing:
@@ -126,7 +211,7 @@ def _whole(config: SapienArmConfig) -> None:
         if len(v := getattr(config, n)) not in ((k, 0) if n in OPEN else (k,))
     }
     bad |= {f"camera_poses.{n}": p for n, p in config.camera_poses.items() if len(p) != 6}
-    if config.gripper_joints and config.gripper != SapienArmConfig.gripper:
+    if config.gripper_joints and config.gripper != WorkcellConfig.gripper:
         raise ConfigurationError(
             f"robot.gripper={config.gripper} is mounted on an arm without fingers of its own, and this one has "
             f"{list(config.gripper_joints)}: add robot.gripper_joints=[]."
@@ -141,7 +226,7 @@ OPEN = ("tool_offset", "table_centre", "site_centre", "site_size", "workspace_lo
 
 
 def _tool(
-    urdf: Path, robot: ET.Element, config: SapienArmConfig, gripper: Gripper, base: FloatArray
+    urdf: Path, robot: ET.Element, config: WorkcellConfig, gripper: Gripper, base: FloatArray
 ) -> tuple[Kinematics, Gripper, Hand]:
     """The arm's kinematics to its tool centre point, and the hand's geometry, measured if not given."""
 
@@ -179,7 +264,7 @@ def _tool(
 
 
 def _at_home(
-    config: SapienArmConfig, kinematics: Kinematics, collisions: CollisionModel, hand: Hand
+    config: WorkcellConfig, kinematics: Kinematics, collisions: CollisionModel, hand: Hand
 ) -> ArmModel:
     """The arm with its home, given or found, clear of itself and of the table."""
     x, y, _ = config.base_position
@@ -210,7 +295,7 @@ def _at_home(
     return arm
 
 
-def _find_home(config: SapienArmConfig, arm: ArmModel) -> FloatArray:
+def _find_home(config: WorkcellConfig, arm: ArmModel) -> FloatArray:
     """Joints with the hand over the middle of the working area, pointing down, clear of everything.
 
     The best are those from which the arm reaches, clear of the table and itself, most places of the site: planning
@@ -250,7 +335,7 @@ def _unwound(joints: FloatArray, arm: ArmModel) -> FloatArray:
     return np.where((turned > low) & (turned < high), turned, joints)
 
 
-def _pointing_down(config: SapienArmConfig, arm: ArmModel) -> list[float]:
+def _pointing_down(config: WorkcellConfig, arm: ArmModel) -> list[float]:
     """Distances before the base, metres, at which the hand points down near the table and above it: the longest run."""
     runs: list[list[float]] = [[]]
     for before in np.arange(NEAREST, FARTHEST, STEP).tolist():
@@ -268,13 +353,13 @@ def _pointing_down(config: SapienArmConfig, arm: ArmModel) -> list[float]:
     return longest
 
 
-def _gets_to(arm: ArmModel, config: SapienArmConfig, before: float, height: float) -> bool:
+def _gets_to(arm: ArmModel, config: WorkcellConfig, before: float, height: float) -> bool:
     found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
     return any(s is not None and s.manipulability >= config.ease for s in found)
 
 
 def _down(
-    config: SapienArmConfig, before: float, height: float, closing: float, beside: float = 0.0
+    config: WorkcellConfig, before: float, height: float, closing: float, beside: float = 0.0
 ) -> FloatArray:
     """world_from_tcp (4, 4), pointing down ``before`` and ``beside`` the base, ``height`` over the table."""
     x, y, _ = config.base_position
@@ -286,7 +371,7 @@ def _pair(sides: Sequence[float]) -> tuple[float, float]:
     return sides[0], sides[1]
 
 
-def _site(config: SapienArmConfig, arm: ArmModel) -> tuple[tuple[float, float], tuple[float, float], float]:
+def _site(config: WorkcellConfig, arm: ArmModel) -> tuple[tuple[float, float], tuple[float, float], float]:
     """Where tasks are laid out: centre, sides; and how far from the base's axis the hand points down; metres."""
     x, y, _ = config.base_position
     reach = config.reach or np.inf

@@ -11,8 +11,8 @@ import numpy as np
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
-from gvla2.robot.kinematics import Finger, Kinematics, library
-from gvla2_plugins.sapien import SapienArmConfig
+from gvla2.robot.kinematics import Finger, Kinematics
+from gvla2.robot.options import WorkcellConfig
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
@@ -45,7 +45,7 @@ class Gripper:
         return (self.palm, *self.finger_links)
 
 
-def mount(robot: ET.Element, config: SapienArmConfig) -> Gripper:
+def mount(robot: ET.Element, config: WorkcellConfig) -> Gripper:
     """Add the chosen hand at the tool link, along its z as ``tool_rpy`` turns it."""
     frame = f'<parent link="{config.tool_link}"/><origin rpy="{" ".join(map(str, config.tool_rpy))}"/>'
     if config.gripper == "suction":
@@ -65,7 +65,7 @@ def mount(robot: ET.Element, config: SapienArmConfig) -> Gripper:
     return Gripper(PALM, tuple(Finger(f"{link}_joint", 0.0, _TRAVEL) for link in FINGERS), FINGERS)
 
 
-def own_gripper(robot: ET.Element, config: SapienArmConfig) -> Gripper:
+def own_gripper(robot: ET.Element, config: WorkcellConfig) -> Gripper:
     """The arm's own fingers: two sliding joints, those that ``mimic`` a named one among them.
 
     Raises :class:`RobotError` for joints that don't exist, don't slide, or number other than two.
@@ -164,15 +164,10 @@ def _in_tool(
     kinematics: Kinematics, gripper: Gripper, vertices: Mapping[str, FloatArray], share: float
 ) -> dict[str, FloatArray]:
     """The hand's corners in the tool's frame, its joints at ``share`` of their way from lower to upper limit."""
-    pin, model, joints = library("pinocchio"), kinematics.model, 0.5 * (kinematics.low + kinematics.high)
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, kinematics.full(joints, share))
+    joints = 0.5 * (kinematics.low + kinematics.high)
+    poses = kinematics.link_poses(joints, share)
     tool_from_world = invert_rigid(kinematics.forward(joints))
-    frames = {link: model.getFrameId(link, pin.FrameType.BODY) for link in gripper.links}
-    return {
-        link: transform_points(tool_from_world @ data.oMf[frame].homogeneous, vertices[link])
-        for link, frame in frames.items()
-    }
+    return {link: transform_points(tool_from_world @ poses[link], vertices[link]) for link in gripper.links}
 
 
 def _part(joint: ET.Element, tag: str) -> ET.Element:

@@ -1,4 +1,4 @@
-"""Lids and caps: grasped from above, turned with the wrist, lifted, and put down if required."""
+"""The scripted solution of lids and caps: grasped from above, turned, lifted, put down if required."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.arm import Arm
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.task import Solution, WorldState
-from gvla2_plugins.tabletop.demonstrations.moves import DOWN, UP, around, best_path, through
+from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, raised, through
 
 STEP = np.deg2rad(45.0)
 
@@ -39,7 +39,7 @@ def unscrew(
             rigid(Rotation.from_rotvec(UP * turn * i / count).as_matrix() @ grasp[:3, :3], grasp[:3, 3])
             for i in range(1, count + 1)
         ]
-        return [_raised(grasp, 0.08), grasp, *turned, _raised(turned[-1], lift)]
+        return [raised(grasp, 0.08), grasp, *turned, raised(turned[-1], lift)]
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         pose = world.pose(lid)
@@ -59,14 +59,10 @@ def unscrew(
             down = lifted.copy()
             down[:3, 3] = world.pose(goal)[:3, 3] + UP * (height / 2 - depth + 0.004)
             yield [
-                *through("carry", [_raised(down, 0.12)], 0.0, free=True, contacts=near, carries=lid),
+                *through("carry", [raised(down, 0.12)], 0.0, free=True, contacts=near, carries=lid),
                 *through("lower", [down], 0.0, speed=0.1, contacts=near, carries=lid),
                 *through("release", [down], 1.0, contacts=near),
-                *through("leave", [_raised(down, 0.08)], 1.0, contacts=near),
+                *through("leave", [raised(down, 0.08)], 1.0, contacts=near),
             ]
 
     return solve
-
-
-def _raised(pose: FloatArray, height: float) -> FloatArray:
-    return rigid(translation=UP * height) @ pose

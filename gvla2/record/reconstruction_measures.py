@@ -78,8 +78,10 @@ class Measures:
     def summary(self) -> dict[str, Any]:
         """Plain numbers; a group that was not measured is None."""
         ends = ("before", "after")
-        told = {group: dict(zip(ends, map(dict, pair), strict=True)) for group, pair in self.groups.items()}
-        groups = {group: told.get(group) for group in ("inputs", "held_out", "truth")}
+        measured = {
+            group: dict(zip(ends, map(dict, pair), strict=True)) for group, pair in self.groups.items()
+        }
+        groups = {group: measured.get(group) for group in ("inputs", "held_out", "truth")}
         return {**groups, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured)}
 
 
@@ -115,10 +117,10 @@ def measure(
     return Measures(before, after, groups, names, {"lpips": why} if why and names else {})
 
 
-def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
+def fit(made: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
     """A reconstruction against the input views; silhouettes are the mesh's, as in the branch, else the Gaussians'."""
-    gaussians = drawable(thing)
-    points, faces = outlined(thing)
+    gaussians = drawable(made)
+    points, faces = outlined(made)
     rows = []
     for view, silhouette in zip(views, silhouettes(points, views, faces=faces), strict=True):
         image, mask = renderer.render(gaussians, view.camera)[0], mask_of(view) > 0.5
@@ -131,13 +133,13 @@ def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Reconstructi
     return ReconstructionFit(gaussians, mask_support(gaussians.centres, views), tuple(rows))
 
 
-def drawable(thing: Reconstruction) -> Gaussians:
+def drawable(made: Reconstruction) -> Gaussians:
     """The drawable form: the Gaussians, or flat ones on the mesh."""
-    if thing.gaussians is not None and len(thing.gaussians):
-        return thing.gaussians
-    if thing.mesh is None:
+    if made.gaussians is not None and len(made.gaussians):
+        return made.gaussians
+    if made.mesh is None:
         raise GeometryError("The reconstruction is empty: there is nothing to draw.")
-    return surfels(thing.mesh)
+    return surfels(made.mesh)
 
 
 def on_white(view: View) -> Floats:
