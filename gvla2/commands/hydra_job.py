@@ -22,7 +22,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, SCHEMAS, VERSION_BASE
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import register, register_resolvers
@@ -146,7 +146,8 @@ def _register(command: str) -> Registry:
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
     groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(groups)
-    register(registry, {command: schema}, groups)
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite_schema/")}
+    register(registry, {command: schema, **(suites if command == "bench" else {})}, groups)
     return registry
 
 

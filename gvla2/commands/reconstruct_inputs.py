@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.commands.reconstruct import NO_TARGETS, ReconstructConfig
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.evaluation.gso_truth import true_mesh
+from gvla2.evaluation.datasets import true_mesh
 from gvla2.evaluation.protocol import TARGETS
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh

@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.plugins.kinds import NONE
+from gvla2.errors import Gvla2Error
+from gvla2.plugins.assembly import build_components
 from gvla2.record.text import count
 
 if TYPE_CHECKING:
@@ -29,15 +29,12 @@ if TYPE_CHECKING:
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.options import BranchOptions
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
     from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 _TELLING = 4
 """Parts of a run's folder that identify its episode: the day, the time, the job of a sweep, the seed."""
 
@@ -210,51 +207,6 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
         return f"memory {options.name}, bank '{options.bank}': {error}"
     url = getattr(memory, "url", options.url)
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
-
-
-def build_components(
-    config: object,
-    registry: Registry,
-    choices: Mapping[str, str] | None = None,
-    branch: BranchOptions | None = None,
-) -> Components:
-    """All components that the configuration chose; the caller closes the robot and the memory.
-
-    ``choices`` are their names in the record, by default their names by group;
-    ``branch`` the options of the reconstruction branch.
-    """
-    from gvla2.episode.loop import Components
-    from gvla2.episode.refine import GeometryComponents
-    from gvla2.reconstruction.options import BranchOptions
-
-    _check_camera(config, registry)
-    built: dict[str, Any] = {}
-    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
-    if choices is None:
-        chosen = [group for group in registry.groups if group != "language" or group in built]
-        choices = {kind: getattr(config, kind).name for kind in chosen}
-    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Components(
-        **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryComponents(
-            **{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()
-        ),
-        choices=choices,
-        skills=registry.skills,
-        language=built.get("language"),
-        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
-    )
-
-
-def _check_camera(config: object, registry: Registry) -> None:
-    """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
-    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
-    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if camera not in ("", NONE) and robot not in takers:
-        raise ConfigurationError(
-            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
-            f"{', '.join(takers) or 'none is installed'}."
-        )
 
 
 def crashed_component(parts: Components, error: BaseException) -> str:

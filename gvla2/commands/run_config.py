@@ -6,17 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 from gvla2.errors import ConfigurationError
+from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.hydra_config import EveryKind
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.robot.options import DepthNoise
-
-
-@dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures existing results again."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
 
 
 @dataclass

@@ -197,9 +197,9 @@ def conclude(status: int, argv: Sequence[str]) -> int:
 
 
 def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
-    from gvla2.commands.report import begin_run, publish
+    from gvla2.commands.report import publish
     from gvla2.evaluation.results import Cell, Results, cell_key
-    from gvla2.evaluation.runs import SUITE
+    from gvla2.evaluation.sweeps import SUITE
     from gvla2.io.files import write_text
 
     cells = [
@@ -217,7 +217,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         if number is None:
             files = [place / "config.yaml" for place, _ in rows]
             config = next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
-            number = begin_run(results, SUITE, folder, config)
+            number = results.begin(SUITE, folder, config)
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
         runs = results.runs(SUITE)

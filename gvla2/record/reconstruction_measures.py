@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.evaluation import metrics
-from gvla2.evaluation.judge import ReconstructionJudge
+from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh

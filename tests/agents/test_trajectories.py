@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.agents.folders import read_trials
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
+from gvla2.evaluation.statistics import auc, auc_interval, calibration_error
 
 
 def trial(folder: Path, name: str, resolved: object, log: str = "$ ls\nfile\n") -> None:

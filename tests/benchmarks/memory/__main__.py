@@ -4,8 +4,7 @@
     python tests/benchmarks/memory kills writers --scale 0.1    # some, smaller
     python tests/benchmarks/memory flood --folder /scratch      # a million admits
 
-One line a figure: what it is, its value, its goal, its peer's value, a note. What a user of the package can measure
-is in ``gvla2 bench suite=memory``.
+One line a figure: what it is, its value, its goal, its peer's value, a note.
 """
 
 from __future__ import annotations
@@ -19,9 +18,8 @@ import contradictions
 import damage
 import examinations
 import flood
-
-from gvla2.evaluation.memory.figure import NotMeasuredError, Test, passed
-from gvla2.evaluation.memory.setting import Setting
+from figure import NotMeasuredError, Test, passed
+from setting import Setting
 
 PARTS = (concurrency, damage, contradictions, examinations, flood)
 

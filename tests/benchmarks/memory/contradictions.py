@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from contradiction_pairs import pairs
+from figure import Figure, FigureRow, Test
 from generated_contradictions import generated
+from setting import Setting
 
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.meaning.suspicion import suspicion, threshold
 
 Judged = Sequence[tuple[str, str, bool]]

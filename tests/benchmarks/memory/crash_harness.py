@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from figure import NotMeasuredError
+from plain_peer import FILE, PeerLesson, PlainPeer
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.memory.figure import NotMeasuredError
-from gvla2.evaluation.memory.plain_peer import FILE, PeerLesson, PlainPeer
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 

@@ -9,10 +9,10 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+from figure import Figure, FigureRow, Test
+from plain_peer import FILE
+from setting import NOW, Setting, whole_copy
 
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.plain_peer import FILE
-from gvla2.evaluation.memory.setting import NOW, Setting, whole_copy
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from contradictions import rates
 from examination_entries import Entry, Kind, entries
+from figure import Figure, FigureRow, Test
+from setting import NOW, Setting
 
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 

@@ -29,7 +29,7 @@ from gvla2.commands.run import build_components
 from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.robot.design import PAPER
+from gvla2.evaluation.suites.robot_design import PAPER
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
 from gvla2.skills.meaning import Meant, meant

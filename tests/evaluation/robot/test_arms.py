@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.evaluation.robot.arms import CERTAIN, BestTheta, Frozen, Shuffled
-from gvla2.evaluation.robot.experience import Experience, teach
+from gvla2.evaluation.arms import CERTAIN, BestTheta, Experience, Frozen, Shuffled, teach
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, apply_effects
 from gvla2.plugins.registry import load_plugins

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from corpus import lessons
 
-from gvla2.evaluation.memory.corpus import lessons
 from gvla2.memory.indexing.candidates import STATES
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record

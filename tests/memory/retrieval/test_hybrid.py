@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from corpus import lessons, tasks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
 from gvla2.memory.indexing.candidates import Candidates, RecordRows
 from gvla2.memory.meaning.terms import questions, terms
