@@ -18,7 +18,6 @@ from gvla2_plugins.classical.segmentation import alike, components, groups
 from gvla2_plugins.classical.shaping import GOOD, shape_object
 from gvla2_plugins.classical.solids import THIN, SeenObject
 
-FRAGMENT_REACH = 0.05  # metres between two fragments of one object
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
 IN_HAND = 0.05  # metres from the fingertips to what they may hold
 TOUCH = 0.008  # metres between an object and what carries it
@@ -31,15 +30,16 @@ def assemble(
     bodies: IntArray,
     min_points: int,
     gap: float,
+    reach: float,
     hand: FloatArray,
 ) -> list[SeenObject]:
     """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
 
     ``bodies`` (N,) labels those of textured bodies, each one object, and is -1 elsewhere. ``hand`` (3,) is the point
-    between the fingertips: what is there may hang in the air.
+    between the fingertips: what is there may hang in the air. ``reach``: metres between two fragments of one object.
     """
     objects = [shape_object(frames, pixels, members, gap) for members in groups(labels, min_points)]
-    objects = _join_fragments(frames, pixels, _absorb(pixels, objects), gap)
+    objects = _join_fragments(frames, pixels, _absorb(pixels, objects), gap, reach)
     parts: list[SeenObject] = []
     for group, obj in enumerate(objects):
         taken = _take_apart(frames, pixels, obj, min_points, gap)
@@ -70,7 +70,7 @@ def _absorb(pixels: Pixels, objects: Sequence[SeenObject]) -> list[SeenObject]:
 
 
 def _join_fragments(
-    frames: Sequence[TableFrame], pixels: Pixels, objects: list[SeenObject], gap: float
+    frames: Sequence[TableFrame], pixels: Pixels, objects: list[SeenObject], gap: float, reach: float
 ) -> list[SeenObject]:
     """Pieces of one look that one solid explains, if it is hollow or no camera saw through their gap.
 
@@ -82,7 +82,7 @@ def _join_fragments(
         for j in range(i + 1, len(objects)):
             a, b = objects[i], objects[j]
             looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
-            if not alike(*looks) or np.min(cKDTree(a.points).query(b.points)[0]) > FRAGMENT_REACH:
+            if not alike(*looks) or np.min(cKDTree(a.points).query(b.points)[0]) > reach:
                 continue
             joined = shape_object(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
             one, other = (np.median(t.points, axis=0) for t in (a, b))

@@ -177,10 +177,12 @@ class ClassicalPerceiver:
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
             labels = join_in_bodies(pixels, labels, bodies)
             grain = max(map(_grain, frames, flat))
-            rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
+            rough = np.append(textured(pixels, bodies, config.jump, grain, config.textured), False)[bodies]
             labels[rough] = -1
             fine = np.where(rough, bodies, -1)
-            objects = assemble(frames, pixels, labels, fine, config.min_points, config.gap, hand)
+            objects = assemble(
+                frames, pixels, labels, fine, config.min_points, config.gap, config.fragment_reach, hand
+            )
             overlapping = partial(
                 join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap
             )

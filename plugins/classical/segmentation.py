@@ -139,7 +139,6 @@ NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; the latter 
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
-TEXTURED = 0.13  # share of neighbours that differ by more, from which paint tells no parts; drawn: < .09
 FEWEST = 100  # pairs of neighbours that tell how a body is painted
 
 
@@ -185,10 +184,10 @@ def _with_fragments(frames: Sequence[TableFrame], pixels: Pixels, labels: IntArr
     return labels
 
 
-def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDArray[np.bool_]:
+def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float, least: float) -> NDArray[np.bool_]:
     """(B,) bool by label: bodies of whose neighbouring pixels many differ in look by more than ``noise`` explains.
 
-    ``noise`` is what neighbouring pixels of one paint differ by, in colour from 0 to 1.
+    ``least`` is that share; ``noise`` is what neighbouring pixels of one paint differ by, in colour from 0 to 1.
     """
     pairs = pixels.neighbours(jump)
     one, other = pairs[(np.diff(labels[pairs], axis=1) == 0)[:, 0] & (labels[pairs[:, 0]] >= 0)].T
@@ -198,7 +197,7 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDA
     count = int(labels.max(initial=-1)) + 1
     pairs_of = np.bincount(labels[one], minlength=count)
     share = np.bincount(labels[one], differ, minlength=count) / np.maximum(1, pairs_of)
-    return np.asarray((share > TEXTURED) & (pairs_of >= FEWEST))
+    return np.asarray((share > least) & (pairs_of >= FEWEST))
 
 
 LAYER = (0.5, 2.0)  # of the least height: layers whose middle lies between these are judged as wholes
