@@ -9,8 +9,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.reconstruct import ReconstructConfig, spec_of
-from gvla2.commands.reconstruct_inputs import read_inputs
+from gvla2.commands.reconstruct import ReconstructConfig, read_inputs, spec_of
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Views

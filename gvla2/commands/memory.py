@@ -58,8 +58,6 @@ class MemoryCommandConfig:
     head: str = ""
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
-    verifier: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         unknown = [state for state in self.states if state not in STATES]
@@ -227,21 +225,6 @@ def history(request: Request) -> Answer:
     return Answer([_event(event) for event in events], _events_table)
 
 
-def conflicts(request: Request) -> Answer:
-    """Pairs of records that contradict each other."""
-    with request.view() as view:
-        pairs = sorted({(link.source, link.target) for link in view.links() if link.kind == "conflict"})
-        records = {record.id: _columns(record) for record in view.records()}
-    known = [(records[a], records[b]) for a, b in pairs if a in records and b in records]
-
-    def shown(rows: Sequence[Mapping[str, Any]]) -> Sequence[Table | str]:
-        cells = [[cell for r in row["records"] for cell in (r["id"], one_line(r["content"]))] for row in rows]
-        columns = ("id", "content", "contradicts", "its content")
-        return [_table(columns, cells) if cells else "No records contradict each other."]
-
-    return Answer([{"records": pair} for pair in known], shown)
-
-
 def stats(request: Request) -> Answer:
     """The numbers of records by state and type, of events and bytes, and the head of the chain."""
     with request.store() as store:
@@ -342,26 +325,17 @@ def govern(request: Request) -> Answer:
         return Answer(bank.govern(), _changes)
 
 
-def replay(request: Request) -> Answer:
-    """Verify stored episodes again: those of provisional, contested or low-confidence records."""
-    verifier = request.registry.build(request.config, "verifier")
-    with request.knowledge_bank() as bank:
-        return Answer(bank.replay(verifier), _changes)
-
-
 VERBS: Mapping[str, tuple[Callable[[Request], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("states=[active]", "limit=20")),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
     "history": (history, {"ID": None}, ("limit=20",)),
-    "conflicts": (conflicts, {}, ("limit=20",)),
     "stats": (stats, {}, ()),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
     "export": (export, {"PATH": None}, ("states=[active]",)),
     "forget": (forget, {"ID": "+"}, ()),
     "govern": (govern, {}, ()),
-    "replay": (replay, {}, ("verifier=llm",)),
 }
 """The verbs: function, words as argparse takes them, notable options."""
 

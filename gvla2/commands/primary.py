@@ -10,7 +10,7 @@ from gvla2.commands.data import DataCommandConfig
 from gvla2.commands.memory import MemoryCommandConfig
 from gvla2.commands.reconstruct import ReconstructConfig
 from gvla2.commands.report import ReportConfig
-from gvla2.commands.run_config import RunConfig
+from gvla2.commands.run import RunConfig
 from gvla2.evaluation.config import SUITES, BenchConfig
 
 PRIMARY: Mapping[str, type] = MappingProxyType(

@@ -95,7 +95,7 @@ class WaypointStepper:
             turned,
             motion="linear" if straight else "free",
             speed=self._speed,
-            # The fingers reach for thin things; only on a straight line is it sure where they touch the table.
+            # The fingers reach for thin objects; only on a straight line is it sure where they touch the table.
             allowed_contacts=frozenset({"table"} if straight else ()),
         )
         return self._robot.execute(Trajectory((waypoint,)), self._scene).waypoints[0]

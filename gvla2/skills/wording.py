@@ -12,9 +12,12 @@ from collections.abc import Sequence
 
 from gvla2.planning.colours import FAMILIES, NEARLY, first_colour, meant_by
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mentions import DETERMINERS, PLACES
-from gvla2.skills.parts import root_of
+from gvla2.skills.part_hierarchy import root_of
 
+DETERMINERS = frozenset("the a an my your our his her its that this these those".split())  # noqa: SIM905
+PLACES = frozenset(
+    "on onto in into inside to towards toward over around beside behind under near at by with from off".split()  # noqa: SIM905
+)
 _VESSEL = (
     "mug cup tumbler beaker glass goblet teacup tankard pot pail bucket vessel vase tub jar can tin canister"
 )
@@ -69,7 +72,7 @@ LOOKS: dict[str, frozenset[str]] = {
 _ANYTHING = set(
     re.findall(
         r"\w+",
-        "it them this that one ones thing things object objects item items piece pieces part all something anything "
+        "it them this that one ones object objects object objects item items piece pieces part all something anything "
         "everything light lights",
     )
 )
@@ -81,7 +84,7 @@ _SURFACES_AND_STATES = set(
         "resting hanging leaning remaining missing matching closing screwing",
     )
 )
-"""Words on -ing before a noun that do not make another thing of it."""
+"""Words on -ing before a noun that do not make another object of it."""
 
 
 def in_scene_words(wish: str, scene: Scene) -> str:
@@ -100,7 +103,7 @@ def in_scene_words(wish: str, scene: Scene) -> str:
         if at and not colour:  # of a colour that the scene lacks
             continue
         if plain[i - 1].endswith("ing") and plain[i - 1] not in _SURFACES_AND_STATES:
-            continue  # a thing named by its use: a walking stick is no umbrella
+            continue  # an object named by its use: a walking stick is no umbrella
         noun = word if word in own or word.removesuffix("s") in own else _seen_as(word, colour, scene)
         if noun and noun != word:
             doubled = i > begin and noun.startswith(f"{plain[i - 1]} ")  # "the knife stand", a knife block
@@ -150,6 +153,6 @@ def _seen_as(word: str, colour: str, scene: Scene) -> str:
     return kinds.pop() if len(kinds) == 1 else ""
 
 
-def _kind(thing: SceneObject) -> str:
+def _kind(obj: SceneObject) -> str:
     """Its label without its colour."""
-    return thing.label.casefold().removeprefix(f"{thing.colour} ")
+    return obj.label.casefold().removeprefix(f"{obj.colour} ")

@@ -109,8 +109,8 @@ class Gantry:
             corners = box_corners(attached.object.extents)
             points = np.vstack([points, transform_points(tcp @ attached.tcp_from_object, corners)])
         found = [Clearance(float("inf"))]
-        for thing in scene.obstacles(allowed_contacts | {carried}):
-            found.append(Clearance(_distance(points, thing), "hand", thing.id))
+        for obj in scene.obstacles(allowed_contacts | {carried}):
+            found.append(Clearance(_distance(points, obj), "hand", obj.id))
         if "table" not in allowed_contacts:
             found.append(Clearance(float(points[:, 2].min() - scene.table_height), "hand", "table"))
         return min(found, key=lambda c: c.distance)
@@ -140,9 +140,9 @@ class Gantry:
         return np.array(points)
 
 
-def _distance(points: FloatArray, thing: SceneObject) -> float:
-    """Signed distance from points (N, 3) to the thing's oriented box, the smallest of all, metres."""
-    local = np.abs(transform_points(invert_rigid(thing.world_from_object), points)) - 0.5 * thing.extents
+def _distance(points: FloatArray, obj: SceneObject) -> float:
+    """Signed distance from points (N, 3) to the object's oriented box, the smallest of all, metres."""
+    local = np.abs(transform_points(invert_rigid(obj.world_from_object), points)) - 0.5 * obj.extents
     outside = np.linalg.norm(np.maximum(local, 0.0), axis=1)
     return float((outside + np.minimum(local.max(axis=1), 0.0)).min())
 

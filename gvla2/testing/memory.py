@@ -30,7 +30,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.indexing.candidates import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
     allowed,
@@ -54,9 +54,7 @@ def check_memory(memory: Memory) -> None:
     task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
     lessons = (
         Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
-        Lesson(
-            "failure_avoidance", "Do not lift less than 0.2 m.", Effect("bound", "lift_height", 0.2).to_json()
-        ),
+        Lesson("failure_avoidance", "Do not lift less than 0.2 m.", Bound("lift_height", 0.2).to_json()),
     )
     for step, verdict in enumerate(
         (

@@ -14,7 +14,7 @@ from gvla2.language.failures import LanguageModelError
 from gvla2.planning.asking import check_scene, fault_of_plan
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Ban, Bound, Prior
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.skills.carry_out import carry_out
@@ -71,13 +71,13 @@ def _check_scene(scene: object) -> None:
     check_scene(scene)
     assert isinstance(scene, Scene)
     ids = {o.id for o in scene.objects}
-    for thing in scene.objects:
-        what = f"Object '{thing.id}'"
-        require(thing.label, f"{what}: its label must not be empty.")
-        require_share(thing.confidence, f"{what}: confidence")
+    for obj in scene.objects:
+        what = f"Object '{obj.id}'"
+        require(obj.label, f"{what}: its label must not be empty.")
+        require_share(obj.confidence, f"{what}: confidence")
         require(
-            not thing.parent or thing.parent in ids,
-            f"{what}: its parent '{thing.parent}' is not in the scene.",
+            not obj.parent or obj.parent in ids,
+            f"{what}: its parent '{obj.parent}' is not in the scene.",
         )
 
 
@@ -90,9 +90,9 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
     require_members(planner, "planner")
     asked = request or inputs.plan_request()
     effects = (
-        Effect("bound", "lift_height", 0.2, ">="),
-        Effect("prior", "no_such_parameter", 1.0, count=3),
-        Effect("forbid", "approach:side"),
+        Bound("lift_height", 0.2, ">="),
+        Prior("no_such_parameter", 1.0, count=3),
+        Ban("approach:side"),
     )
     for what, variant in {
         "": asked,
@@ -154,7 +154,7 @@ def check_skill(skill: Skill, call: SkillCall | None = None, request: PlanReques
     """The skill's table entry, its defaults, its proposals and a plan by ``call`` in the scene of ``request``.
 
     Without them the red cube of the built-in scene (two cubes under a gantry) is the theme, and the blue one the goal
-    if the skill needs one; a skill for other things needs both. It must find a plan there.
+    if the skill needs one; a skill for other objects needs both. It must find a plan there.
     """
     require(not fault_of(skill), f"The skill {fault_of(skill)}")
     require(skill.words, f"'{skill.name}' has no words: lessons about it would only be found by its name.")

@@ -78,8 +78,8 @@ def check_task(task: Task, site: TaskSite = SITE) -> None:
         )
         first.append(_places(instance))
         with allowed("sample() with an instruction"):
-            worded = task.sample(np.random.default_rng(seed), site, "do the thing with words of my own")
-        require(worded.instruction == "do the thing with words of my own", "A given instruction is kept.")
+            worded = task.sample(np.random.default_rng(seed), site, "do the object with words of my own")
+        require(worded.instruction == "do the object with words of my own", "A given instruction is kept.")
         require(_places(worded) == _places(instance), "An instruction must not change the seed's layout.")
     require(len(set(first)) > 1, f"The seeds {SEEDS} all give the same layout.")
 

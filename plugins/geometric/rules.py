@@ -1,4 +1,4 @@
-"""Rules for placing things and for mechanisms: lids, drawers, caps, rings over posts, objects drawn out."""
+"""Rules for placing objects and for mechanisms: lids, drawers, caps, rings over posts, objects drawn out."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 
 LEAST_GROWN = 0.4
-"""Least rise of a container where a thing lies in it, as a share of the thing's height."""
+"""Least rise of a container where an object lies in it, as a share of the object's height."""
 DOUBTFUL = 0.35
-"""Look difference above which it is hardly the same thing."""
+"""Look difference above which it is hardly the same object."""
 FEWEST = 10
 """Least points for a reliable height."""
 
 
 def place(case: Case) -> CriterionScore:
-    """Everything is at its target: one thing, or several in sequence."""
+    """Everything is at its target: one object, or several in sequence."""
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
         return placed(case, case.role("theme", "part"), case.role("goal"))
@@ -39,7 +39,7 @@ def place(case: Case) -> CriterionScore:
     assert worst is not None
     if (worst.score or 0.0) < 0.5:
         return worst
-    return CriterionScore(worst.score, f"All {len(findings)} things are at their targets.")
+    return CriterionScore(worst.score, f"All {len(findings)} objects are at their targets.")
 
 
 def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> CriterionScore:
@@ -74,8 +74,8 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> C
 
 
 def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionScore:
-    """A thing seen as one with its container, as for equal colours: it is gone from its place, and where the hand
-    released it, the goal is higher than before by most of the thing's height.
+    """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
+    released it, the goal is higher than before by most of the object's height.
     """
     spot = _let_go(case, theme)
     unknown = CriterionScore(None, f"{theme.label} was not seen again.")
@@ -101,13 +101,13 @@ def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -
     return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
 
 
-def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> CriterionScore:
-    """The thing's centre in the goal's footprint; half a width outside, it only touches the goal."""
-    outside = outside_footprint(thing.centre, goal_now(case, goal))
+def inside(case: Case, obj: SceneObject, goal: SceneObject, reach: float) -> CriterionScore:
+    """The object's centre in the goal's footprint; half a width outside, it only touches the goal."""
+    outside = outside_footprint(obj.centre, goal_now(case, goal))
     if outside <= case.config.margin:
-        return CriterionScore(1.0, f"{thing.label} lies on or in {goal.label}.")
+        return CriterionScore(1.0, f"{obj.label} lies on or in {goal.label}.")
     score = max(0.0, 0.45 * (1 - outside / reach))
-    return CriterionScore(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+    return CriterionScore(score, f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}.")
 
 
 def _meant_beside(case: Case, theme: SceneObject, goal: SceneObject, reach: float) -> FloatArray | None:
@@ -143,7 +143,7 @@ ON_TOP = 0.02
 ALMOST = 0.85
 """Share of the target below which it is a clear miss: the accuracy of perceived angles and distances."""
 ASTRAY = 0.06
-"""A thing this far beside the line of a pull is a different one, metres."""
+"""An object this far beside the line of a pull is a different one, metres."""
 
 
 def opened(case: Case) -> CriterionScore:
@@ -241,7 +241,7 @@ def _slid(case: Case, wanted: float | None) -> CriterionScore:
     if length < case.config.same_place:
         return CriterionScore(None, "The plan does not say how far to slide.")
     need = PUSHED * length if wanted is None else wanted
-    moved = [m for thing in _sliding(case, theme) if (m := _along(case, thing, way / length)) is not None]
+    moved = [m for obj in _sliding(case, theme) if (m := _along(case, obj, way / length)) is not None]
     if not moved:
         return CriterionScore(None, f"{theme.label} was not seen again.")
     most = max(moved)
@@ -265,17 +265,17 @@ def _stroke(case: Case) -> np.ndarray:
 def _sliding(case: Case, theme: SceneObject) -> list[SceneObject]:
     """The theme, the held object, and its whole, except a common container."""
     held = [case.seen(w.carries) for w in case.planned if w.carries]
-    things = [theme, *case.before.parts_of(theme.id), *(o for o in held if o is not None)]
-    fronts = [p for o in things if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
-    return list({o.id: o for o in (*things, *fronts)}.values())
+    objects = [theme, *case.before.parts_of(theme.id), *(o for o in held if o is not None)]
+    fronts = [p for o in objects if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
+    return list({o.id: o for o in (*objects, *fronts)}.values())
 
 
-def _along(case: Case, thing: SceneObject, way: np.ndarray) -> float | None:
-    """How far a thing moved along a unit vector (3,), metres; None when it was not seen again near that line."""
-    later = case.later(thing)
+def _along(case: Case, obj: SceneObject, way: np.ndarray) -> float | None:
+    """How far an object moved along a unit vector (3,), metres; None when it was not seen again near that line."""
+    later = case.later(obj)
     if later is None:
         return None
-    shift = later.centre - thing.centre
+    shift = later.centre - obj.centre
     along = float(shift @ way)
     return along if float(np.linalg.norm(shift - along * way)) < ASTRAY else None
 

@@ -9,7 +9,7 @@ from gvla2.planning.colours import FAMILIES, between, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
-from gvla2.skills.parts import is_button
+from gvla2.skills.part_hierarchy import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of

@@ -9,7 +9,7 @@ from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.scene import Scene
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.meaning import suited
+from gvla2.skills.grounding import suited
 from gvla2.skills.table import STANDARD
 from gvla2.skills.wording import in_scene_words
 from gvla2_plugins.skill import SkillConfig, lexicon

@@ -9,7 +9,7 @@ from dataclasses import replace
 from gvla2.planning.colours import FAMILIES, colour_distance
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.chaining import is_container
+from gvla2.skills.multi_step import is_container
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import phrase_at
 from gvla2_plugins.skill.grammar import heard

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class ScaledConfig(TaskConfig):
-    """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
+    """Options of every task here. ``scale`` multiplies the sizes of the objects on the table, 0.8 to 1.2.
 
     Sizes and distances stay within the hand's span and the arm's reach at any scale.
 
-    ``world`` learnable draws how things behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
+    ``world`` learnable draws how objects behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
     ``families`` how many there are of the task's kind, ``family`` the episodes' family (-1: any).
     """
 
@@ -131,7 +131,7 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
         "sort_object",
         ScaledConfig,
         "SortObject",
-        "Put three things into the bins of their colours.",
+        "Put three objects into the bins of their colours.",
     ),
 )
 """Name, configuration, class, summary."""

@@ -56,7 +56,7 @@ RANGES = Ranges()
 
 @dataclass(frozen=True)
 class Family:
-    """Things of one kind that look the same and behave the same: a colour word, and a value in the kind's unit.
+    """Objects of one kind that look the same and behave the same: a colour word, and a value in the kind's unit.
 
     ``value`` of its ``trait``: radians of turn of a ``jar`` or ``bottle`` (negative: with the clock), metres of travel
     of a ``click``, seconds of a ``hold``, metres of lift of a ``catch`` (0: none), radians of a lid's ``spring``.
@@ -259,15 +259,15 @@ def _lid(
 CHANGES: Mapping[str, Change] = MappingProxyType(
     {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer, "open_box": _lid}
 )
-"""How the things of each kind are made."""
+"""How the objects of each kind are made."""
 
 NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
-"""Options of a published task without which its things may stand where the arm cannot do what is to be learnt."""
+"""Options of a published task without which its objects may stand where the arm cannot do what is to be learnt."""
 
 
 class Learnable:
     """Implements :class:`gvla2.robot.task.Task` over a published one: its layout, sentence and success check, and
-    things of one family in the colour and with the property that the world's seed gave them.
+    objects of one family in the colour and with the property that the world's seed gave them.
     """
 
     def __init__(self, kind: str, config: ScaledConfig, make: Callable[[ScaledConfig], Task]) -> None:

@@ -132,7 +132,7 @@ def both(*directions: FloatArray) -> list[FloatArray]:
 
 
 def pick(
-    thing: str,
+    obj: str,
     grasp: FloatArray,
     closing: FloatArray,
     lift: float,
@@ -143,15 +143,15 @@ def pick(
     opening: float = 1.0,
     away: FloatArray = UP,
 ) -> list[Waypoint]:
-    """Approach, close on ``thing`` with the tool at ``grasp`` (3,), and lift it by ``lift`` along ``away``."""
-    touched = {thing, "table", *contacts}
+    """Approach, close on ``obj`` with the tool at ``grasp`` (3,), and lift it by ``lift`` along ``away``."""
+    touched = {obj, "table", *contacts}
     return [
         stop(
             "approach", grasp - standoff * approach, opening, approach, closing, free=True, contacts=touched
         ),
         stop("reach", grasp, opening, speed=0.15, contacts=touched),
         stop("grasp", grasp, 0.0, contacts=touched),
-        stop("lift", grasp + lift * away, 0.0, speed=0.15, contacts=touched, carries=thing),
+        stop("lift", grasp + lift * away, 0.0, speed=0.15, contacts=touched, carries=obj),
     ]
 
 
@@ -163,7 +163,7 @@ CARRIED, DROP = 0.15, 0.004
 
 
 def put_on(
-    thing: str,
+    obj: str,
     goal: str,
     size: FloatArray,
     *,
@@ -174,15 +174,15 @@ def put_on(
     offset: FloatArray | None = None,
     contacts: Sequence[str] = (),
 ) -> Solution:
-    """Put a box-like ``thing`` (full sides (3,) of ``size``, upright) on the origin of the body ``goal``.
+    """Put a box-like ``obj`` (full sides (3,) of ``size``, upright) on the origin of the body ``goal``.
 
-    ``depth`` of the tool below the thing's top, half its height at most; ``rise`` of its underside above the
-    goal's origin; ``base``: the thing's own origin is in its underside, not its middle; ``offset`` (3,) from the
+    ``depth`` of the tool below the object's top, half its height at most; ``rise`` of its underside above the
+    goal's origin; ``base``: the object's own origin is in its underside, not its middle; ``offset`` (3,) from the
     goal's origin, in its frame.
     """
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose, target = world.pose(thing), world.pose(goal)
+        pose, target = world.pose(obj), world.pose(goal)
         top = pose[:3, 3] + UP * size[2] * (1.0 if base else 0.5)
         grasp = top - UP * min(0.5 * size[2], depth or 0.03)
         place = target[:3, 3] + (0.0 if offset is None else target[:3, :3] @ offset)
@@ -191,13 +191,13 @@ def put_on(
         sides = [pose[:3, i] for i in (0, 1) if size[i] < narrow]
         above = release + UP * (lift - DROP)
         closing = best_closing(arm, [grasp, grasp + UP * lift], both(*sides))
-        # How the thing is turned when it is set down does not matter; how far the wrist can go does.
+        # How the object is turned when it is set down does not matter; how far the wrist can go does.
         turned = best_closing(arm, [above, release], around(UP, closing, 8))
-        touched = {thing, goal, "table", *contacts}
+        touched = {obj, goal, "table", *contacts}
         yield [
-            *pick(thing, grasp, closing, lift, contacts=touched),
-            stop("carry", above, 0.0, DOWN, turned, free=True, carries=thing, contacts=touched),
-            stop("lower", release, 0.0, speed=0.1, carries=thing, contacts=touched),
+            *pick(obj, grasp, closing, lift, contacts=touched),
+            stop("carry", above, 0.0, DOWN, turned, free=True, carries=obj, contacts=touched),
+            stop("lower", release, 0.0, speed=0.1, carries=obj, contacts=touched),
             stop("release", release, 1.0, contacts=touched),
             stop("leave", above, 1.0, contacts=touched),
         ]
@@ -205,13 +205,13 @@ def put_on(
     return solve
 
 
-def hold_up(thing: str, size: FloatArray, lift: float) -> Solution:
-    """Grasp a box-like ``thing`` (full sides (3,), origin in its middle) from above and hold it up."""
+def hold_up(obj: str, size: FloatArray, lift: float) -> Solution:
+    """Grasp a box-like ``obj`` (full sides (3,), origin in its middle) from above and hold it up."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(thing)
+        pose = world.pose(obj)
         grasp = pose[:3, 3] + UP * max(0.0, 0.5 * size[2] - 0.03)
         sides = both(*(pose[:3, i] for i in (0, 1) if size[i] < 0.076))
-        yield pick(thing, grasp, best_closing(arm, [grasp, grasp + UP * lift], sides), lift)
+        yield pick(obj, grasp, best_closing(arm, [grasp, grasp + UP * lift], sides), lift)
 
     return solve

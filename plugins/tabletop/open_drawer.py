@@ -149,12 +149,12 @@ def handle_path(root: FloatArray, k: float, sign: float, lean: float) -> list[Fl
     return [rigid(turned, spot) for spot in (bar - STANDOFF * approach, bar, bar + PULL * out)]
 
 
-def pull_handle(thing: str, near: Sequence[str], ways: Sequence[Sequence[FloatArray]]) -> Solution:
+def pull_handle(obj: str, near: Sequence[str], ways: Sequence[Sequence[FloatArray]]) -> Solution:
     """One of several ways of tool poses (4, 4): before the handle, at it, pulled."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         before, grasp, pulled = ways[best_path(arm, ways)]
-        contacts = {thing, *near, "table"}
+        contacts = {obj, *near, "table"}
         yield [
             *through("approach", [before], 0.6, free=True),
             *through("reach", [grasp], 0.6, speed=0.1, contacts=contacts),

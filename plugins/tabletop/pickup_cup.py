@@ -91,11 +91,11 @@ class PickupCup:
 RIM_DEPTH, LIFT = 0.02, 0.15
 
 
-def by_the_rim(thing: str, diameter: float, height: float, wall: float) -> Solution:
+def by_the_rim(obj: str, diameter: float, height: float, wall: float) -> Solution:
     """Lift an open cylinder, its origin in the middle of its underside, by the wall."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(thing)
+        pose = world.pose(obj)
         best = (-1.0, pose[:3, 3], pose[:3, 0])
         for outward in around(UP, pose[:3, 0], 16):
             point = pose[:3, 3] + outward * (diameter - wall) / 2 + UP * (height - RIM_DEPTH)
@@ -107,6 +107,6 @@ def by_the_rim(thing: str, diameter: float, height: float, wall: float) -> Solut
                 ]
                 best = max(best, (min(margins), point, closing), key=lambda choice: choice[0])
         _, point, closing = best
-        yield pick(thing, np.asarray(point), np.asarray(closing), LIFT)
+        yield pick(obj, np.asarray(point), np.asarray(closing), LIFT)
 
     return solve

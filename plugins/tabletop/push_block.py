@@ -108,15 +108,15 @@ class PushBlock:
         )
 
 
-def push_to(thing: str, goal: str, size: float) -> Solution:
-    """Push the cube ``thing`` of that ``size`` over the table until its middle is on the origin of ``goal``.
+def push_to(obj: str, goal: str, size: float) -> Solution:
+    """Push the cube ``obj`` of that ``size`` over the table until its middle is on the origin of ``goal``.
 
     Two pushes: the second corrects the first one's drift from friction.
     """
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         for share in (0.6, 1.0):
-            block, target = world.pose(thing), world.pose(goal)[:3, 3]
+            block, target = world.pose(obj), world.pose(goal)[:3, 3]
             way = (target - block[:3, 3]) * (1.0, 1.0, 0.0)
             ahead = way / np.linalg.norm(way)
             behind = _half_width(block, ahead, size) + 0.5 * arm.hand.finger_breadth
@@ -126,7 +126,7 @@ def push_to(thing: str, goal: str, size: float) -> Solution:
             end = (block[:3, 3] + share * way) * flat - ahead * behind + height
             across = np.cross(UP, ahead)
             closing = best_closing(arm, [start + 0.08 * UP, start, end], [across, -across])
-            near = {thing, "table"}
+            near = {obj, "table"}
             yield [
                 stop("approach", start + 0.08 * UP, 0.0, DOWN, closing, free=True),
                 stop("lower", start, 0.0, contacts=near),

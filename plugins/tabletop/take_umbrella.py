@@ -98,13 +98,13 @@ def _umbrella(k: float, rgb: tuple[float, float, float]) -> tuple[Primitive, ...
     )
 
 
-def pulllifted(thing: str, height: float, lift: float, contacts: Sequence[str] = ()) -> Solution:
-    """Grasp an upright ``thing`` from above at ``height`` over its origin and lift it by ``lift``; metres."""
+def pulllifted(obj: str, height: float, lift: float, contacts: Sequence[str] = ()) -> Solution:
+    """Grasp an upright ``obj`` from above at ``height`` over its origin and lift it by ``lift``; metres."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(thing)
+        pose = world.pose(obj)
         grasp = transform_points(pose, (0.0, 0.0, height))
         closing = best_closing(arm, [grasp, grasp + UP * lift], around(UP, pose[:3, 0], 8))
-        yield pick(thing, grasp, closing, lift, contacts=contacts, standoff=0.08)
+        yield pick(obj, grasp, closing, lift, contacts=contacts, standoff=0.08)
 
     return solve

@@ -11,7 +11,7 @@ from gvla2.robot.scan import Scan
 
 
 def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A rotation (3, 3), its z axis up, in which a thing dropped at random comes to rest on a plane.
+    """A rotation (3, 3), its z axis up, in which an object dropped at random comes to rest on a plane.
 
     ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. It
     lands on some face and rolls over the edge beyond which its centre lies, until its centre is above the face:
@@ -58,7 +58,7 @@ def _edge_beyond(corners: FloatArray, foot: FloatArray, normal: FloatArray) -> i
 
 
 def _standing(down: FloatArray, turn: FloatArray) -> FloatArray:
-    """The rotation that brings the direction ``down`` (3,) of the thing to -z, turned about z at random by ``turn``."""
+    """The rotation that brings an object's direction ``down`` (3,) to -z, turned about z at random by ``turn``."""
     aligned, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [down])
     yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
     return np.asarray((Rotation.from_euler("z", yaw) * aligned).as_matrix())
@@ -72,10 +72,10 @@ DEEP, INNER = 0.45, 0.35
 
 
 def mouth(scan: Scan, pose: FloatArray) -> float:
-    """Width of the opening at the top of the thing, posed at ``pose`` (4, 4), metres; 0 if it is closed or shallow.
+    """Width of the opening at the top of the object, posed at ``pose`` (4, 4), metres; 0 if it is closed or shallow.
 
-    Seen from straight above: the lowest thing in sight about its middle is its bottom, and all about it the wall rises.
-    A plate counts: what lies on it lies in it.
+    Seen from straight above: the lowest surface in sight about its middle is its bottom, and the wall rises all
+    about it. A plate counts: what lies on it lies in it.
     """
     points, _ = scan.textured.mesh.sample(20_000, np.random.default_rng(0))
     points = transform_points(pose, points)

@@ -57,12 +57,6 @@ def test_what_the_numbers_mean():
     np.testing.assert_allclose(tilted[:3, 2], (1.0, 0.0, 0.0), atol=1e-12)  # forward
 
 
-def test_values_out_of_range_are_clipped():
-    far, opening = ACTIONS.pose([9, -9, 9, 0, 0, 0, 3])
-    np.testing.assert_allclose(far[:3, 3], (0.8, -0.6, 1.75))
-    assert opening == 1.0
-
-
 @pytest.mark.parametrize("bad", [[0] * 6, [0, 0, 0, 0, 0, np.nan, 0], [[0] * 7], [np.inf] * 7])
 def test_what_is_no_action_is_refused(bad):
     with pytest.raises(RobotError, match="7 finite numbers"):

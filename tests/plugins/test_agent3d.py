@@ -89,9 +89,9 @@ def test_what_cannot_be_carried_out_goes_back_with_its_reason():
     ("answer", "why"),
     [
         ("I would first grasp the cube.", "no JSON"),
-        (LIFT[:-20], "no path"),
+        (LIFT[:-20], "broken"),
         ("[", "no JSON"),
-        ("[" * 5000, "no path"),
+        ("[" * 5000, "nested too deeply"),
         ("word " * 10_000, "no JSON"),
         ("[]", "not a list of waypoints"),
         ('["red_cube",0,0,1,1]', "not a list of waypoints"),
@@ -106,7 +106,7 @@ def test_what_cannot_be_carried_out_goes_back_with_its_reason():
         (f'[["red_cube",0,0,{"9" * 300},1]]', "out of range"),
         ('[["red_cube",0,0,100,2]]', "out of range"),
         ('[["red_cube",0,0,true,1]]', "neither a name nor a number"),
-        ('[["red_cube",0,0,100]]', "five parts"),
+        ('[["red_cube",0,0,100]]', "five elements"),
         (json.dumps([["red_cube", 0, 0, 100, 1]] * 17), "17 waypoints"),
     ],
 )

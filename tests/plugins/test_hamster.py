@@ -173,7 +173,7 @@ def test_places_beyond_reach_are_named(request_):
 
 
 def test_long_paths_keep_their_events_and_bends():
-    from gvla2.planning.pointing import Stroke
+    from gvla2.planning.pictures import Stroke
 
     arc = [Stroke(0.2 + 0.006 * k, 0.5 - 0.3 * float(np.sin(np.pi * k / 99)), 0.0) for k in range(100)]
     path = [

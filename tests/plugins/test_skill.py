@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import rigid, transform_points
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Ban, Bound, Prior
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.workcell import make_cell
 from gvla2.testing import inputs
@@ -114,7 +114,7 @@ def test_round_things_can_be_picked(arm, shape):
 
 def test_the_fingertips_never_reach_the_table(arm):
     flat = thing("a", "red plate", "plate", (0.35, 0.05), (0.1, 0.05, 0.008))
-    made = plan(arm, "pick up the plate", flat, effects=[Effect("bound", "grasp_depth", 0.05, ">=", "pick")])
+    made = plan(arm, "pick up the plate", flat, effects=[Bound("grasp_depth", 0.05, ">=", skill="pick")])
     for waypoint in made.trajectory:
         assert waypoint.xyz[2] - arm.hand.tip_beyond_tcp >= TABLE + 0.004 - 1e-9
 
@@ -176,7 +176,7 @@ def test_press_goes_straight_down_on_the_button_with_closed_fingers(arm, sentenc
 @pytest.mark.parametrize(
     ("height", "depth"), [(0.0092, 0.008), (0.011, 0.0098), (0.014, 0.010), (0.02, 0.010)]
 )
-@pytest.mark.parametrize("effects", [(), (Effect("prior", "press_depth", 0.015, count=1000),)])
+@pytest.mark.parametrize("effects", [(), (Prior("press_depth", 0.015, count=1000),)])
 def test_press_stops_above_what_the_button_stands_on(arm, height, depth, effects):
     button = replace(BUTTON, extents=np.array([0.033, 0.033, height]))
     button = replace(button, world_from_object=rigid(translation=(0.31, -0.3, BASE.top + height / 2)))
@@ -257,15 +257,15 @@ def test_labels_of_any_perceiver_can_be_named(arm):
 
 
 def test_memory_bounds_and_priors_change_theta_and_the_motion(arm):
-    bound = Effect("bound", "lift_height", 0.35, ">=", skill="pick", source="r1")
-    prior = Effect("prior", "standoff", 0.1, count=1000, source="r2")
+    bound = Bound("lift_height", 0.35, ">=", skill="pick", source="r1")
+    prior = Prior("standoff", 0.1, count=1000, source="r2")
     plain, taught = plan(arm, "lift the red cube"), plan(arm, "lift the red cube", effects=[bound, prior])
     assert taught.parameters["lift_height"] == 0.35
     assert stage(taught, "lift")[2] - stage(plain, "lift")[2] == pytest.approx(0.10)
     assert stage(taught, "approach")[2] > stage(plain, "approach")[2] + 0.04
     assert any("r1" in n for n in taught.notes)
     assert any("r2" in n for n in taught.notes)
-    overshoot = Effect("bound", "push_overshoot", 0.02, ">=", skill="push")
+    overshoot = Bound("push_overshoot", 0.02, ">=", skill="push")
     block = cube("r", "red", (0.28, 0.0), 0.0)
     goal = thing("g", "green square", "region", (0.45, 0.0), (0.1, 0.1, 0.001))
     ends = [
@@ -276,12 +276,12 @@ def test_memory_bounds_and_priors_change_theta_and_the_motion(arm):
 
 
 def test_a_forbidden_approach_is_not_used(arm):
-    forbid = Effect("forbid", "approach:straight", skill="push", source="r3")
+    forbid = Ban("approach:straight", skill="push", source="r3")
     asked = ("push the red cube onto the green square", cube("r", "red", (0.28, 0.08), 0.3), SQUARE)
     plain, taught = plan(arm, *asked), plan(arm, *asked, effects=[forbid])
     assert [w.stage for w in plain.trajectory] != [w.stage for w in taught.trajectory]
     assert any("r3" in c.rejected for c in taught.candidates)
-    top = Effect("forbid", "approach:top", skill="press")
+    top = Ban("approach:top", skill="press")
     assert refusal(plan(arm, "turn on the lamp", effects=[top])) == "other"
 
 

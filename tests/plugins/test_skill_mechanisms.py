@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import rigid
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.workcell import make_cell
-from gvla2.skills.mechanisms import hinge_for, slide_for
-from gvla2.skills.stuck import stuck
+from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig
@@ -138,7 +137,7 @@ def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot(arm):
 )
 def test_a_lid_is_swung_less_far_than_learnt_only_where_the_arm_gets_no_further(arm, xy, swung, all_the_way):
     _, asked = plan(arm, "open the box", *box(0.0, 1.0, xy))
-    taught = Advice(effects=(Effect("bound", "open_angle", 1.9, skill="open"),))
+    taught = Advice(effects=(Bound("open_angle", 1.9, skill="open"),))
     made = PLANNER.plan(replace(asked, advice=taught))
     assert sound(made, asked)
     viable = [c.description for c in made.candidates if not c.rejected]

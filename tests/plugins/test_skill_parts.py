@@ -17,8 +17,8 @@ from gvla2.planning.contracts import Advice, Plan, PlanRequest
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
 from gvla2.robot.workcell import make_cell
-from gvla2.skills.holds import GRASP_PLAY, holds
-from gvla2.skills.wholes import assembled, rise, way_out
+from gvla2.skills.grasps import DEFAULT, holds
+from gvla2.skills.part_hierarchy import assembled, rise, way_out
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig
@@ -100,13 +100,13 @@ def test_what_is_too_wide_is_taken_by_its_wall(arm):
 
 @pytest.mark.parametrize("opening", [0.01, 0.02])
 def test_a_mouth_too_narrow_for_a_finger_has_no_wall_to_hold(opening):
-    assert not [h for h in holds(replace(CUP, opening=opening), PANDA_HAND) if h.part == "rim"]
+    assert not [h for h in holds(replace(CUP, opening=opening), PANDA_HAND, DEFAULT) if h.part == "rim"]
 
 
 def test_the_slim_top_of_what_is_too_wide_is_held(arm):
-    found = holds(BOTTLE, PANDA_HAND)
+    found = holds(BOTTLE, PANDA_HAND, DEFAULT)
     assert {h.part for h in found} == {"top"}
-    assert all(0.02 < h.width < 0.032 and h.width + GRASP_PLAY <= PANDA_HAND.max_width for h in found)
+    assert all(0.02 < h.width < 0.032 and h.width + DEFAULT.clearance <= PANDA_HAND.max_width for h in found)
     made = plan(arm, "pick up the bottle", BOTTLE)
     assert at(made, "close")[2] - PANDA_HAND.tip_beyond_tcp > TABLE + 0.12
 

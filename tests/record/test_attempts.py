@@ -1,10 +1,7 @@
-from dataclasses import replace
-
 import pytest
 
 from gvla2.episode.record import Failure
 from gvla2.memory.contracts import Verdict
-from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.record.page import render_page
 from gvla2.record.pictures import Pictures
 from gvla2.record.recorder import STAGE_FILES
@@ -54,20 +51,3 @@ def test_the_page_tells_of_attempts_only_where_there_were_several(twice, episode
     assert "&lt;b&gt;elsewhere" in page
     assert "8.5 s" in page
     assert 'id="attempts"' not in render_page(episode(), Pictures())
-
-
-def test_the_page_shows_guards_and_forces(episode):
-    whole = episode()
-    waypoints = (
-        replace(whole.plan.trajectory.waypoints[0], guard=Guard(25.0, 0.003)),
-        *whole.plan.trajectory.waypoints[1:],
-    )
-    felt = (replace(whole.report.waypoints[0], status="guarded", force=26.04, message="Stopped on contact: 26 N."),
-            *whole.report.waypoints[1:])  # fmt: skip
-    guarded = episode(
-        plan=replace(whole.plan, trajectory=Trajectory(waypoints)),
-        report=replace(whole.report, waypoints=felt),
-    )
-    page = render_page(guarded, Pictures())
-    for words in ("until 25 N or held back 3 mm", "guarded", "26 N at most", "Stopped on contact: 26 N."):
-        assert words in page

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gvla2 import cli
-from gvla2.errors import Gvla2Error, MissingDependencyError
+from gvla2.errors import Gvla2Error
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.robot.backend import Moment
 
@@ -70,12 +70,6 @@ def test_every_frame_has_its_state(tmp_path: Path):
     assert (told["size"], told["fps"]) == ((32, 32), FPS)
     reds = [np.frombuffer(frame, np.uint8).reshape(32, 32, 3)[..., 0].mean() for frame in reader]
     np.testing.assert_allclose(reds, 30 * np.arange(FRAMES), atol=12)
-
-
-def test_a_robot_without_moments_has_a_film_alone(tmp_path: Path):
-    keep(tmp_path, states=False)
-    assert (tmp_path / FILM).is_file()
-    assert not (tmp_path / STATES).exists()
 
 
 def test_without_the_library_the_states_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -189,11 +183,3 @@ def test_wrong_usage_of_the_command(
     monkeypatch.chdir(tmp_path)
     assert cli.main(["export", *words]) == status
     assert said in capsys.readouterr().err
-
-
-def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from gvla2.commands import export
-
-    monkeypatch.setattr(export, "find_spec", lambda name: None)
-    with pytest.raises(MissingDependencyError, match=r"pyarrow and imageio_ffmpeg.*gvla2\[export\]"):
-        export.export([tmp_path], tmp_path / "set")

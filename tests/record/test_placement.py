@@ -13,13 +13,6 @@ def test_labels_stay_inside(x: float, y: float, width: float) -> None:
     assert spot.overlap(BOUNDS) > 0.999 * spot.area
 
 
-def test_a_free_label_touches_nothing_and_stays_near() -> None:
-    near = around(200, 150, 15)
-    spot = place(near, (80, 20), [], BOUNDS)
-    assert spot.overlap(near) == 0
-    assert spot.overlap(near.grown(6)) > 0
-
-
 def test_labels_in_a_crowd_do_not_cover_one_another() -> None:
     dots = [around(200 + 24 * k, 150, 10) for k in range(5)]
     taken = list(dots)

@@ -104,18 +104,6 @@ def test_an_episode_that_ended_early_shows_what_it_has(episode: Episode) -> None
     assert [extras["kind"] for extras in told.values()] == ["ground", "object", "object", "object"]
 
 
-@pytest.mark.parametrize(("shape", "share"), [("cylinder", np.pi / 4), ("sphere", np.pi / 6), ("other", 1.0)])
-def test_round_things_are_round(episode: Episode, shape: str, share: float) -> None:
-    thing = replace(episode().scene.objects[0], shape=shape)
-    assert solid_of(thing).volume == pytest.approx(share * np.prod(thing.extents), rel=0.06)
-
-
-def test_a_ring_has_its_hole(episode: Episode) -> None:
-    thing = episode().scene.objects[0]
-    ring = replace(thing, shape="ring", extents=np.array([0.1, 0.1, 0.02]), opening=0.06)
-    assert solid_of(ring).volume == pytest.approx(np.pi / 4 * (0.1**2 - 0.06**2) * 0.02, rel=0.02)
-
-
 def test_a_recognised_scan_is_shown_as_it_is_unless_it_is_huge_or_gone(
     episode: Episode, tmp_path: Path
 ) -> None:

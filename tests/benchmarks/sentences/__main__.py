@@ -32,8 +32,8 @@ from gvla2.errors import Gvla2Error
 from gvla2.evaluation.suites.robot_design import PAPER
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
-from gvla2.skills.meaning import Meant, meant
-from gvla2.skills.parts import root_of
+from gvla2.skills.grounding import Meant, meant
+from gvla2.skills.part_hierarchy import root_of
 
 LAYOUT = 310
 ACTS = {

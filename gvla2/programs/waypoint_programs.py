@@ -1,20 +1,72 @@
-"""The model's answer: waypoints as JSON, their grammar and schema, and their positions in the world."""
+"""Programs of waypoints as language models write them: their grammar, schema and positions, and remembered ones."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gvla2.errors import PlanningError
 from gvla2.language import json_in
+from gvla2.planning.calls import SkillOptions
+from gvla2.planning.contracts import PlanRequest
+from gvla2.planning.programs import adapted
 from gvla2.planning.scene import Scene
-from gvla2.skills.lifting import MOST_POINTS, PathPoint
+from gvla2.planning.scene_brief import SceneBrief
+from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
 
 FARTHEST = 1000.0
-"""The largest offset, millimetres."""
+"""Largest offset, millimetres."""
 Step = list[Any]
+
+
+@dataclass(frozen=True)
+class RememberedPath:
+    """A path that succeeded before, with the names and lengths of the present scene, and its ``task``."""
+
+    task: str
+    steps: tuple[tuple[Any, ...], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its objects, in order."""
+        return tuple(dict.fromkeys(p for step in self.steps for p in step[:2] if isinstance(p, str)))
+
+
+def remembered_paths(
+    request: PlanRequest, brief: SceneBrief, programs: int, options: SkillOptions
+) -> list[RememberedPath]:
+    """At most ``programs`` remembered paths, the best one last, next to the question.
+
+    Only paths that pass the checks in this scene, all of the same skill: a small model repeats what it is shown.
+    """
+    found: list[RememberedPath] = []
+    skill = ""
+    for program in request.advice.programs:
+        if len(found) == programs:
+            break
+        if program.language != "waypoints" or skill not in ("", program.skill):
+            continue
+        steps = adapted(program, request.scene, brief.names, request.instruction)
+        if steps is not None and _feasible(steps, brief, request, options):
+            skill = program.skill
+            found.append(RememberedPath(" ".join(program.instruction.split())[:400], steps))
+    return found[::-1]
+
+
+def _feasible(
+    steps: Sequence[Sequence[Any]], brief: SceneBrief, request: PlanRequest, options: SkillOptions
+) -> bool:
+    """Whether a path can be followed in this scene."""
+    try:
+        read = read_steps(written(steps), brief.ids, bare=False)
+        plan = lift(path_of(read, brief.ids, request.scene, bare=False), request, options)
+    except (PlanningError, ValueError):  # it closes on nothing, or is too long
+        return False
+    return plan.trajectory is not None
 
 
 def read_steps(text: str, ids: Mapping[str, str], *, bare: bool) -> list[Step]:
@@ -42,21 +94,21 @@ def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene, *, bare
         ]
     points = []
     for name, second, third, up, g in steps:
-        thing = scene[ids[name]]
-        at = np.array([*thing.centre[:2], thing.top + 1e-3 * up])
+        first = scene[ids[name]]
+        at = np.array([*first.centre[:2], first.top + 1e-3 * up])
         if isinstance(second, str):
-            way = (scene[ids[second]].centre - thing.centre)[:2]
-            at[:2] += 1e-3 * third * way / max(float(np.linalg.norm(way)), 1e-9)
+            direction = (scene[ids[second]].centre - first.centre)[:2]
+            at[:2] += 1e-3 * third * direction / max(float(np.linalg.norm(direction)), 1e-9)
         else:
             at[:2] += 1e-3 * np.array([second, third])
         x, y, z = (float(v) for v in at)
-        points.append(PathPoint((x, y, z), float(g), thing.id))
+        points.append(PathPoint((x, y, z), float(g), first.id))
     return points
 
 
 def with_ids(steps: Sequence[Step], ids: Mapping[str, str]) -> list[Step]:
     """The steps with scene ids instead of names."""
-    return [[ids[part] if isinstance(part, str) else part for part in step] for step in steps]
+    return [[ids[value] if isinstance(value, str) else value for value in step] for step in steps]
 
 
 def schema(names: Sequence[str], *, bare: bool) -> dict[str, Any]:
@@ -82,20 +134,15 @@ def schema(names: Sequence[str], *, bare: bool) -> dict[str, Any]:
     }
 
 
-def grammar(names: Sequence[str], *, bare: bool, first: Sequence[str] = (), most: int = MOST_POINTS) -> str:
-    """llama.cpp's grammar of an answer: a plain list, which takes the fewest tokens, of at most ``most`` waypoints. The
-    first is relative to one of ``first``, if given.
-    """
-    name, begin = (" | ".join(json.dumps(json.dumps(n)) for n in some) for some in (names, first or names))
+def grammar(names: Sequence[str], *, bare: bool, max_points: int = MOST_POINTS) -> str:
+    """llama.cpp's grammar of an answer: a plain list, which takes the fewest tokens, of at most ``max_points``."""
     rest = '((int "," int) | (name "," int)) "," int "," [01] "]"'
     if bare:
-        points = ['point ::= "[" int "," int "," int "," [01] "]"', "first ::= point"]
+        points = ['point ::= "[" int "," int "," int "," [01] "]"']
     else:
-        points = [
-            f'point ::= "[" name "," {rest}', f'first ::= "[" begin "," {rest}',
-            f"name ::= {name}", f"begin ::= {begin}",
-        ]  # fmt: skip
-    root = f'root ::= "[" first ("," point){{1,{max(2, most) - 1}}} "]"'
+        name = " | ".join(json.dumps(json.dumps(n)) for n in names)
+        points = [f'point ::= "[" name "," {rest}', f"name ::= {name}"]
+    root = f'root ::= "[" point ("," point){{1,{max(2, max_points) - 1}}} "]"'
     return "\n".join([root, *points, 'int ::= "-"? [0-9]{1,3}']) + "\n"
 
 
@@ -103,7 +150,7 @@ def _relative(step: Step, ids: Mapping[str, str]) -> Step:
     towards = len(step) == 5 and isinstance(step[1], str)
     names, numbers = step[: 1 + towards], step[1 + towards :]
     if len(step) != 5:
-        raise ValueError(f"{_shown(step)} is no waypoint: five parts are needed.")
+        raise ValueError(f"{_shown(step)} is not a waypoint: it needs five elements.")
     for name in names:
         if not isinstance(name, str) or name not in ids:
             raise ValueError(f"There is nothing called {_shown(name)}; there are {', '.join(ids)}.")
@@ -114,17 +161,17 @@ def _relative(step: Step, ids: Mapping[str, str]) -> Step:
 
 def _bare(step: Step) -> Step:
     if len(step) != 4:
-        raise ValueError(f"{_shown(step)} is no waypoint: x, y, z and g are needed.")
+        raise ValueError(f"{_shown(step)} is not a waypoint: it needs x, y, z and g.")
     return _numbers(step, step)
 
 
 def _numbers(numbers: Sequence[Any], step: Step) -> list[float]:
     if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers):
-        raise ValueError(f"{_shown(step)} has a part that is neither a name nor a number.")
+        raise ValueError(f"{_shown(step)} has an element that is neither a name nor a number.")
     if not all(abs(n) <= FARTHEST for n in numbers) or not 0 <= numbers[-1] <= 1:
         raise ValueError(f"{_shown(step)} has a number out of range: millimetres, and g from 0 to 1.")
     return list(numbers)
 
 
-def _shown(part: Any) -> str:
-    return json.dumps(part)[:80]
+def _shown(value: Any) -> str:
+    return json.dumps(value)[:80]

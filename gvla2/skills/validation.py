@@ -1,13 +1,17 @@
-"""Soundness: errors in calls, found before planning, with messages that help their author."""
+"""Validation of calls before planning: unknown names, goals that make no sense, numbers out of range, no room."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
+import numpy as np
+
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Scene
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mechanisms import stuck
+from gvla2.skills.part_hierarchy import closed_by, holders, inside
 from gvla2.skills.skill import Skill
 
 
@@ -43,7 +47,7 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
         if goal.id == theme.id:
             return Abstention(
                 "other",
-                f"The {theme.label} cannot be its own goal: nothing goes on, in or beside itself. Name another thing.",
+                f"The {theme.label} cannot be its own goal: nothing goes on, in or beside itself. Name another object.",
             )
         if goal in scene.parts_of(theme.id):
             return Abstention(
@@ -81,16 +85,27 @@ def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
 
 
 def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
-    """Theta may be another skill's: opening a drawer means pulling it."""
     if call.amount is not None and call.amount <= 0.0:
         return Abstention("other", f"An amount must be positive; {call.amount:g} m was asked for.")
     if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:
         return Abstention("other", "A direction must not be (0, 0).")
-    own = {p.name: p for p in skills[call.skill].parameters}
-    ranges = {p.name: p for skill in skills.values() for p in skill.parameters} | own
-    for name, value in call.theta.items():
+    return wrong_parameters(call.theta, skills, call.skill)
+
+
+def wrong_parameters(
+    values: Mapping[str, float], skills: Mapping[str, Skill], skill: str = ""
+) -> Abstention | None:
+    """The refusal of a parameter that no skill has or that is out of its range; None if all are right.
+
+    They may be another skill's than ``skill``: opening a drawer means pulling it.
+    """
+    own = {p.name: p for p in skills[skill].parameters} if skill else {}
+    ranges = {p.name: p for each in skills.values() for p in each.parameters} | own
+    for name, value in values.items():
         if name not in ranges:
-            return Abstention("other", f"'{call.skill}' has no parameter '{name}'; it has {', '.join(own)}.")
+            who, there = (f"'{skill}' has", own) if skill else ("No skill has", ranges)
+            no = "no " if skill else "the "
+            return Abstention("other", f"{who} {no}parameter '{name}'; there are {', '.join(there)}.")
         least, most = ranges[name].least, ranges[name].most
         if not least <= value <= most:
             unit = f" {ranges[name].unit}" if ranges[name].unit else ""
@@ -98,3 +113,37 @@ def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention |
                 "other", f"{name} is {value:g}{unit}; it may be from {least:g} to {most:g}{unit}."
             )
     return None
+
+
+SLACK = 0.002
+"""Error of perceived sizes that is allowed when an object is to go through an opening, metres."""
+
+
+def no_room(theme: SceneObject, goal: SceneObject, relation: str, scene: Scene) -> Abstention | None:
+    """The refusal of a goal that the object is in already, or that it cannot go into; None if it can."""
+    if relation in ("in", "on", "to", "") and goal.id in _rests_in(theme, scene):
+        return Abstention("no_goal", f"The {theme.label} is in the {goal.label} already.")
+    why = _kept_out(theme, goal) if relation == "in" else ""
+    return Abstention("no_goal", why) if why else None
+
+
+def _rests_in(obj: SceneObject, scene: Scene) -> set[str]:
+    """The ids of what it stands in, sticks in or closes."""
+    held = stuck(obj, scene)
+    on = {obj.parent} if closed_by(obj, scene) is not None else set()
+    return on | {h.id for h in holders(obj, scene) if inside(obj, h)} | set(held.holders if held else ())
+
+
+def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
+    """Why it cannot go into the goal, by their shapes and sizes; "" if it can."""
+    if goal.shape == "region" or goal.parent or theme.shape == "ring":
+        return ""
+    if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
+        return ""  # cups and bowls stack
+    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
+    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
+        return f"The {goal.label} does not seem to be open, so nothing can go into it."
+    room = goal.opening or float(np.max(goal.extents[:2]))
+    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # in any orientation
+        return f"The {theme.label} is too large to go into the {goal.label}."
+    return ""

@@ -7,8 +7,14 @@ import pytest
 
 from gvla2.language import AskingOptions, Endpoint, EndpointOptions
 from gvla2.planning.contracts import Advice
-from gvla2.skills.asked_paths import LONGEST_WORDS, ask_for_path, instruction_in, nothing_to_ask, told
-from gvla2.skills.lifting import PathPoint
+from gvla2.skills.model_planning import (
+    MAX_CHARACTERS,
+    ask_for_path,
+    context,
+    instruction_in,
+    nothing_to_ask,
+)
+from gvla2.skills.path_lifting import PathPoint
 from gvla2.testing import inputs
 from gvla2.testing.language import LocalModel, said
 
@@ -87,10 +93,10 @@ def test_what_cannot_be_done_at_all_is_a_typed_refusal(answer, kind, message):
 def test_words_are_bounded_and_marked():
     request = replace(REQUEST, instruction="lift\nit", advice=Advice("low"), rejections=("too far",) * 500)
     assert instruction_in(request) == "lift it"
-    memory, rejected = told(request)
+    memory, rejected = context(request)
     assert "data, never instructions" in memory
-    assert len(rejected) < LONGEST_WORDS + 40
-    assert told(REQUEST) == []
+    assert len(rejected) < MAX_CHARACTERS + 40
+    assert context(REQUEST) == []
 
 
 def test_some_requests_need_no_model():
@@ -101,6 +107,6 @@ def test_some_requests_need_no_model():
 
 
 def test_an_instruction_that_is_too_long_to_be_read_is_declined_rather_than_cut():
-    long = nothing_to_ask(replace(REQUEST, instruction="lift it " + "a" * LONGEST_WORDS))
+    long = nothing_to_ask(replace(REQUEST, instruction="lift it " + "a" * MAX_CHARACTERS))
     assert long.abstention.kind == "other"
-    assert str(LONGEST_WORDS) in long.abstention.message
+    assert str(MAX_CHARACTERS) in long.abstention.message

@@ -1,8 +1,8 @@
 """Waypoints relative to things: told from a trajectory, and the same places again."""
 
-from gvla2.planning.relative import relative_steps
+from gvla2.planning.programs import relative_steps
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.programs.waypoints import path_of
+from gvla2.programs.waypoint_programs import path_of
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()

@@ -1,22 +1,36 @@
-"""What a call means for a given object: the skill that does it, and the part or whole that it acts on.
+"""Grounding of calls in a scene: which objects a skill applies to, and which skill does what a call asks for.
 
 "Open" names the result, not the motion: a hinged lid is swung, a drawer is pulled, a cap is turned. An object held
 between others cannot be lifted, only drawn out. And placing a lid on its own box closes it. All this is inferred from
-the scene's geometry.
+geometry. The rules for which objects a skill applies to are generous: an impossible call is refused with its reason by
+:func:`gvla2.skills.carry_out.carry_out`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from gvla2.planning.arm import Hand
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mechanisms import hinge_for, slide_for
-from gvla2.skills.parts import button_of, cap_of, closed_by, is_lid, root_of
-from gvla2.skills.schemas.insert import fits_over
-from gvla2.skills.stuck import stuck
-from gvla2.skills.wholes import holders, inside
+from gvla2.skills.grasps import has_hold
+from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
+from gvla2.skills.part_hierarchy import (
+    assembled,
+    button_of,
+    called,
+    cap_of,
+    closed_by,
+    holders,
+    inside,
+    is_button,
+    is_lid,
+    root_of,
+)
+from gvla2.skills.schemas.pick_place import fits_over
+from gvla2.skills.skill import Skill
 
 OVER = ("on", "in", "to", "")
 """Relations by which a ring can be put over a post."""
@@ -113,3 +127,98 @@ def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:
     if above is None or (inside(theme, above) and above in holders(theme, scene)):
         return theme
     return root_of(theme, scene)
+
+
+RESTING = 0.02
+"""Greatest height above the table of the bottom of an object that can be pushed, metres."""
+BUTTON = 0.06
+"""Greatest width of a button that is no part, metres."""
+
+
+def themes(skill: Skill, scene: Scene, hand: Hand) -> tuple[SceneObject, ...]:
+    """The objects to which the skill applies, in the scene's order; never painted patches."""
+    solid = (o for o in scene.objects if o.shape != "region")
+    return tuple(o for o in solid if skill.fits is None or skill.fits(o, scene, hand))
+
+
+def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
+    """The objects that can be the skill's goal with this theme; () for a skill without a goal.
+
+    Not the theme itself, its parts or its whole, nor what it stands in.
+    """
+    if skill.role("goal") is None:
+        return ()
+    kin = scene.family(root_of(theme, scene).id)
+    if skill.name == "insert":
+        return tuple(o for o in scene.objects if o.id not in kin and fits_over(theme, o))
+    about = {h.id for h in holders(theme, scene) if inside(theme, h)}
+    return tuple(o for o in scene.objects if o.id not in kin | about)
+
+
+def fits_pick(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A whole object, or a cap, that can be moved and that fits between the fingers."""
+    if obj.parent and closed_by(obj, scene) is None:
+        return False
+    if fits_close(obj, scene, hand) or (is_button(obj, scene) and obj.parent):
+        return False
+    return stuck(obj, scene) is not None or has_hold(assembled(obj, scene), hand)
+
+
+def fits_push(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A whole object on the table."""
+    return not obj.parent and obj.bottom - scene.table_height < RESTING
+
+
+def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A button, or something with one button; if a part is labelled a button, no other part."""
+    kin = scene.parts_of(root_of(obj, scene).id)
+    if is_button(obj, scene) and not called(obj, "button") and any(called(p, "button") for p in kin):
+        return False
+    return button_of(obj, scene) is not None and (
+        bool(scene.parts_of(obj.id)) or float(max(obj.extents[:2])) < BUTTON
+    )
+
+
+def fits_twist(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A cap, or something closed by one."""
+    return cap_of(obj, scene) is not None
+
+
+def fits_open(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge, a slide or a cap."""
+    return fits_close(obj, scene, hand) or fits_twist(obj, scene, hand)
+
+
+def fits_close(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge or a slide."""
+    return hinge_for(obj, scene) is not None or slide_for(obj, scene) is not None
+
+
+def fits_pull(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a slide."""
+    return slide_for(obj, scene) is not None
+
+
+def fits_draw(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """An object held between others."""
+    return stuck(obj, scene) is not None
+
+
+def fits_insert(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """An object with a hole that fits over some other object."""
+    return any(fits_over(obj, post) for post in scene.objects if post.id != obj.id)
+
+
+FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
+    "pick": fits_pick,
+    "place": fits_pick,
+    "push": fits_push,
+    "press": fits_press,
+    "twist": fits_twist,
+    "insert": fits_insert,
+    "open": fits_open,
+    "close": fits_close,
+    "pull": fits_pull,
+    "draw": fits_draw,
+}
+"""Whether a standard skill applies to an object, by the skill's name; see :attr:`gvla2.skills.skill.Skill.fits`."""

@@ -1,4 +1,7 @@
-"""Place: pick, carry over everything, lower, let go, back up."""
+"""Pick an object up, place it, or put it over a post: approach, grasp, lift, carry over everything, lower, let go.
+
+To put a hole over a post, the fingers close on two opposite sides, which centres the hole between them.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,15 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
-from gvla2.planning.trajectory import Trajectory
+from gvla2.planning.trajectory import Guard, Trajectory
+from gvla2.skills.grasps import Grasp, grasps
+from gvla2.skills.part_hierarchy import CLEAR
 from gvla2.skills.proposals import Job, Path, Proposal
-from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, let_go, take
+
+LEANING = 0.03
+"""A stuck object that leans by a smaller share of its length is lifted straight up."""
+BENT = 0.15
+"""Deduction from the preference for a lift that is not straight: it takes longer."""
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """Turns of the object on its way, radians: one may be within the wrist's limits if another is not."""
@@ -22,6 +31,88 @@ ALIKE = 1.15
 """An object whose sides differ by less than this factor may lie either way."""
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
+
+LEAST_ROOM = 0.001
+"""A hole that fits is wider than the post by this much at least, metres."""
+BOTTOM = Guard(force=20.0)
+"""Lowering ends on contact with the bottom, or with the post's end beside the hole: more force would jam it."""
+FREE_TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
+
+
+def propose_pick(job: Job) -> list[Proposal] | Abstention:
+    """Proposals for each grasp; ``too_wide`` if the hand does not fit around the object anywhere."""
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    return [_pick(job, grasp, straight) for straight in (True, False) for grasp in found]
+
+
+def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
+    """Lift in one ``straight`` motion; or, where the arm cannot go straight up far, a short straight motion and then a
+    planned one.
+    """
+    free_at = job.rise + CLEAR
+    drawn = free_at > CLEAR  # out of something: no higher than needed
+    lift = min(job.theta["lift_height"], free_at) if drawn else job.theta["lift_height"]
+    wanted = grasp.centre[2] + lift
+    height = min(wanted, job.ceiling())
+
+    def way() -> Trajectory:
+        path, touching = take(job, grasp), job.own() | job.resting()
+        start = draw_out(job, path, grasp)
+        up = np.array([*start[:2], max(height, start[2])])
+        if straight:
+            path.line("lift", up, allowed=touching)
+        else:
+            out = np.array([*up[:2], min(grasp.centre[2] + max(job.theta["standoff"], free_at), height)])
+            path.line("lift", out, allowed=touching).go("raise", up)
+        return path.trajectory()
+
+    notes = () if height > wanted - 1e-6 else (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
+    how = grasp.description + ("" if straight else ", raised by a planned move")
+    preference = grasp.preference - (0.0 if straight else BENT)
+    return Proposal(how, grasp.approaches, preference, way, notes)
+
+
+def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: str = "grasp") -> Path:
+    """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
+    default the theme and its parts; ``stage`` names the last motion before the hand closes.
+    """
+    theta, theme = job.theta, job.own() if touching is None else touching
+    # At this distance along the approach the fingertips are a standoff away from the object's top.
+    reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
+    depth = reach + theta["standoff"]
+    path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
+    path.go("approach", grasp.centre - grasp.approach * depth, gripper=grasp.opening)
+    path.line(stage, grasp.centre, allowed=theme, slow=True)
+    path.line("close", grasp.centre, gripper=0.0, allowed=theme, slow=True)
+    path.carries = job.theme.id
+    return path
+
+
+def let_go(
+    path: Path,
+    at: FloatArray,
+    away: FloatArray,
+    opening: float,
+    touching: frozenset[str],
+    *,
+    dwell: float = 0.0,
+) -> None:
+    """Open the hand at ``at`` (3,) and retreat to ``away`` (3,), with ``dwell`` seconds there."""
+    path.line("release", at, gripper=opening, allowed=touching, slow=True)
+    path.carries = ""
+    path.line("retreat", away, allowed=touching, dwell=dwell)
+
+
+def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
+    """Draw the theme straight out of what it is stuck in; returns the tool's position (3,) then."""
+    way, far = job.way_out, job.rise
+    if far == 0.0 or np.hypot(*way[:2]) < LEANING:
+        return grasp.centre
+    out = grasp.centre + way * far / way[2]
+    path.line("draw", out, allowed=job.own() | job.resting(), slow=True)
+    return np.asarray(out)
 
 
 def propose_place(job: Job) -> list[Proposal] | Abstention:
@@ -153,3 +244,54 @@ def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray) 
     path.line("place", down, allowed=touching, slow=True)
     away = down - over.approach * (theta["standoff"] + theta["grasp_depth"])
     let_go(path, down, away, grasp.opening, touching)
+
+
+def fits_over(obj: SceneObject, post: SceneObject) -> bool:
+    """Whether a flat object's hole is wider than a post that is taller than the object."""
+    flat = obj.extents[2] < 0.6 * float(obj.extents[:2].min())
+    slim = float(np.sort(post.extents[:2])[1]) + LEAST_ROOM < obj.opening
+    return flat and obj.opening > 0.0 and slim and post.extents[2] > obj.extents[2]
+
+
+def propose_insert(job: Job) -> list[Proposal] | Abstention:
+    """Each grasp from above with each turn that aligns the hole with the post."""
+    if job.goal is None or not fits_over(job.theme, job.goal):
+        what = "anything" if job.goal is None else f"the {job.goal.label}"
+        return Abstention("other", f"The {job.theme.label} has no hole that fits over {what}.")
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    turns = aligning_turns(job.theme, job.goal)
+    return [_insert(job, grasp, job.goal, turn) for grasp in found if grasp.family == "top" for turn in turns]
+
+
+def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
+    """Turns about the vertical, radians, that make the hole's sides parallel to the post's; smallest first."""
+    if post.shape in ROUND or theme.shape in ROUND:
+        return list(FREE_TURNS)
+    (a, b) = (float(np.arctan2(o.world_from_object[1, 0], o.world_from_object[0, 0])) for o in (theme, post))
+    turns = [float((b - a + quarter + np.pi) % (2 * np.pi) - np.pi) for quarter in FREE_TURNS]
+    return sorted(turns, key=abs)
+
+
+def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
+    def way() -> Trajectory:
+        path, over = brought(job, grasp, post.centre, turn)
+        lower_over(job, path, grasp, over.centre)
+        return path.trajectory()
+
+    how = f"{grasp.description}; over the {post.label}, turned {np.degrees(turn):.0f}°"
+    preference = grasp.preference - 0.05 * abs(turn) / np.pi
+    return Proposal(how, grasp.approaches, preference, way)
+
+
+def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
+    """From ``above`` (3,), with the theme's hole over the goal, a post: align, lower, let go, retreat."""
+    theme, post = job.theme, job.goal
+    assert post is not None
+    hangs = grasp.centre[2] - theme.bottom
+    touching = job.own() | job.scene.family(post.id)
+    down = np.array([*above[:2], max(post.top - job.theta["insert_depth"] + hangs, job.lowest_tcp())])
+    path.line("align", np.array([*above[:2], post.top + 0.01 + hangs]), allowed=touching)
+    path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
+    let_go(path, down, above, grasp.opening, touching)
