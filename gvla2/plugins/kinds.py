@@ -87,7 +87,7 @@ _CORE = (
     _kind("retriever", hookspecs.gvla2_retrievers, "gvla2.memory.contracts:Retriever", "hybrid"),
     _kind("embedder", hookspecs.gvla2_embedders, "gvla2.memory.contracts:Embedder", "auto"),
     _kind("inducer", hookspecs.gvla2_inducers, "gvla2.memory.contracts:Inducer", "rules"),
-    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge", "rules"),
+    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge"),
     _kind("planner", hookspecs.gvla2_planners, "gvla2.planning.contracts:Planner", "skill"),
     _kind("verifier", hookspecs.gvla2_verifiers, "gvla2.memory.contracts:Verifier", "geometric"),
     _kind("agent", hookspecs.gvla2_agents, "gvla2.agents.contracts:Agent"),

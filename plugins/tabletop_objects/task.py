@@ -94,12 +94,12 @@ class TabletopObjects:
         if instruction is not None:
             sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
         succeeded, goal = success_check(asked, bodies, site.table_height)
-        told = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
+        notes = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
         return TaskInstance(
             Layout(tuple(bodies)),
             sentence,
             succeeded,
-            f"{goal}{aside}{''.join(told)}",
+            f"{goal}{aside}{''.join(notes)}",
             keep_clear=_beside(asked, bodies),
         )
 
