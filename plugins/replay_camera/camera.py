@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError, GeometryError, RobotError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
-from gvla2.geometry.view_archive import ARCHIVE, read_archive
+from gvla2.geometry.view_folders import ARCHIVE, read_archive
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration

@@ -1,25 +1,182 @@
-"""An external program as a reconstructor: write the views, run it, read its result."""
+"""External programs as reconstructors: which there are, the scene they read, running one to its end, and its result."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import shutil
+import signal
+import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, OutputError
-from gvla2.geometry.view_spec import parse_rotation_word
-from gvla2.geometry.views import Views
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError, OutputError
+from gvla2.geometry.view_formats import parse_rotation_word, write_gso, write_plain
+from gvla2.geometry.views import View, Views
+from gvla2.io.files import write_whole
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2_plugins.sam3d.process import ExternalRunError, run_program
-from gvla2_plugins.sam3d.programs import PROGRAMS
 from gvla2_plugins.sam3d.result_tree import align_result, read_result
-from gvla2_plugins.sam3d.scene import OBJECT, write_scene
 
 if TYPE_CHECKING:
     from gvla2_plugins.sam3d import ExternalConfig
+
+
+_WEIGHTS = (
+    "request access to facebook/sam-3d-objects on Hugging Face, `hf auth login`, then `hf download --repo-type model "
+    "--local-dir checkpoints/hf-download facebook/sam-3d-objects` and move checkpoints/hf-download/checkpoints to "
+    "checkpoints/hf"
+)
+_SAM = "SAM License of Meta"
+
+
+@dataclass(frozen=True)
+class ExternalProgram:
+    """One external program; ``script`` is a file by which its checkout is known."""
+
+    title: str
+    source: str
+    script: str
+    licence: str
+    weights: str = _WEIGHTS
+    weights_licence: str = _SAM
+
+
+PROGRAMS = {
+    "mv_sam3d": ExternalProgram(
+        "MV-SAM3D", "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py", _SAM
+    ),
+    "sam3d": ExternalProgram(
+        "SAM 3D Objects", "https://github.com/facebookresearch/sam-3d-objects", "notebook/inference.py", _SAM
+    ),
+    "fast_sam3d": ExternalProgram(
+        "Fast-SAM3D",
+        "https://github.com/wlfeng0509/Fast-SAM3D",
+        "notebook/infer.py",
+        "MIT, with parts under the SAM License of Meta",
+    ),
+}
+
+
+OBJECT = "object"
+
+
+def write_scene(scene: Path, views: Views) -> Path:
+    """Write the views below ``scene`` and return the picture of the view that shows most of the object.
+
+    Raises :class:`GeometryError` when no view has a mask.
+    """
+    masked = tuple(v for v in views if _shown(v).any())
+    if not masked:
+        raise GeometryError("No view has a mask that shows the object, and external programs need one.")
+    shown = Views(masked)
+    write_plain(scene, shown)
+    write_gso(scene / "render_mvs_25" / "model", shown)
+    (scene / OBJECT).mkdir(exist_ok=True)
+    for number, view in enumerate(shown):
+        write_whole(scene / OBJECT / f"{number}.png", _cut_out(view))
+    single = scene / "single"
+    single.mkdir(exist_ok=True)
+    best = max(shown, key=lambda view: float(_shown(view).mean()))
+    write_whole(single / "image.png", _png(best.image))
+    write_whole(single / "0.png", _cut_out(best))
+    return single / "image.png"
+
+
+def _shown(view: View) -> NDArray[np.bool_]:
+    """(H, W) the pixels of the view's mask; none without a mask."""
+    return np.zeros(view.image.shape[:2], dtype=bool) if view.mask is None else view.mask > 0.5
+
+
+def _cut_out(view: View) -> bytes:
+    """RGBA whose alpha is the mask, hard: readers take any alpha above 0 for the object."""
+    alpha = np.where(_shown(view), 255, 0).astype(np.uint8)
+    return _png(np.dstack([view.image, alpha]))
+
+
+def _png(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(array).save(stream, "PNG")
+    return stream.getvalue()
+
+
+_TAIL = 15  # lines of the log in a message
+_GRACE_S = 5.0  # between asking a program to end and ending it
+
+
+class ExternalRunError(Gvla2Error):
+    """An external program failed, exceeded its time or left no result; the message ends with its last output."""
+
+
+def run_program(
+    title: str,
+    command: Sequence[str],
+    folder: Path,
+    environment: Mapping[str, str],
+    log: Path,
+    timeout_s: float,
+) -> None:
+    """Run ``command`` in ``folder`` with its output in ``log``; it and its children end within the time or are ended.
+
+    Raises :class:`ExternalRunError`, and :class:`MissingDependencyError` when the command does not exist.
+    """
+    with log.open("wb") as stream:
+        try:
+            process = subprocess.Popen(
+                list(command),
+                cwd=folder,
+                env=dict(environment),
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        except (OSError, ValueError) as error:
+            raise MissingDependencyError(
+                f"'{command[0]}' ({error})", title, f"reconstructor.python=PATH of {title}'s environment"
+            ) from error
+        try:
+            code = process.wait(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            raise ExternalRunError(
+                f"{title} was ended after {timeout_s:g} s; reconstructor.timeout_s sets the limit.{_last_words(log)}"
+            ) from None
+        finally:
+            _end(process)
+    if code != 0:
+        how = f"by signal {-code}" if code < 0 else f"with exit status {code}"
+        raise ExternalRunError(f"{title} ended {how}: {' '.join(command)}{_last_words(log)}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the process and its children: the whole group, gently first."""
+    for sign in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, sign)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=_GRACE_S)
+            if sign is signal.SIGTERM and not _group_lives(process.pid):
+                return
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except (ProcessLookupError, PermissionError):
+        return False
+    return True
+
+
+def _last_words(log: Path) -> str:
+    lines = log.read_text("utf-8", errors="replace").strip().splitlines()[-_TAIL:]
+    return "\nIts last words:\n  " + "\n  ".join(lines) if lines else " It said nothing."
 
 
 class ExternalReconstructor:

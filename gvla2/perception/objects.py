@@ -1,4 +1,4 @@
-"""The seen points of a thing as an object of the scene: an upright box around them, a coarse shape, a colour word."""
+"""The seen points of an object as an object of the scene: an upright box around them, a coarse shape, a colour word."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from gvla2.planning.scene import Box, SceneObject, Shape
 
 MOST_POINTS = 4000
 RESTS = 0.02
-"""A thing seen at most this high above the table, metres, stands on it: its foot is hidden or too near the table."""
+"""An object seen at most this high above the table, metres, stands on it: its foot is hidden or too near the table."""
 ONE_HUE = 18.0
-"""Largest look difference of points of one hue: print on a thing is not its colour."""
+"""Largest look difference of points of one hue: print on an object is not its colour."""
 CUBE = 1.2
 """A box whose longest side is less than so many of its shortest is called a cube."""
 SURE = 12.0
 """Margin by which the second nearest colour word must be further away to be ruled out."""
 
 
-def thing_of(
-    points: FloatArray, rgb: FloatArray, table_height: float, confidence: float, id_: str = "thing"
+def object_of(
+    points: FloatArray, rgb: FloatArray, table_height: float, confidence: float, id_: str = "object"
 ) -> SceneObject:
     """One object from its seen points (N, 3), metres, and their colours (N, 3) in [0, 1]; N is at least 3."""
     yaw, low, high = footprint(points[:, :2])
-    # Single flying pixels must not make a thing higher.
+    # Single flying pixels must not make an object higher.
     bottom, top = np.percentile(points[:, 2], [1.0, 99.5])
     bottom = table_height if bottom < table_height + RESTS else float(bottom)
     top = max(float(top), bottom + 1e-3)
@@ -40,7 +40,7 @@ def thing_of(
     own = true_colour(rgb)
     colour, sure = colour_word(own)
     alike = float(extents.max()) < CUBE * float(extents.min())
-    noun = "cube" if shape == "box" and alike else {"other": "thing"}.get(shape, shape)
+    noun = "cube" if shape == "box" and alike else {"other": "object"}.get(shape, shape)
     seen = points if len(points) <= MOST_POINTS else points[:: -(-len(points) // MOST_POINTS)]
     pose = rigid(turn, [*middle, 0.5 * (bottom + top)])
     score = round(float(np.clip(confidence * (0.5 + 0.5 * sure), 0.05, 1.0)), 3)
@@ -97,23 +97,23 @@ def colour_word(rgb: FloatArray) -> tuple[str, float]:
     return word, float(np.clip((second - first) / SURE, 0.0, 1.0))
 
 
-def numbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """The things with ids o1, o2, ... by x, then y, to the millimetre, in whatever order they were found."""
-    ids = new_ids(things)
-    ordered = enumerate(_ordered(things), 1)
+def numbered(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
+    """The objects with ids o1, o2, ... by x, then y, to the millimetre, in whatever order they were found."""
+    ids = new_ids(objects)
+    ordered = enumerate(_ordered(objects), 1)
     return tuple(replace(o, id=f"o{k}", parent=ids.get(o.parent, "")) for k, o in ordered)
 
 
-def new_ids(things: Sequence[SceneObject]) -> dict[str, str]:
-    """The ids that :func:`numbered` gives, by the things' present ids."""
-    return {thing.id: f"o{k}" for k, thing in enumerate(_ordered(things), 1)}
+def new_ids(objects: Sequence[SceneObject]) -> dict[str, str]:
+    """The ids that :func:`numbered` gives, by the objects' present ids."""
+    return {obj.id: f"o{k}" for k, obj in enumerate(_ordered(objects), 1)}
 
 
-def _ordered(things: Sequence[SceneObject]) -> list[SceneObject]:
-    return sorted(things, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
+def _ordered(objects: Sequence[SceneObject]) -> list[SceneObject]:
+    return sorted(objects, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
 
 
-def over_workspace(things: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
-    """The things whose middle lies over the workspace."""
+def over_workspace(objects: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
+    """The objects whose middle lies over the workspace."""
     low, high = workspace.low[:2], workspace.high[:2]
-    return [o for o in things if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()]
+    return [o for o in objects if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()]
