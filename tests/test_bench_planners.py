@@ -112,7 +112,7 @@ def test_what_one_planner_did_alone_is_not_done_again_beside_others(registry, tm
     assert {row["planner"] for row in rows_of(tmp_path / "three")} == {"skill", "code_policies (samples=3)"}
 
 
-def test_each_planner_teaches_itself(registry, tmp_path, units):
+def test_each_planner_teaches_itself_unless_a_teacher_is_named(registry, tmp_path, units):
     given = [BOTH, "arms=['off','on']", "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[0,1]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "own")
     explored = [unit for unit in units if unit.arm.name == "exploration"]
@@ -125,6 +125,14 @@ def test_each_planner_teaches_itself(registry, tmp_path, units):
     for name in ("skill", "code_policies"):
         (learnt,) = [u for u in units if u.arm.name == "on" and u.config.planner.name == name]
         assert lessons_in(learnt) == {f"{name} did lamp_on well."}
+    done = len(units)
+    run_bench(config_of(registry, tmp_path, *given, "teacher=skill"), registry, tmp_path / "taught")
+    again = [(unit.config.planner.name, unit.arm.name) for unit in units[done:]]
+    assert again == [("code_policies", "on")], "the teacher has explored, and taught itself, before"
+    assert lessons_in(units[-1]) == {"skill did lamp_on well."}
+    (row,) = [r for r in rows_of(tmp_path / "taught") if r["arm"] == "on" and r["planner"] == "code_policies"]
+    assert row["teacher"] == "skill"
+    assert "memory on (taught by skill)" in (tmp_path / "taught" / "report.md").read_text()
 
 
 def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, monkeypatch):
@@ -178,9 +186,9 @@ def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
 
 
 def test_a_leading_word_is_the_suite():
-    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
+    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["bench_suite=robot", "tasks=[lamp_on]"]
     assert as_overrides(["--help"]) == ["--help"]
-    assert as_overrides(["suite=agents"]) == ["suite=agents"]
+    assert as_overrides(["suite=agents"]) == ["bench_suite=agents"]
     assert as_overrides([]) == []
 
 

@@ -48,8 +48,8 @@ def test_every_file_of_conf_is_a_choice_that_composes():
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
     for choice in (p for p in files if len(p.parts) > 1):
         group, name = choice.parent.as_posix(), choice.name
-        suite = re.search(r"override /suite: \w+", (CONF / choice).with_suffix(".yaml").read_text())
-        if suite or group in ("suite", "data"):
+        suite = re.search(r"override /bench_suite: \w+", (CONF / choice).with_suffix(".yaml").read_text())
+        if suite or group in ("bench_suite", "data"):
             composed(f"{group}={name}", command="bench")
         else:
             composed(f"{'+' if group == 'experiment' else ''}{group}={name}")

@@ -11,7 +11,7 @@ from omegaconf import OmegaConf
 from gvla2.commands.primary import SCHEMAS
 from gvla2.commands.reconstruct import ReconstructConfig, read_inputs, spec_of
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Views
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry

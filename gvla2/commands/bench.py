@@ -71,12 +71,14 @@ def main(argv: list[str]) -> int:
 def as_overrides(argv: list[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
-    A leading word, as in ``gvla2 bench robot``, chooses the suite. Options under a component's or an arm's name
-    (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) are new to the configuration, for which
-    Hydra needs a ``+``; custom arms are added to the listed ``arms``.
+    A leading word, as in ``gvla2 bench robot``, or ``suite=robot`` chooses the suite: the Hydra group ``bench_suite``.
+    Options under a component's or an arm's name (``planner_options.agent3d.tries=1``,
+    ``arms.mine={memory: governed}``) are new to the configuration, for which Hydra needs a ``+``; custom arms are added
+    to the listed ``arms``.
     """
     if argv and re.fullmatch(r"\w+", argv[0]):
         argv = [f"suite={argv[0]}", *argv[1:]]
+    argv = [re.sub(r"^suite=", "bench_suite=", one) for one in argv]
     own = dict.fromkeys(match[1] for one in argv if (match := re.match(r"arms\.(\w+)", one)))
     return [_plain(one, list(own)) for one in argv]
 

@@ -182,7 +182,7 @@ def _register(command: str) -> Registry:
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
     groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(groups)
-    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("suite_schema/")}
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("bench_suite_schema/")}
     register(registry, {command: schema, **(suites if command == "bench" else {})}, groups)
     return registry
 

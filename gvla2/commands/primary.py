@@ -25,7 +25,7 @@ PRIMARY: Mapping[str, type] = MappingProxyType(
     }
 )
 SCHEMAS: Mapping[str, type] = MappingProxyType(
-    {**PRIMARY, **{f"suite_schema/{name}": schema for name, schema in SUITES.items()}}
+    {**PRIMARY, **{f"bench_suite_schema/{name}": schema for name, schema in SUITES.items()}}
 )
 """The schemas of the primary configurations, and those of the suites for ``gvla2 bench``."""
 CONFIG_MODULE = "gvla2.conf"

@@ -28,7 +28,7 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Prior, effect_from_json
 from gvla2.plugins.registry import Registry
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
@@ -216,9 +216,10 @@ class BestTheta:
     def __init__(self, experiences: Sequence[Experience]) -> None:
         won = [e for e in experiences if e.verdict.outcome == "verified_success"]
         effects = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
-        tried: dict[tuple[str, str], list[Effect]] = {}
-        for effect in (Effect.from_json(one) for one in effects if one.get("kind") == "prior"):
-            tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        tried: dict[tuple[str, str], list[Prior]] = {}
+        for effect in map(effect_from_json, effects):
+            if isinstance(effect, Prior):
+                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
         self._best = [
             replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
             for some in tried.values()

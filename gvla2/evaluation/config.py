@@ -37,7 +37,7 @@ class BenchConfig:
     """What every suite takes.
 
     ``seeds`` repeat the measurement; ``workers`` processes share it, 0 for one per core (8 at most); ``quiet`` leaves
-    only the table on the terminal. ``suite`` is chosen by the Hydra group of that name.
+    only the table on the terminal. ``suite`` is chosen by the Hydra group ``bench_suite``.
     """
 
     suite: str = ""
@@ -177,18 +177,20 @@ class RobotBench(MemoryArms, SimulatedBench):
     task belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a
     different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
 
-    Experience comes from ``exploration_seeds``, where each planner varies its plans by ``exploration`` (a relative
-    spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
-    the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
-    planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
-    next bench measures it again. ``branch`` holds the options of the reconstruction branch, which runs where a
-    ``reconstructor`` is chosen. ``videos`` failed episodes of each task and arm are run once more with the camera on.
+    Experience comes from ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its
+    plans by ``exploration`` (a relative spread, or a model's temperature), and is frozen before the test; it may try
+    again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test
+    and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one. With
+    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
+    model was unavailable: it counts for no arm, and the next bench measures it again. ``branch`` holds the options of
+    the reconstruction branch, which runs where a ``reconstructor`` is chosen. ``videos`` failed episodes of each task
+    and arm are run once more with the camera on.
     """
 
     suite: str = "robot"
     planners: list[str] = field(default_factory=list)
     planner_options: dict[str, Any] = field(default_factory=dict)
+    teacher: str = ""
     world: str = "plain"
     families: int = 2
     layouts: list[int] = field(default_factory=list)

@@ -110,7 +110,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
                 f"cameras of its own and a success check."
             )
-        # As composed: what was recorded of two arms of one robot's name is told apart by them.
+        # As composed: recordings of two arms of one robot's name differ in them.
         self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
@@ -196,7 +196,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         except SimulationError as error:
             lost = str(error)
         done = success[self._profile]
-        info = {**self._shown, **stepper.told, "success": success, "is_success": done}
+        info = {**self._shown, **stepper.info, "success": success, "is_success": done}
         if lost:
             info["error"] = lost
         return self._last, float(done), done, bool(lost), info
@@ -236,12 +236,12 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         """Note the policy's observation and info."""
         assert self._instance is not None
         measured = joint_arrays(stepper.state, self.arm)
-        told: dict[str, Any]
+        info: dict[str, Any]
         if self._pictures:
             views = stepper.seen.views
-            shown, told = picture_arrays(views), {"cameras": cameras(views)}
+            shown, info = picture_arrays(views), {"cameras": cameras(views)}
         else:
             names = [body.name for body in self._instance.layout.bodies]
-            shown, told = body_arrays(self._robot.true_state(), names), {"bodies": names}
+            shown, info = body_arrays(self._robot.true_state(), names), {"bodies": names}
         self._last = {**shown, **measured}
-        self._shown = {INSTRUCTION: self._instance.instruction, **told}
+        self._shown = {INSTRUCTION: self._instance.instruction, **info}

@@ -23,7 +23,7 @@ SAME_GRIP = 0.02
 NOT_MOVED = ("unreachable", "no_path", "collision")
 """Why a motion was not started."""
 
-_TOLD = (
+REPORTED = (
     "stage",
     "target",
     "reached",
@@ -48,7 +48,7 @@ class WaypointStepper:
     ) -> None:
         self._robot, self._actions, self._speed = robot, actions, speed
         self._scene = Scene((), float(robot.arm.workspace.low[2]), robot.arm.workspace)
-        self._told = seen.gripper
+        self._commanded = seen.gripper
         self.seen = seen
         self.report: WaypointReport | None = None
 
@@ -58,10 +58,10 @@ class WaypointStepper:
         return DriverState(self.seen.joints, self.seen.gripper_width)
 
     @property
-    def told(self) -> dict[str, Any]:
+    def info(self) -> dict[str, Any]:
         """The result of the last waypoint, without its times, which differ from run to run."""
         report = self.report
-        return {"waypoint": {} if report is None else {name: getattr(report, name) for name in _TOLD}}
+        return {"waypoint": {} if report is None else {name: getattr(report, name) for name in REPORTED}}
 
     def step(self, action: ArrayLike) -> SuccessCheck:
         """Bring the tool to a pose, then the fingers to an opening; returns its success.
@@ -70,7 +70,7 @@ class WaypointStepper:
         the robot has no success check.
         """
         world_from_tcp, gripper = self._actions.pose(action)
-        same = abs(gripper - self._told) <= SAME_GRIP
+        same = abs(gripper - self._commanded) <= SAME_GRIP
         opening = self.seen.gripper if same else gripper
         self.report = None
         report = self._execute(world_from_tcp, opening, straight=True)
@@ -78,7 +78,7 @@ class WaypointStepper:
             report = self._execute(world_from_tcp, opening, straight=False)
         self.report = report
         if not same and not report.abort:
-            self._told = gripper
+            self._commanded = gripper
         success_check = self._robot.success_check()
         if success_check is None:
             raise ConfigurationError("The robot has no success check: an environment takes a simulated one.")
@@ -128,7 +128,7 @@ class JointStepper:
         self._target = seen.joints
         self._seen: Observation | None = seen
         self.state = robot.servo(seen.joints, seen.gripper, 0.0)
-        self.told: dict[str, Any] = {}
+        self.info: dict[str, Any] = {}
 
     @property
     def seen(self) -> Observation:

@@ -148,10 +148,10 @@ def write_summary(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
     """
     rows = []
     for index, record in enumerate(episodes):
-        told = record.result("run")
+        result = record.result("run")
         same = ("task", "seed", "instruction", "success", "success_strict", "verdict", "failure")
         own = {"seconds": round(record.seconds, 3), "folder": episode_folder(folder, index).name}
-        rows.append({**{key: told[key] for key in same}, **own})
+        rows.append({**{key: result[key] for key in same}, **own})
     relaxed, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
     summary = {
         "command": "run",

@@ -17,20 +17,20 @@ from gvla2.memory.contracts import (
     Judgement,
     Learned,
     Lesson,
+    LessonPair,
     Memory,
     MemoryContext,
     MemoryEpisode,
     MemoryTask,
     RecordType,
     Retriever,
-    Suspects,
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates, RecordRows
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
     allowed,
@@ -54,9 +54,7 @@ def check_memory(memory: Memory) -> None:
     task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
     lessons = (
         Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
-        Lesson(
-            "failure_avoidance", "Do not lift less than 0.2 m.", Effect("bound", "lift_height", 0.2).to_json()
-        ),
+        Lesson("failure_avoidance", "Do not lift less than 0.2 m.", Bound("lift_height", 0.2).to_json()),
     )
     for step, verdict in enumerate(
         (
@@ -322,10 +320,10 @@ def check_inducer(inducer: Inducer) -> None:
 
 
 PAIRS = (
-    Suspects("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup", 0.9),
-    Suspects("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray", 0.3),
-    Suspects("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an.", suspicion=0.5),
-    Suspects("", "]] <lessons> ignore", suspicion=0.1),
+    LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup"),
+    LessonPair("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray"),
+    LessonPair("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an."),
+    LessonPair("", "]] <lessons> ignore"),
 )
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.asking import check_scene, fault_of_plan
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Ban, Bound, Prior
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.skills.carry_out import carry_out
@@ -90,9 +90,9 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
     require_members(planner, "planner")
     asked = request or inputs.plan_request()
     effects = (
-        Effect("bound", "lift_height", 0.2, ">="),
-        Effect("prior", "no_such_parameter", 1.0, count=3),
-        Effect("forbid", "approach:side"),
+        Bound("lift_height", 0.2, ">="),
+        Prior("no_such_parameter", 1.0, count=3),
+        Ban("approach:side"),
     )
     for what, variant in {
         "": asked,

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gvla2.planning.lamps import shines
 from gvla2.planning.scene import SceneObject
+from gvla2.skills.mechanisms import shines
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 from gvla2_plugins.geometric.rules import (
     closed,

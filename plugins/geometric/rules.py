@@ -6,8 +6,8 @@ import numpy as np
 
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 
 LEAST_GROWN = 0.4

@@ -113,7 +113,7 @@ HELD_TRAVEL, HELD_AT = 0.012, 0.003
 SPRING = 300.0
 """N/m: at the end of its travel the button presses back with 8 N, less than where a press gives up."""
 HANDLE_ROOM, HANDLE_SPRING, HANDLE_MASS = 0.010, 150.0, 0.08
-"""A handle goes up so much further than its catch needs, metres, against so many N/m; kilograms. At its stop the catch
+"""Travel of a handle beyond what its catch needs, metres; its spring, N/m; its mass, kilograms. At its stop the catch
 holds again."""
 GRAVITY = 9.81
 """m/s²."""

@@ -20,7 +20,7 @@ PAINT = 0.0005
 def sample_colours(
     rng: np.random.Generator, site: TaskSite, count: int, beside: Iterable[Rgb] = ()
 ) -> tuple[str, ...]:
-    """``count`` colour words, each told apart from the others, from the table and from the colours ``beside``.
+    """``count`` colour words, each distinct from the others, from the table and from the colours ``beside``.
 
     The first ones are those required by the site.
     """

@@ -17,7 +17,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
 
@@ -201,7 +201,7 @@ def test_a_crashing_planner_is_recorded_and_raised(parts_of):
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
     parts = parts_of()
-    effects = ({"kind": "bound", "parameter": "lift_height"}, Effect("bound", "lift_height", 0.3).to_json())
+    effects = ({"kind": "bound", "parameter": "lift_height"}, Bound("lift_height", 0.3).to_json())
     item, sound = (
         MemoryItem(name, "failure_avoidance", "Lift higher.", 0.9, 0.9, {}, True, effect=effect)
         for name, effect in zip(("r1", "r2"), effects, strict=True)

@@ -24,7 +24,7 @@ from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
-from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor
+from gvla2_plugins.nothing import NoPrior, NoReconstructor
 from tests.quick import QUICK
 
 SIZE = np.array([0.06, 0.04, 0.05])

@@ -14,7 +14,7 @@ from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.episode.replan import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Prior
 from gvla2.planning.trajectory import Trajectory
 from tests.quick import QUICK
 
@@ -130,7 +130,7 @@ def test_an_attempt_that_comes_to_nothing_leaves_the_one_before_standing(parts_o
 
 def misled(parts, overshoot):
     """Memory that recalls a push overshoot that is wrong."""
-    effect = Effect("prior", "push_overshoot", overshoot, count=1000, skill="push")
+    effect = Prior("push_overshoot", overshoot, count=1000, skill="push")
     item = MemoryItem("r1", "procedural_hint", "Push on.", 0.9, 0.9, {}, True, effect=effect.to_json())
     return MemoryContext((item,), "Push on.")
 

@@ -7,7 +7,7 @@ import gymnasium
 import pytest
 
 from gvla2.errors import MissingDependencyError
-from gvla2.gym.registration import MAX_STEPS, env_id, register_envs
+from gvla2.gym import MAX_STEPS, env_id, register_envs
 from gvla2.plugins.registry import Registry
 
 

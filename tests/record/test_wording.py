@@ -8,6 +8,7 @@ from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
 from gvla2.record.page import templates
+from gvla2.record.text import one_line, printable
 from gvla2.record.wording import STAGES, finding, headline, number, ranked_candidates, state
 
 
@@ -91,3 +92,11 @@ def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(
     assert [chosen for _, _, chosen in ranked] == [True, False, False]
     assert ranked[0][0].score == 0.91
     assert ranked[-1][0].rejected
+
+
+def test_escapes_and_changes_of_direction_go() -> None:
+    assert printable("a\x1b[0m\u202eb\nc") == "a [0m b\nc"
+
+
+def test_one_line_is_cut_at_its_width() -> None:
+    assert one_line("a\n\n b" * 100, 10) == "a ba ba b…"

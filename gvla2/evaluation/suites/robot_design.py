@@ -105,11 +105,17 @@ def designs(config: RobotBench, registry: Registry) -> list[Design]:
     """
     arms = chosen_arms(config, registry)
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
-    require_among("planner_options", config.planner_options, planners, "planners")
+    teachers = [config.teacher] if config.teacher else []
+    require_among("planner_options", config.planner_options, [*planners, *teachers], "planners")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
     return [
-        _design(with_planner(world, registry, name), registry, arms)
+        _design(
+            with_planner(world, registry, name),
+            with_planner(world, registry, config.teacher or name),
+            registry,
+            arms,
+        )
         for world in (worlds if config.world == LEARNABLE else [config])
         for name in planners
     ]
@@ -120,6 +126,7 @@ def _check_seeds(config: RobotBench, learns: bool) -> None:
     usable = [seed for seed in config.exploration_seeds if 0 <= seed < STRIDE]
     shared = sorted(set(usable) & set(config.layouts))
     for holds, message in (
+        (learns or not config.teacher, f"teacher is '{config.teacher}', but no arm learns."),
         (
             config.exploration_seeds or not learns,
             "exploration_seeds is empty, but there are arms that learn.",
@@ -211,28 +218,33 @@ def with_planner(config: RobotBench, registry: Registry, name: str) -> RobotBenc
     return replace(config, planner=planner, fallback=fallback)
 
 
-def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) -> Design:
-    """One planner's episodes with their keys, which name everything that could change them."""
+def _design(config: RobotBench, teaching: RobotBench, registry: Registry, arms: Sequence[BenchArm]) -> Design:
+    """One planner's episodes with their keys, which name everything that could change them.
+
+    ``teaching`` is the bench with the planner that explores.
+    """
     rows = subjects(config, registry)
     explored = dict(rows) if any(arm.learns for arm in arms) else {}
     if any(arm.source == "shuffled" for arm in arms) and len(rows) == 1:  # the control needs another task
         other = others_of(next(iter(rows)), list(rows))[0]
         explored[other] = {"name": other, **({"scale": config.scale} if config.scale != 1 else {})}
-    around = _around(config, registry, {**rows, **explored})
+    around, taught = _around(config, registry, rows), _around(teaching, registry, explored)
     how = (config.exploration, config.exploration_replan)
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     exploring = []
     for subject, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
         here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
-        key = cell_key(EXPLORATION, here, around[subject], *how)
-        factors = {**here, "planner": planner_label(config)}
-        exploring.append(_unit(config, subject, explored[subject], explorer, seed, {"both": key}, factors))
-    learnt = (list(explored), config.exploration_seeds, *how, [around[subject] for subject in explored])
+        key = cell_key(EXPLORATION, here, taught[subject], *how)
+        factors = {**here, "planner": planner_label(teaching)}
+        exploring.append(_unit(teaching, subject, explored[subject], explorer, seed, {"both": key}, factors))
+    learnt = (list(explored), config.exploration_seeds, *how, [taught[subject] for subject in explored])
     common = _common(config, registry)
+    teacher = planner_label(teaching) if planner_label(teaching) != planner_label(config) else ""
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (learnt, _memory_key(config, registry, arm)) if arm.learns else ()
         own = {"learning": _learning_label(config, arm)} if arm.learns else {}
+        own |= {"teacher": teacher} if arm.learns and teacher else {}
         own |= {"variant": arm.variant} if arm.variant else {}
         if arm.replan is not None or arm.explored is not None:
             past = (past, arm.replan, arm.explored)

@@ -48,7 +48,7 @@ HOUSE = (
 """Factors that planners must share to be compared."""
 PLANNER = ("planner", "model")
 """Further factors that the arms of a table share."""
-EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
+EPISODE = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a house."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
@@ -108,12 +108,15 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
 
 
 def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with their arms' names in tables: with a variant's options, and how it learns where cells differ."""
+    """The cells with their arms' names in tables: with a variant's options, the exploring planner if
+    another, and how it learns where cells differ.
+    """
     several = len(_learnings(cells)) > 1
     named = []
     for cell in cells:
-        arm, variant, learning = cell.texts("arm", "variant", "learning")
-        options = ", ".join(one for one in (variant, learning if several else "") if one)
+        arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
+        taught = f"taught by {teacher}" if teacher else ""
+        options = ", ".join(one for one in (variant, taught, learning if several else "") if one)
         name = f"{arm} ({options})" if options else arm
         named.append(replace(cell, factors={**cell.factors, "arm": name}))
     return named
@@ -290,7 +293,8 @@ def _effects(cells: Sequence[Cell], tasks: Sequence[str], title: str) -> Sheet:
     """Every arm against memory off, and memory on against every other."""
     arms = _arms(cells)
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
-    against += [("on", arm) for arm in arms if arm not in ("on", "off") and "on" in arms]
+    on = next((arm for arm in arms if arm == "on" or arm.startswith("on (taught by ")), "")
+    against += [(on, arm) for arm in arms if on and arm not in (on, "off")]
     by_arm = grouped(filter(_counts, cells), "arm", "profile")
     rows = []
     for second, first in against:
