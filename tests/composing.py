@@ -1,5 +1,6 @@
 """Configurations for tests whose subject is not how they are composed."""
 
+import re
 from functools import cache
 
 from hydra import compose, initialize_config_module
@@ -7,8 +8,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.primary import SCHEMAS
+from gvla2.evaluation.config import BenchConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
 
@@ -22,9 +23,10 @@ def composition(command: str, *overrides: str) -> DictConfig:
 
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new one of ``gvla2 bench``: choices of components are composed once, values are put into what was composed."""
-    register(registry, PRIMARY)
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    kept = {*registry.groups, "depth_noise", "experiment", "data"}
+    register(registry, SCHEMAS)
+    words = [re.sub("^suite=", "bench_suite=", word) for word in overrides]
+    parsed = OverridesParser.create().parse_overrides(words)
+    kept = {*registry.groups, "bench_suite", "depth_noise", "branch", "experiment", "data"}
     values = [one for one in parsed if one.type == OverrideType.CHANGE and one.key_or_group not in kept]
     config = composition("bench", *(str(one.input_line) for one in parsed if one not in values)).copy()
     for one in values:

@@ -15,7 +15,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run_config import RunConfig
+from gvla2.commands.run import RunConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
 from tests.composing import composition

@@ -9,7 +9,7 @@ from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, effect_from_json
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
@@ -91,7 +91,7 @@ def kinds(record: EpisodeRecord) -> list[str]:
 def effects_of(lessons: Any) -> list[Effect]:
     """The effects on parameters; programs aside."""
     told = (lesson.effect for lesson in lessons if lesson.effect)
-    return [Effect.from_json(effect) for effect in told if effect["kind"] != "program"]
+    return [effect_from_json(effect) for effect in told if effect["kind"] != "program"]
 
 
 SCALES = {"grasp_depth": ("height", 0.05)}

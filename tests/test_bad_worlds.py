@@ -14,7 +14,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
@@ -237,7 +237,7 @@ def test_a_run_of_several_goes_on_after_an_explosion(registry, compose_run, tmp_
 
     monkeypatch.setattr(SapienDriver, "follow", explosive)
     out = tmp_path / "out"
-    share = run_episodes(compose_run("memory=none", "episodes=2", *QUICK), registry, out)
+    share = success_rate(run_episodes(compose_run("memory=none", "episodes=2", *QUICK), registry, out))
     told = json.loads((out / "result.json").read_text())
     first, second = told["rows"]
     assert first["failure"]["kind"] == "simulation"

@@ -15,19 +15,17 @@ from rich.console import Console
 
 from gvla2 import cli
 from gvla2.commands.bench import run_bench
-from gvla2.commands.bench_config import BenchConfig, DataConfig, ResultsConfig
-from gvla2.commands.bench_progress import BenchProgress
-from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.commands.data import DataCommandConfig, take_stock
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.primary import SCHEMAS
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
+from gvla2.evaluation.config import DataConfig, ReconstructionBench, ResultsConfig
+from gvla2.evaluation.engine import BenchProgress, in_processes, workers_for
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.robot.options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")
@@ -74,7 +72,7 @@ def _own_cache(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("GVLA2_CACHE", str(tmp_path_factory.getbasetemp() / "bench_cache"))
 
 
-def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **changes) -> BenchConfig:
+def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **changes) -> ReconstructionBench:
     settings = {
         "data": DataConfig("meshes", str(meshes), size=40, samples=1, objects=list(objects)),
         "baselines": ["hull"],
@@ -89,7 +87,7 @@ def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **ch
         "workers": 1,
         "quiet": True,
     }
-    return BenchConfig(**{**settings, **changes})
+    return ReconstructionBench(**{**settings, **changes})
 
 
 def rows_of(folder: Path) -> list[dict]:
@@ -167,7 +165,6 @@ def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, p
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"suite": "memroy"}, "No suite 'memroy'. Available: reconstruction"),
         ({"variants": ["a_hull"]}, "No variant 'a_hull'. Available: baseline"),
         ({"drifts": ["big"]}, "No drift 'big'. Available: none, planted"),
         ({"baselines": ["hul"]}, "Did you mean 'hull'"),
@@ -185,8 +182,6 @@ def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path,
 @pytest.mark.parametrize(
     "changes",
     [
-        {"mode": "fast"},
-        {"compat": "x"},
         {"seeds": []},
         {"workers": -1},
         {"seeds": [-1]},
@@ -195,17 +190,17 @@ def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path,
 )
 def test_nonsense_in_the_configuration(changes):
     with pytest.raises(ConfigurationError):
-        BenchConfig(**changes)
+        ReconstructionBench(**changes)
 
 
 def test_the_configurations_compose(registry):
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
     chosen = ["prior=none", "fusion=none", "renderer=reference"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=["data=meshes", "data.root=x", *chosen]))
         lists = [compose("bench", overrides=[f"data={name}", *chosen]) for name in ("gso30", "gso30_public")]
         report = OmegaConf.to_object(compose("report", overrides=["+where.object=[a,b]"]))
-    assert isinstance(config, BenchConfig)
+    assert isinstance(config, ReconstructionBench)
     assert (config.data.kind, config.data.root) == ("meshes", "x")
     assert config.prior.name == "none"
     assert [list(one.data.objects) for one in lists] == [[], ["alarm", "backpack", "bell"]]
@@ -262,7 +257,6 @@ def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, c
     [
         ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
         ({"noise": ["low1"], "prior": PlainConfig(name="none")}, "needs prior=depth, not none"),
-        ({"depth_noise": DepthNoise(kind="l515")}, r"noise=\[...\] sets the prior's error"),
     ],
 )
 def test_an_option_that_does_not_apply_is_an_error(meshes, parts, tmp_path, changes, words):

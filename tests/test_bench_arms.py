@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.commands.bench import SUITES, as_overrides, check_options
-from gvla2.commands.bench_arms import BenchArm, arm_named, arms_of, check_arms
-from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_design import designs
-from gvla2.commands.bench_episodes import Planned
-from gvla2.commands.bench_robot import worth_filming
-from gvla2.commands.bench_subjects import subjects
+from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
+from gvla2.evaluation.arms import BenchArm, arm_named, chosen_arms
+from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.results import Cell
+from gvla2.evaluation.suites.robot import worth_filming
+from gvla2.evaluation.suites.robot_design import designs, subjects
+from gvla2.evaluation.suites.robot_episodes import EpisodeUnit
 from tests.composing import bench_config
 
 
@@ -22,18 +21,17 @@ def config_of(registry, *arguments: str):
 
 def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_listed(registry):
     config = config_of(registry, "arms=[off,on]", "arms.mine={memory: governed, admission: false, replan: 1}")
-    off, on, mine = arms_of(config)
+    off, on, mine = chosen_arms(config, registry)
     assert (off.source, on.memory, on.variant) == ("off", "governed", "")
     assert (mine.memory, mine.replan, mine.options) == ("governed", 1, {"admission": False})
     assert mine.variant == "governed, admission=False, replan=1"
-    check_arms(config, registry)
     usual = config_of(registry, "arms.mine={memory: semantic}")
     assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "best_theta", "mine"]
 
 
 def test_options_of_a_plain_arm_are_in_its_name(registry):
     config = config_of(registry, "arms=[off,on]", "arms.on.admission=false")
-    assert [arm.name for arm in arms_of(config)] == ["off", "on"]
+    assert [arm.name for arm in chosen_arms(config, registry)] == ["off", "on"]
     assert arm_named(config, "on").variant == "admission=False"
 
 
@@ -49,7 +47,7 @@ def test_options_of_a_plain_arm_are_in_its_name(registry):
 )
 def test_wrong_arms_say_what_there_is(registry, arguments, said):
     with pytest.raises(ConfigurationError, match=said):
-        check_arms(config_of(registry, *arguments), registry)
+        chosen_arms(config_of(registry, *arguments), registry)
 
 
 def test_two_variants_of_one_memory_share_no_cell(registry):
@@ -59,7 +57,7 @@ def test_two_variants_of_one_memory_share_no_cell(registry):
         "arms.c={memory: off, replan: 1}",
     )  # fmt: skip
     (design,) = designs(config, registry)
-    keys = [key for one in design.plan for key in one.keys.values()]
+    keys = [key for one in design.plan for key in one.keys]
     assert len(set(keys)) == len(keys) == 2 * 5
     variants = {one.arm.name: one.factors.get("variant", "") for one in design.plan}
     assert variants == {
@@ -79,8 +77,8 @@ def test_task_options_are_in_the_rows_name_and_key(registry):
     )
     assert subjects(stiff, registry) == {"open_jar (turn=175)": {"name": "open_jar", "turn": 175}}
     one, other = designs(plain, registry)[0].plan[0], designs(stiff, registry)[0].plan[0]
-    assert other.task == "open_jar (turn=175)"
-    assert set(one.keys.values()).isdisjoint(other.keys.values())
+    assert other.subject == "open_jar (turn=175)"
+    assert set(one.keys).isdisjoint(other.keys)
     for wrong, said in (
         ("task_options.open_jar.trun=3", "Did you mean 'turn'"),
         ("task_options.lamp_on.travel=3", "not among the tasks"),
@@ -97,28 +95,24 @@ def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
     made = designs(config, registry)
     assert [design.place for design in made] == ["skill-world1", "skill-world2"]
     assert {one.factors["world"] for design in made for one in design.plan} == {"learnable"}
-    keys = [key for design in made for one in (*design.plan, *design.exploring) for key in one.keys.values()]
+    keys = [key for design in made for one in (*design.plan, *design.exploring) for key in one.keys]
     assert len(keys) == len(set(keys)), "each world is explored anew"
 
 
-@pytest.mark.parametrize(
-    ("suite", "override"),
-    [("reconstruction", "depth_noise=l515"), ("memory", "tasks=[lamp_on]"), ("robot", "baselines=[hull]"),
-     ("perception", "++own_arms.mine={memory: governed}"), ("reconstruction", "~planner")],
-)  # fmt: skip
-def test_an_option_that_a_suite_does_not_heed_is_an_error(suite, override):
-    with pytest.raises(ConfigurationError, match=f"does nothing in the suite {suite}"):
-        check_options(suite, [f"suite={suite}", override])
+def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys):
+    from gvla2.commands.bench import main
+
+    assert main(["perception", "arms=[off]", "--cfg", "job"]) == 1
+    assert "Key 'arms' not in 'PerceptionBench'" in capsys.readouterr().err
+    assert main(["robt"]) == 1
+    assert "Did you mean 'robot'" in capsys.readouterr().err
 
 
-def test_options_that_are_heeded_or_of_the_user_pass():
-    check_options("robot", ["suite=robot", "depth_noise=l515", "+mine.own=3", "robot.image_size=64"])
-    for suite, options in SUITES.items():
-        check_options(suite, [f"{name}=1" for name in options])
-
-
-def planned(arm: str, layout: int) -> Planned:
-    return Planned(BenchConfig(), "lamp_on", BenchArm(arm, arm), layout, {"relaxed": f"{arm}{layout}"}, {})
+def planned(arm: str, layout: int) -> EpisodeUnit:
+    keys = {"relaxed": f"{arm}{layout}"}
+    return EpisodeUnit(
+        tuple(keys.values()), arm, RobotBench(), "lamp_on", {}, BenchArm(arm, arm), layout, keys, {}
+    )
 
 
 def test_pairs_that_differ_are_filmed_before_failures():
@@ -153,7 +147,7 @@ def test_pairs_that_differ_are_filmed_before_failures():
 def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str, factor: str, told: str):
     def stories_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
-        return str(design.plan[0].factors.get(factor, "")), design.plan[0].keys["strict"]
+        return str(design.plan[0].factors.get(factor, "")), design.plan[0].by_profile["strict"]
 
     usual, changed = stories_of(), stories_of(override)
     assert changed[0] == told != usual[0]
@@ -163,7 +157,9 @@ def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str,
 def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     def places(*given: str) -> dict[str, tuple[object, object]]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[off]", *given), registry)
-        return {one.keys["strict"]: (one.factors["seed"], one.factors["episode"]) for one in design.plan}
+        return {
+            one.by_profile["strict"]: (one.factors["seed"], one.factors["episode"]) for one in design.plan
+        }
 
     named = places("layouts=[20001,203]")
     assert list(named.values()) == [(1, 1), ("layouts", 203)]
@@ -175,7 +171,7 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     [
         (["arms=[off]", "arms.z={memory: off, explored: 3}"], "learns from nothing"),
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
-        (["arms=[off]", "teacher=agent3d"], "no arm learns"),
+        (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
         (["arms=[off]", "families=5"], "world=learnable only"),
     ],
 )

@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from gvla2.commands import bench_robot
 from gvla2.commands.bench import as_overrides, run_bench
-from gvla2.commands.bench_design import designs
-from gvla2.commands.bench_episodes import cells_of, spent_on
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.robot.experience import Experience
+from gvla2.evaluation.arms import Experience
+from gvla2.evaluation.config import RobotBench
+from gvla2.evaluation.suites import robot
+from gvla2.evaluation.suites.robot_design import designs
+from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.robot.backend import SuccessCheck
@@ -55,16 +56,16 @@ def units(monkeypatch):
         name, won = unit.config.planner.name, unit.layout % 2 == 0
         asks = name != "skill"
         record = replace(
-            EpisodeRecord("e", "do it", unit.task, unit.layout, {}),
+            EpisodeRecord("e", "do it", unit.subject, unit.layout, {}),
             timings={"plan": 4.0 if asks else 0.1},
             language={"plan": {"calls": 2, "prompt_tokens": 300, "completion_tokens": 12}} if asks else {},
             success_check=SuccessCheck(won, strict=False),
             failure=None if won else Failure("execute", "slipped", "It slipped."),
         )
-        learnt = [experience(unit.task, name, unit.layout)] if unit.arm.name == "exploration" else []
+        learnt = [experience(unit.subject, name, unit.layout)] if unit.arm.name == "exploration" else []
         return cells_of(unit, record, 1.0, learnt)
 
-    monkeypatch.setattr(bench_robot, "run_unit", pretend)
+    monkeypatch.setattr(robot, "run_unit", pretend)
     return ran
 
 
@@ -77,7 +78,7 @@ def lessons_in(unit) -> set[str]:
 def test_every_planner_meets_the_same_layouts_and_one_table_shows_them(registry, tmp_path, units):
     config = config_of(registry, tmp_path, BOTH, "tasks=[lamp_on,put_block]", "layouts=[200,201,203]")
     assert run_bench(config, registry, tmp_path / "out") == 1
-    ran = [(unit.config.planner.name, unit.task, unit.arm.name, unit.layout) for unit in units]
+    ran = [(unit.config.planner.name, unit.subject, unit.arm.name, unit.layout) for unit in units]
     assert ran == [
         (planner, task, "off", layout)
         for planner in ("skill", "code_policies")
@@ -131,23 +132,23 @@ def test_each_planner_teaches_itself_unless_a_teacher_is_named(registry, tmp_pat
     assert lessons_in(units[-1]) == {"skill did lamp_on well."}
     (row,) = [r for r in rows_of(tmp_path / "taught") if r["arm"] == "on" and r["planner"] == "code_policies"]
     assert row["teacher"] == "skill"
-    assert "code_policies, memory on (taught by skill)" in (tmp_path / "taught" / "report.md").read_text()
+    assert "memory on (taught by skill)" in (tmp_path / "taught" / "report.md").read_text()
 
 
 def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, monkeypatch):
-    real = bench_robot.run_unit
+    real = robot.run_unit
 
     def only_the_lamp_teaches(unit, registry):
         found = real(unit, registry)
-        if unit.task != "lamp_on":
+        if unit.subject != "lamp_on":
             for cell in found:
                 cell.notes.pop("experience", None)
         return found
 
-    monkeypatch.setattr(bench_robot, "run_unit", only_the_lamp_teaches)
+    monkeypatch.setattr(robot, "run_unit", only_the_lamp_teaches)
     given = ["tasks=[lamp_on,put_block]", "arms=['shuffled']", "layouts=[200]", "exploration_seeds=[0]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "out")
-    told = {unit.task: unit for unit in units if unit.arm.name == "shuffled"}
+    told = {unit.subject: unit for unit in units if unit.arm.name == "shuffled"}
     assert told["put_block"].lessons.asked.query == "do lamp_on"
     assert lessons_in(told["put_block"]) == {"skill did lamp_on well."}
     assert told["lamp_on"].lessons.asked is None, "nothing was learnt elsewhere"
@@ -158,7 +159,6 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
     ("overrides", "message"),
     [
         (["planners=[skil]"], "No planner named 'skil'. Did you mean 'skill'"),
-        (["teacher=skil"], "No planner named 'skil'"),
         ([BOTH, "+planner_options.voxposer.tries=2"], "'voxposer' is not among the planners"),
         ([BOTH, "+planner_options.code_policies.sample=2"], "no such option. Did you mean 'samples'"),
         ([BOTH, "+planner_options.code_policies.samples=few"], "configured wrongly"),
@@ -175,10 +175,8 @@ def test_what_cannot_be_compared_is_said_before_anything_runs(registry, tmp_path
 
 
 def test_a_negative_layout_is_refused(registry, tmp_path):
-    from gvla2.commands.bench_config import BenchConfig
-
     with pytest.raises(ConfigurationError, match="layouts"):
-        BenchConfig(layouts=[-1])
+        RobotBench(layouts=[-1])
 
 
 def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
@@ -188,9 +186,9 @@ def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
 
 
 def test_a_leading_word_is_the_suite():
-    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
+    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["bench_suite=robot", "tasks=[lamp_on]"]
     assert as_overrides(["--help"]) == ["--help"]
-    assert as_overrides(["suite=memory"]) == ["suite=memory"]
+    assert as_overrides(["suite=agents"]) == ["bench_suite=agents"]
     assert as_overrides([]) == []
 
 

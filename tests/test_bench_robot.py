@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 from gvla2.commands.bench import run_bench
-from gvla2.commands.bench_arms import arm_named
-from gvla2.commands.bench_workers import in_processes
 from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
+from gvla2.evaluation.arms import arm_named
+from gvla2.evaluation.config import RobotBench
+from gvla2.evaluation.engine import in_processes
+from gvla2.evaluation.suites.robot_episodes import EpisodeUnit, release, run_unit
 from tests.composing import bench_config
 from tests.dying import dies, dies_once, sleeps
 from tests.quick import QUICK
@@ -91,11 +93,9 @@ def test_names_that_are_none_are_refused_before_anything_moves(registry, tmp_pat
 
 
 def test_scale_and_arms_are_checked():
-    from gvla2.commands.bench_config import BenchConfig
-
     for wrong in ({"scale": 0.0}, {"arms": []}, {"episodes": 0}, {"exploration": 2.0}, {"videos": -1}):
         with pytest.raises(ConfigurationError):
-            BenchConfig(**wrong)
+            RobotBench(**wrong)
 
 
 def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path):
@@ -158,8 +158,6 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
 
 
 def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry, tmp_path, monkeypatch):
-    from gvla2.commands import bench_episodes
-
     plain = config_of(registry, tmp_path, sight=())
     assert (plain.planner_timeout, plain.perceiver.name) == (0.0, "classical")
     seen = []
@@ -168,14 +166,14 @@ def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry,
         seen.append(request)
         raise RuntimeError("seen enough")
 
-    monkeypatch.setattr("gvla2.episode.loop.run_episode", look)
+    monkeypatch.setattr("gvla2.evaluation.suites.robot_episodes.run_episode", look)
     config = config_of(
         registry, tmp_path, "planner_timeout=7", "max_parts=2", "tasks=[lamp_on]", "arms=['off']"
     )
-    unit = bench_episodes.Planned(config, "lamp_on", arm_named(config, "off"), 1, {}, {})
+    unit = EpisodeUnit((), "", config, "lamp_on", {"name": "lamp_on"}, arm_named(config, "off"), 1, {}, {})
     with pytest.raises(AssertionError):
-        bench_episodes.run_unit(unit, registry)
-    bench_episodes._forget_parts()
+        run_unit(unit, registry)
+    release()
     assert (seen[0].planner_timeout, seen[0].max_parts) == (7.0, 2)
 
 

@@ -2,10 +2,10 @@
 
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import launch
-from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run_config import RunConfig
+from gvla2.commands.primary import PRIMARY, SCHEMAS
+from gvla2.commands.run import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
@@ -35,7 +35,7 @@ def composed(*overrides: str, command: str = "run") -> Any:
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
 
 
 @pytest.mark.parametrize("name", PRIMARY)
@@ -46,39 +46,13 @@ def test_every_primary_configuration_composes(name: str):
 def test_every_file_of_conf_is_a_choice_that_composes():
     files = sorted(p.relative_to(CONF).with_suffix("") for p in CONF.rglob("*.yaml"))
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
-    names: dict[str, dict[str, list[str]]] = {"run": {}, "bench": {}}
     for choice in (p for p in files if len(p.parts) > 1):
-        group = choice.parent.as_posix()
-        suite = group == "experiment" and "\nsuite: " in (CONF / choice).with_suffix(".yaml").read_text()
-        command = "bench" if suite or group == "data" else "run"
-        names[command].setdefault(
-            "+experiment" if (command, group) == ("run", "experiment") else group, []
-        ).append(choice.name)
-    assert sum(len(some) for groups in names.values() for some in groups.values()) == len(files) - len(
-        PRIMARY
-    )
-    for experiment in names["run"].pop("+experiment"):
-        composed(f"+experiment={experiment}")
-    for command, groups in names.items():
-        for row in range(max(map(len, groups.values()))):  # one choice of every group at a time
-            chosen = {group: some[row % len(some)] for group, some in groups.items()}
-            composed(*(f"{group}={name}" for group, name in chosen.items()), command=command)
-
-
-PLANNERS = ("skill", "code_policies", "agent3d", "voxposer", "hamster", "robopoint")
-
-
-@pytest.mark.parametrize(
-    ("kind", "name"), [*(("planner", name) for name in PLANNERS), ("verifier", "geometric")]
-)
-def test_every_number_of_a_planner_has_a_range(registry: Registry, kind: str, name: str):
-    options = registry.components(kind)[name].config(name=name)
-    numbers = {key: value for key, value in vars(options).items() if type(value) in (int, float)}
-    assert numbers
-    for key in numbers:
-        for wrong in (-1, float("nan"), float("inf")):
-            with pytest.raises(ConfigurationError, match=rf"^{kind}\.{key} is {wrong}; it must be from \d"):
-                replace(options, **{key: wrong})
+        group, name = choice.parent.as_posix(), choice.name
+        suite = re.search(r"override /bench_suite: \w+", (CONF / choice).with_suffix(".yaml").read_text())
+        if suite or group in ("bench_suite", "data"):
+            composed(f"{group}={name}", command="bench")
+        else:
+            composed(f"{'+' if group == 'experiment' else ''}{group}={name}")
 
 
 def test_a_number_out_of_its_range_is_told_with_the_range():
@@ -99,12 +73,6 @@ def test_every_component_is_a_choice(registry: Registry):
             options = config[kind]
             assert type(options) is registry.get(kind, name).config
             assert options.name == name
-
-
-def test_no_configuration_names_code():
-    for file in CONF.rglob("*.yaml"):
-        assert "_target_" not in file.read_text(), file
-    assert "_target_" not in OmegaConf.to_yaml(OmegaConf.structured(composed()))
 
 
 def test_the_arms_of_the_memory_ablation():
@@ -279,12 +247,6 @@ def test_a_sweep_runs_every_job_and_names_the_one_that_failed(
     err = capsys.readouterr().err
     assert "gvla2: job 1: No horse named 'pegasus'. Available: shire.\n" in err
     assert "Traceback" not in err
-
-
-def test_a_wrong_choice_stops_a_sweep_before_it_starts(folder: Path, capsys: pytest.CaptureFixture[str]):
-    assert launch("run", job, ["-m", "planner=skill,skil"]) == 1
-    assert "No planner named 'skil'. Did you mean 'skill'?" in capsys.readouterr().err
-    assert not list(folder.glob("outputs/run/*/*/*/seed"))
 
 
 def test_a_sweep_over_processes(tmp_path: Path):

@@ -9,7 +9,7 @@ from dataclasses import fields
 import pytest
 
 from gvla2 import hookspecs
-from gvla2.commands.run_config import RunConfig
+from gvla2.commands.run import RunConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.plugins.discovery import Plugin

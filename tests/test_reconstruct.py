@@ -11,24 +11,24 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2 import cli
-from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, reconstruct
+from gvla2.commands.reconstruct import ReconstructConfig, reconstruct
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
 from gvla2.evaluation.protocol import protocol_cameras
-from gvla2.geometry.gso_views import write_gso
+from gvla2.geometry.gaussians import read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
-from gvla2.geometry.plain_views import write_plain
-from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.view_folders import write_views
+from gvla2.geometry.view_formats import write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 from tests.composing import composition
@@ -122,7 +122,7 @@ def test_the_result_tells_choices_stages_and_measures(run: Path):
         "fusion": "residual",
         "renderer": "numba",
     }
-    assert told["branch"] == asdict(BranchConfig())
+    assert told["branch"] == asdict(BranchOptions())
     assert {"prior", "appearance", "soft_hull", "axis", "fusion"} <= {
         stage["stage"] for stage in told["stages"]
     }

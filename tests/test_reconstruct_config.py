@@ -1,6 +1,6 @@
 """What can be asked of `gvla2 reconstruct`, and what cannot."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,22 +8,21 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
-from gvla2.commands.reconstruct import BranchConfig, ReconstructConfig, branch_options, spec_of
-from gvla2.commands.reconstruct_inputs import read_inputs
+from gvla2.commands.primary import SCHEMAS
+from gvla2.commands.reconstruct import ReconstructConfig, read_inputs, spec_of
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Views
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
-from gvla2.reconstruction.branch import BranchOptions
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
 
 
 def composed(*overrides: str) -> ReconstructConfig:
@@ -33,12 +32,11 @@ def composed(*overrides: str) -> ReconstructConfig:
     return config
 
 
-def test_the_branchs_options_are_all_there():
-    assert [f.name for f in fields(BranchConfig)] == [f.name for f in fields(BranchOptions)]
-    assert branch_options(BranchConfig()) == BranchOptions()
-    assert branch_options(composed("branch.mode=paper", "branch.axis=false").branch) == BranchOptions(
-        mode="paper", axis=False
-    )
+@pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
+def test_the_branch_is_one_group_of_three_commands(command: str):
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        chosen = OmegaConf.to_object(compose(command, overrides=["branch=official", "branch.axis=false"]))
+    assert chosen.branch == BranchOptions(mode="paper", compat="official", axis=False)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from gvla2.commands.hydra_job import launch
 from gvla2.commands.report import ReportConfig, ResultsConfig, job
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.results import Cell, Results, Run, now
+from gvla2.evaluation.results import Cell, Results
 from gvla2.plugins.registry import load_plugins
 
 
@@ -20,7 +20,7 @@ def url(tmp_path) -> str:
     url = f"sqlite:///{tmp_path / 'results.sqlite'}"
     with Results.open(url) as results:
         for number in range(2):
-            run = results.begin(Run(suite="reconstruction", started=now(), config="seed: 0"))
+            run = results.begin("reconstruction", tmp_path, "seed: 0")
             cells = []
             for thing in ("apple", "bowl"):
                 for variant, value in (("baseline", 20.0), ("ab_fusion", 10.0 + number)):
@@ -69,7 +69,7 @@ def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
         made(ReportConfig(results=ResultsConfig(url)), tmp_path)
     with Results.open(url) as results:
         measures = dict.fromkeys(("episodes", "succeeded", "succeeded_strict", "seconds", "tokens"), 1.0)
-        run = results.begin(Run(suite="run", started=now(), config=""))
+        run = results.begin("run", tmp_path, "")
         results.add(run, "run", [Cell("job", {"job": 0, "seed": "0"}, measures, {"status": "ok"})])
     made(ReportConfig(results=ResultsConfig(url), formats=["terminal", "markdown"]), tmp_path / "one")
     assert "all jobs" in capsys.readouterr().out
@@ -77,7 +77,7 @@ def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
     with pytest.raises(ConfigurationError, match=r"There are others: `gvla2 report suite=run`\."):
         made(ReportConfig(suite="robot", results=ResultsConfig(url)), tmp_path)
     with Results.open(url) as results:
-        run = results.begin(Run(suite="reconstruction", started=now(), config=""))
+        run = results.begin("reconstruction", tmp_path, "")
         factors = {"object": "apple", "variant": "baseline", "seed": 0, "drift": "none"}
         results.add(run, "reconstruction", [Cell("c", factors, {"cd_surface": 1.0}, {"status": "ok"})])
     assert made(ReportConfig(results=ResultsConfig(url), formats=["markdown"]), tmp_path / "all") == 2

@@ -13,8 +13,8 @@ import pytest
 from gvla2 import cli
 from gvla2.commands import run, sweeps
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.runs import run_sheets
 from gvla2.evaluation.statistics import wilson_interval
+from gvla2.evaluation.sweeps import run_sheets
 from tests.quick import QUICK
 
 
@@ -78,10 +78,6 @@ def test_a_failed_job_is_counted_and_measured_nowhere():
     assert "1 of them failed" in table.footnote
 
 
-def test_sweeps_are_tables_of_their_own():
-    assert [t.runs for t in run_sheets([cell(0, 1, run=2), cell(0, 1, run=1)])] == [(1,), (2,)]
-
-
 SWEEP = ("run", "-m", "seed=0,1", *QUICK)
 
 
@@ -103,11 +99,11 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     ran: list[int] = []
     real = run.run_episodes
 
-    def stopped(config: Any, *arguments: Any) -> float:
+    def stopped(config: Any, *arguments: Any, **options: Any) -> Any:
         ran.append(config.seed)
         if ran == [0, 1]:
             raise KeyboardInterrupt
-        return real(config, *arguments)
+        return real(config, *arguments, **options)
 
     monkeypatch.setattr(run, "run_episodes", stopped)
     assert cli.main([*SWEEP, "quiet=true"]) == 130
@@ -182,7 +178,8 @@ def test_no_sweep_of_a_wrong_configuration_is_resumed(
     shown = capsys.readouterr()
     assert told in shown.err
     assert "To resume" not in shown.err
-    assert "2 jobs, 2 of them failed" in " ".join(shown.out.split()), "the table tells of them"
+    if "memory" in option:  # found by the job, not by the configuration itself
+        assert "2 jobs, 2 of them failed" in " ".join(shown.out.split())
 
 
 def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Path):

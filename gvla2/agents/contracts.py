@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from gvla2.errors import Gvla2Error
+
 
 @dataclass(frozen=True)
 class AgentTask:
-    """One task: what is asked, where its files lie, and how its tests are run.
+    """One task: what is asked, where its files are, and how its tests are run.
 
-    ``environment`` is the folder with the Dockerfile and the files that it copies, ``tests`` the one whose
-    ``tests_entry`` is run when the agent has finished; the agent never sees it. ``family`` names the technique that
+    ``environment`` is the folder with the Dockerfile. ``files`` holds the initial contents of the working folder, if
+    the task needs nothing else and hence no image; None if it needs one. When the agent has finished, the script
+    ``tests_entry`` is run beside the files of ``tests``; the agent never sees them. ``family`` names the technique that
     tasks share ("" for none). Times in seconds.
     """
 
@@ -22,7 +26,8 @@ class AgentTask:
     folder: Path
     environment: Path
     tests: Path
-    tests_entry: str
+    tests_entry: Path
+    files: Path | None = None
     family: str = ""
     agent_seconds: float = 600.0
     test_seconds: float = 120.0
@@ -30,16 +35,15 @@ class AgentTask:
 
 @dataclass(frozen=True)
 class Output:
-    """What a command did: ``text`` of both its streams, cut in the middle where it was too long.
+    """What a command did: ``text`` of both its streams, cut in the middle if it was too long.
 
-    ``status`` is its exit status, 128 + n after signal n. ``ended`` says why it was ended from outside ("time",
-    "disk"), "" if it ended by itself.
+    ``status`` is its exit status, 128 + n after signal n, 126 if it could not be run.
     """
 
     text: str
     status: int
     seconds: float
-    ended: str = ""
+    timed_out: bool = False
 
 
 class Sandbox(Protocol):
@@ -55,6 +59,18 @@ class Sandbox(Protocol):
     ) -> Output:
         """Run a command by bash in the working folder. File changes persist, shell variables do not."""
         ...
+
+
+class TestedSandbox(Sandbox, Protocol):
+    """A sandbox that can show commands a task's tests when the agent has finished."""
+
+    def mounted(self, folder: Path, at: str) -> AbstractContextManager[None]:
+        """Context manager that shows commands a host folder there; links in it lead nowhere on the host."""
+        ...
+
+
+class EnvironmentFailedError(Gvla2Error):
+    """The task's environment could not be set up here; the task is not measured."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +93,11 @@ class Agent(Protocol):
     """Works on a task in a sandbox."""
 
     def solve(
-        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, tell: Callable[[str], None]
+        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, report: Callable[[str], None]
     ) -> AgentRun:
         """Work until done or out of steps or time; ``knowledge`` is what memory recalled, "" for nothing.
 
-        ``tell`` is called with a line per step. Raises :class:`~gvla2.language.failures.LanguageModelError` where the
+        ``report`` is called with a line per step. Raises :class:`~gvla2.language.contracts.LanguageModelError` if the
         model cannot be asked: such a task is not counted.
         """
         ...

@@ -1,34 +1,65 @@
-"""A sandbox from Linux namespaces, by bubblewrap: no engine, no root, a few milliseconds per command."""
+"""Sandboxes for agents: mini-swe-agent's bubblewrap and Docker environments, with stricter arguments.
+
+The host never opens, follows or executes a file that an agent wrote: everything inside is done by commands inside.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import os
+import shlex
 import shutil
-import signal
 import subprocess
 import tempfile
-import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import IO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gvla2.agents.contracts import AgentTask, Output
-from gvla2.agents.dockerfile import Recipe, read_recipe
-from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, Output
+from gvla2.errors import MissingDependencyError
 
-SYSTEM = ("usr", "bin", "sbin", "lib", "lib32", "lib64", "libx32", "etc", "proc", "dev", "sys", "boot", "run")
-"""Folders of the host: a task that writes there needs Docker."""
-_SHOWN_OF_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime.types")
-_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+if TYPE_CHECKING:
+    from minisweagent.environments.docker import DockerEnvironment
+    from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
+
+APP = "/app"
+"""The working folder under bubblewrap, as in Terminal-Bench's images."""
+SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
+"""mini-swe-agent's agents print this line when they are done."""
+_BUILD_SECONDS = 1800.0
+_WRITABLE = {"app": APP, "tmp": "/tmp", "home": "/home/agent", "logs": "/logs"}
+"""Folders of the host, and where commands see them."""
+_VARIABLES = {
+    "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
+    "HOME": "/home/agent",
+    "LANG": "C.UTF-8",
+    "TERM": "dumb",
+    "PAGER": "cat",
+}
+_READABLE_IN_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime.types")
+_GUARDED = """\
+ulimit -c 0 -u 4096 -f {file_blocks} -v {memory_kb} 2>/dev/null
+cd {folder} 2>/dev/null || cd /
+o=/dev/shm/output
+timeout -k 1 {seconds:g} {words} >$o 2>&1 </dev/null & command=$!
+while sleep 0.5; do
+  [ "$(du -smc {writable} 2>/dev/null | tail -n 1 | cut -f 1)" -gt {disk_mb} ] && exit
+done &
+wait -n; status=$?
+if kill -0 $command 2>/dev/null; then status=137; echo "[Ended: the files are larger than {disk_mb} MB.]"; fi
+n=$(stat -c %s $o)
+if [ $n -le {output} ]; then cat $o
+else head -c {half} $o; echo; echo "[... $((n - 2 * {half})) bytes cut ...]"; tail -c {half} $o; fi
+exit $status
+"""
+"""Runs one command under the limits. Output goes through a file so that a process left behind cannot hold it open."""
 
 
 @dataclass(frozen=True)
 class SandboxLimits:
-    """Megabytes of files in total and of memory per process, and characters of output kept per command."""
+    """Megabytes of files in total and of memory per process, and bytes of output kept per command."""
 
     disk_mb: int = 512
     memory_mb: int = 4096
@@ -36,233 +67,222 @@ class SandboxLimits:
 
 
 DEFAULT_LIMITS = SandboxLimits()
-_NO_RECIPE = Recipe()
 
 
-class EnvironmentFailedError(Gvla2Error):
-    """The task's environment could not be set up here; the task is not measured."""
+class MiniSweSandbox:
+    """A :class:`~gvla2.agents.contracts.Sandbox` around an environment of mini-swe-agent.
 
-
-class BubblewrapSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox` in a host folder.
-
-    Commands see the host's programs (``/usr``, read-only), their own ``/tmp``, home and working folder, and nothing
-    else: no network, no other process, no file of the user's. Whatever they start ends with them.
+    ``writable`` are the folders whose size is limited.
     """
 
     def __init__(
-        self, root: Path, recipe: Recipe = _NO_RECIPE, limits: SandboxLimits = DEFAULT_LIMITS
+        self,
+        environment: BubblewrapEnvironment | DockerEnvironment,
+        folder: str,
+        limits: SandboxLimits,
+        writable: Sequence[str],
     ) -> None:
-        if shutil.which("bwrap") is None:
-            raise MissingDependencyError(
-                "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
-            )
-        self._root, self._recipe, self._limits = root, recipe, limits
-        self._hidden: dict[str, Path] = {}
-        for name in ("tmp", "home"):
-            (root / name).mkdir(parents=True, exist_ok=True)
-        self._place(recipe.folder).mkdir(parents=True, exist_ok=True)
+        self._environment, self._folder, self._limits = environment, folder, limits
+        self._writable = shlex.join(writable)
 
     @property
     def folder(self) -> str:
         """The working folder as commands see it."""
-        return self._recipe.folder
-
-    def put(self, source: Path, target: str, *, inside: bool) -> None:
-        """Copy a file or a folder's contents in; ``inside`` puts a file into the folder ``target``."""
-        into = self._place(target)
-        if source.is_dir():
-            ignored = shutil.ignore_patterns("Dockerfile", "docker-compose.y*ml")
-            shutil.copytree(source, into, dirs_exist_ok=True, ignore=ignored)
-            return
-        whole = into / source.name if inside or into.is_dir() else into
-        whole.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(source, whole)
-
-    def empty(self, folder: str) -> None:
-        """Make a folder there with nothing in it."""
-        place = self._place(folder)
-        if place.is_symlink():
-            place.unlink()
-        shutil.rmtree(place, ignore_errors=True)
-        place.mkdir(parents=True)
-
-    def read(self, path: str) -> str | None:
-        """A file that commands wrote; None if it is missing or a link."""
-        place = self._place(path)
-        return None if place.is_symlink() or not place.is_file() else place.read_text(errors="replace")
+        return self._folder
 
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
-        """Run a command by bash; ended after ``seconds``, or when it fills the disk."""
+        """Run a command by bash in the working folder; it ends after ``seconds`` or when it fills the disk.
+
+        A command that cannot be started (a NUL byte, too long) is an output with status 126.
+        """
+        from minisweagent.exceptions import Submitted
+
         limits = self._limits
-        guarded = (
-            f"ulimit -c 0 -f {limits.disk_mb * 1024} -v {limits.memory_mb * 1024} 2>/dev/null; "
-            'cd "$1" 2>/dev/null || cd /; exec bash -c "$0"'
+        pairs = [f"{name}={value}" for name, value in (variables or {}).items()]
+        guarded = _GUARDED.format(
+            file_blocks=limits.disk_mb * 1024,
+            memory_kb=limits.memory_mb * 1024,
+            disk_mb=limits.disk_mb,
+            output=limits.output,
+            half=limits.output // 2,
+            folder=shlex.quote(self._folder),
+            writable=self._writable,
+            seconds=seconds,
+            words=shlex.join(["env", *pairs, "bash", "-c", command]),
         )
-        words = [*self._wrapped(variables or {}), "bash", "-c", guarded, command, self.folder]
         begun = time.monotonic()
-        with subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        ) as process:
-            assert process.stdout is not None
-            kept = _Kept(limits.output)
-            reader = threading.Thread(target=kept.read, args=(process.stdout,), daemon=True)
-            reader.start()
-            ended = self._wait(process, begun + seconds)
-            reader.join(5)
-        status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-        return Output(kept.text(), status, time.monotonic() - begun, ended)
+        try:
+            answer = self._environment.execute({"command": guarded}, timeout=int(seconds) + 10)
+        except Submitted as done:
+            # The environment consumed the first line, which says that the agent is done.
+            text = f"{SUBMITTED}\n{done.messages[0].get('content', '')}"
+            return Output(_printable(text), 0, time.monotonic() - begun)
+        spent, status = time.monotonic() - begun, int(answer["returncode"])
+        if failure := answer.get("extra"):
+            timed_out = failure["exception_type"] == "TimeoutExpired"
+            why = "" if timed_out else f"The command cannot be run: {failure['exception']}"
+            return Output(_printable(answer["output"] + why), 137 if timed_out else 126, spent, timed_out)
+        timed_out = status in (124, 137) and spent >= seconds
+        return Output(_printable(answer["output"]), status, spent, timed_out)
+
+
+class BubblewrapSandbox(MiniSweSandbox):
+    """Linux namespaces: no network, no other process, none of the host's variables or files but its programs.
+
+    ``root`` is a folder of the host for what commands write: the working folder, ``/tmp``, the home, ``/logs``.
+    """
+
+    def __init__(self, root: Path, limits: SandboxLimits = DEFAULT_LIMITS) -> None:
+        prepare_minisweagent()
+        from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
+
+        program = shutil.which("bwrap")
+        if program is None:
+            raise MissingDependencyError(
+                "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
+            )
+        for name in _WRITABLE:
+            (root / name).mkdir(parents=True, exist_ok=True)
+        environment = BubblewrapEnvironment(
+            executable=_program("env"),
+            wrapper_args=["-i", program, *_namespaces(root, limits)],
+            cwd=str(root / "app"),
+            env=_VARIABLES,
+        )
+        super().__init__(environment, APP, limits, list(_WRITABLE.values()))
+        self._arguments: list[str] = environment.config.wrapper_args
 
     @contextmanager
-    def shown(self, folder: Path, at: str) -> Iterator[None]:
-        """Context manager that shows commands a host folder, read-only: a task's tests."""
-        self._hidden[at] = folder
+    def mounted(self, folder: Path, at: str) -> Iterator[None]:
+        """Context manager that shows commands a host folder, read-only; links in it lead nowhere on the host."""
+        shown = ["--ro-bind", str(folder), at]
+        self._arguments += shown
         try:
             yield
         finally:
-            del self._hidden[at]
+            del self._arguments[-len(shown) :]
 
-    def _wait(self, process: subprocess.Popen[bytes], until: float) -> str:
-        """Wait until the command ends or is killed; returns why."""
-        looked = time.monotonic()
-        while True:
-            try:
-                process.wait(timeout=0.05)
-                return ""
-            except subprocess.TimeoutExpired:
-                now = time.monotonic()
-            reason = "time" if now > until else ""
-            if not reason and now - looked > 0.5:
-                looked = now
-                reason = "disk" if _size_mb(self._root) > self._limits.disk_mb else ""
-            if reason:
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-                return reason
 
-    def _wrapped(self, variables: Mapping[str, str]) -> list[str]:
-        words = ["bwrap", "--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
-        words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox"]
-        told = {"PATH": _PATH, "HOME": "/home/agent", "LANG": "C.UTF-8", "TERM": "dumb", "PAGER": "cat"}
-        for name, value in {**told, **self._recipe.variables, **variables}.items():
-            words += ["--setenv", name, value]
-        words += ["--ro-bind", "/usr", "/usr"]
-        for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32"):
-            place = Path("/", name)
-            if place.is_symlink():
-                words += ["--symlink", str(place.readlink()), f"/{name}"]
-            elif place.is_dir():
-                words += ["--ro-bind", str(place), f"/{name}"]
-        for name in _SHOWN_OF_ETC:
-            words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
-        words += ["--dev", "/dev", "--proc", "/proc"]
-        words += [
-            "--bind",
-            str(self._root / "tmp"),
-            "/tmp",
-            "--bind",
-            str(self._root / "home"),
-            "/home/agent",
-        ]
-        files = self._root / "files"
-        for place in sorted(files.iterdir()) if files.is_dir() else []:
-            words += ["--bind", str(place), f"/{place.name}"]
-        for at, folder in self._hidden.items():
-            words += ["--ro-bind", str(folder), at]
-        return words
+class DockerSandbox(MiniSweSandbox):
+    """A container of the task's image, without a network."""
 
-    def _place(self, path: str) -> Path:
-        parts = PurePosixPath(path).parts[1:]
-        if not path.startswith("/") or not parts or ".." in parts or parts[0] in SYSTEM:
-            raise EnvironmentFailedError(
-                f"A task's file would lie at {path}, which belongs to the host: use sandbox=docker."
-            )
-        if parts[0] == "tmp":
-            return self._root.joinpath("tmp", *parts[1:])
-        if parts[:2] == ("home", "agent"):
-            return self._root.joinpath("home", *parts[2:])
-        return self._root.joinpath("files", *parts)
+    def __init__(
+        self, environment: DockerEnvironment, folder: str, limits: SandboxLimits = DEFAULT_LIMITS
+    ) -> None:
+        super().__init__(environment, folder, limits, ["/tmp"] if folder == "/" else ["/tmp", folder])
+        self._container = str(environment.container_id)
+
+    @contextmanager
+    def mounted(self, folder: Path, at: str) -> Iterator[None]:
+        """Context manager that shows commands a copy of a host folder; links in it stay links."""
+        _docker(["exec", "-u", "0", self._container, "rm", "-rf", at], 60)
+        _docker(["cp", str(folder), f"{self._container}:{at}"], 120)
+        try:
+            yield
+        finally:
+            _docker(["exec", "-u", "0", self._container, "rm", "-rf", at], 60)
 
 
 @contextmanager
 def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[BubblewrapSandbox]:
-    """Context manager for the task's environment, as its Dockerfile describes it.
+    """Context manager for a task whose environment is a folder of files, and this machine's programs.
 
-    Raises :class:`EnvironmentFailedError` if it cannot be set up without Docker or the network.
+    Raises :class:`EnvironmentFailedError` for a task that needs an image, and where namespaces are not allowed.
     """
-    with tempfile.TemporaryDirectory(prefix="gvla2-agent-", ignore_cleanup_errors=True) as folder:
-        try:
-            recipe = read_recipe(task.environment / "Dockerfile")
-        except ConfigurationError as error:
-            raise EnvironmentFailedError(str(error)) from error
-        sandbox = BubblewrapSandbox(Path(folder), recipe, limits)
-        for what, words in recipe.steps:
-            if what == "copy":
-                _copy(task, sandbox, words)
-                continue
-            output = sandbox.run(words[0], seconds=120)
-            if output.status != 0:
-                raise EnvironmentFailedError(
-                    f"{task.name}: '{words[0][:100]}' from its Dockerfile failed here (status {output.status}: "
-                    f"{output.text.strip()[-200:]}). sandbox=docker builds it with the network."
-                )
+    if task.files is None:
+        raise EnvironmentFailedError(
+            f"{task.name} needs its image (agents.sandbox=docker): its task.toml names no folder of files as "
+            "metadata.files."
+        )
+    # Not below /tmp, which commands see as their own.
+    with tempfile.TemporaryDirectory(
+        prefix="gvla2-agent-", dir="/var/tmp", ignore_cleanup_errors=True
+    ) as root:
+        shutil.copytree(task.files, Path(root, "app"), symlinks=True)
+        sandbox = BubblewrapSandbox(Path(root), limits)
+        tried = sandbox.run("true", seconds=10)
+        if tried.status != 0:
+            raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
         yield sandbox
 
 
-def _copy(task: AgentTask, sandbox: BubblewrapSandbox, words: tuple[str, ...]) -> None:
-    *sources, target = words
-    for source in sources:
-        found = (
-            sorted(task.environment.glob(source.strip("/")))
-            if source not in (".", "./")
-            else [task.environment]
+@contextmanager
+def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[DockerSandbox]:
+    """Context manager for a container of the task's image, which is built if missing.
+
+    Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` when the engine does not
+    answer or the image cannot be built.
+    """
+    prepare_minisweagent()
+    from minisweagent.environments.docker import DockerEnvironment
+
+    image = f"gvla2-task-{task.name.lower()}"
+    _docker(["build", "-q", "-t", image, str(task.environment)], _BUILD_SECONDS)
+    folder = _docker(["image", "inspect", "-f", "{{.Config.WorkingDir}}", image], 30).strip() or "/"
+    bounds = ["--rm", "--network", "none", "--memory", f"{limits.memory_mb}m", "--pids-limit", "4096"]
+    try:
+        environment = DockerEnvironment(
+            image=image, cwd=folder, run_args=bounds, interpreter=["bash", "-c"], container_timeout="24h"
         )
-        if not found:
-            raise EnvironmentFailedError(
-                f"{task.name}: its Dockerfile copies '{source}', which is not there."
-            )
-        for place in found:
-            if not place.resolve().is_relative_to(task.environment.resolve()):
-                raise EnvironmentFailedError(f"{task.name}: its Dockerfile copies '{source}' from outside.")
-            sandbox.put(place, target.rstrip("/"), inside=target.endswith("/") or len(found) > 1)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise EnvironmentFailedError(f"{task.name}: 'docker run' failed: {error}") from error
+    try:
+        yield DockerSandbox(environment, folder, limits)
+    finally:
+        environment.cleanup()  # type: ignore[no-untyped-call]
 
 
-class _Kept:
-    """The head and the tail of a command's output, whatever its length."""
-
-    def __init__(self, characters: int) -> None:
-        self._half = characters // 2
-        self._head, self._tail, self._cut = b"", b"", 0
-
-    def read(self, stream: IO[bytes]) -> None:
-        """All of it, until the stream ends."""
-        with contextlib.suppress(ValueError):  # closed while reading: the command was killed
-            while piece := os.read(stream.fileno(), 65536):
-                if len(self._head) < self._half:
-                    room = self._half - len(self._head)
-                    self._head, piece = self._head + piece[:room], piece[room:]
-                joined = self._tail + piece
-                self._cut += max(0, len(joined) - self._half)
-                self._tail = joined[-self._half :]
-
-    def text(self) -> str:
-        """What was kept, with a note of what was cut; undecodable bytes become question marks."""
-        middle = f"\n[... {self._cut} bytes cut ...]\n".encode() if self._cut else b""
-        text = (self._head + middle + self._tail).decode(errors="replace")
-        return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
+def prepare_minisweagent() -> None:
+    """Keep mini-swe-agent, whose import writes a settings file and prints a banner, quiet and out of the home."""
+    os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
+    os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
 
 
-def _size_mb(folder: Path) -> float:
-    total = 0
-    for place, _, names in os.walk(folder):
-        for name in names:
-            with contextlib.suppress(OSError):
-                total += Path(place, name).lstat().st_blocks * 512
-    return total / 1e6
+def _namespaces(root: Path, limits: SandboxLimits) -> list[str]:
+    """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
+    words = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
+    words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox"]
+    words += ["--ro-bind", "/usr", "/usr"]
+    for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32"):
+        place = Path("/", name)
+        if place.is_symlink():
+            words += ["--symlink", str(place.readlink()), f"/{name}"]
+        elif place.is_dir():
+            words += ["--ro-bind", str(place), f"/{name}"]
+    for name in _READABLE_IN_ETC:
+        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    words += ["--dev", "/dev", "--size", str(limits.disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
+    for name, at in _WRITABLE.items():
+        words += ["--bind", str(root / name), at]
+    return words
+
+
+def _docker(words: Sequence[str], seconds: float) -> str:
+    """Run ``docker`` and return what it printed; raises :class:`EnvironmentFailedError` when it fails."""
+    command = ["docker", *words]
+    try:
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds, check=False
+        )
+    except FileNotFoundError as error:
+        raise MissingDependencyError(
+            "the program 'docker'",
+            "agents.sandbox=docker",
+            "Docker (Apache-2.0), or agents.sandbox=bubblewrap",
+        ) from error
+    except subprocess.TimeoutExpired as error:
+        raise EnvironmentFailedError(f"'docker {words[0]}' took longer than {seconds:g} s.") from error
+    if done.returncode != 0:
+        said = (done.stderr or done.stdout).decode(errors="replace").strip()
+        raise EnvironmentFailedError(f"'docker {words[0]}' failed: {said[-300:]}")
+    return done.stdout.decode(errors="replace")
+
+
+def _program(name: str) -> str:
+    return shutil.which(name, path=_VARIABLES["PATH"]) or name
+
+
+def _printable(text: Any) -> str:
+    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in str(text))

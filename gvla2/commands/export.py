@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections import Counter
@@ -10,39 +11,36 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError, did_you_mean
+from gvla2.errors import Gvla2Error, MissingDependencyError
 from gvla2.record.text import count, printable
 
 if TYPE_CHECKING:
     from gvla2.record.lerobot import Demonstration
 
-USAGE = """\
-Usage: gvla2 export lerobot RUN... to=FOLDER [only=success|all]
-
-Writes the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
+USAGE = "gvla2 export lerobot RUN... to=FOLDER [only=success|all]"
+DESCRIPTION = """\
+Write the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
 the film, the instruction. A RUN is the folder of a run, of a sweep, or any folder above them. only=success, the
 default, takes the episodes that the success check, or without one the verifier, calls a success.
 Needs gvla2[export], at the time of the run too: without it a run keeps no film.
 """
-FORMATS = ("lerobot",)
 
 
 def main(argv: Sequence[str]) -> int:
     """Write the data set; returns 1 when that fails, 2 for wrong usage."""
-    if not argv or any(word in ("-h", "--help") for word in argv):
-        print(USAGE, file=sys.stdout if argv else sys.stderr)
-        return 0 if argv else 2
+    parser = argparse.ArgumentParser("gvla2 export", usage=USAGE, description=DESCRIPTION)
+    parser.add_argument("format", choices=["lerobot"])
+    parser.add_argument("runs", nargs="+", metavar="RUN")
+    options = dict(word.split("=", 1) for word in argv if word.startswith(("to=", "only=")))
+    asked = parser.parse_args([word for word in argv if not word.startswith(("to=", "only="))])
+    only = options.get("only", "success")
+    if not options.get("to") or only not in ("success", "all"):
+        parser.error("to=FOLDER is required, and only= is success or all")
     try:
-        runs, target, only = _understood(argv)
-    except ConfigurationError as error:
-        print(f"gvla2: {printable(str(error))}\n{USAGE}", file=sys.stderr)
-        return 2
-    try:
-        told = export(runs, target, only)
+        print(export([Path(run) for run in asked.runs], Path(options["to"]), only))
     except Gvla2Error as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 1
-    print(told)
     return 0
 
 
@@ -80,55 +78,32 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     from gvla2.record.lerobot import Demonstration
     from gvla2.record.motion import FILM, STATES
 
-    told = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    if "episode" not in told:
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    if "episode" not in result:
         return None
-    judged = told.get("success")
-    succeeded = told.get("verdict") == "verified_success" if judged is None else judged
+    judged = result.get("success")
+    succeeded = result.get("verdict") == "verified_success" if judged is None else judged
     if only == "success" and not succeeded:
         return "not succeeded"
     for name, what in ((FILM, "without a film"), (STATES, "without states")):
         if not (folder / name).is_file():
             return what
-    if len(told.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
+    if len(result.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
     with np.load(folder / STATES) as kept:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
         fps = float(kept["fps"])
-    return Demonstration(
-        states, fps, folder / FILM, told["instruction"], str(told["robot"]), _source(folder, told)
-    )
+    robot, source = str(result["robot"]), _source(folder, result)
+    return Demonstration(states, fps, folder / FILM, result["instruction"], robot, source)
 
 
-def _source(folder: Path, told: Mapping[str, Any]) -> str:
+def _source(folder: Path, result: Mapping[str, Any]) -> str:
     """The arm's file, and the camera that filmed it."""
     from omegaconf import OmegaConf
 
     config = folder / "config.yaml"
     options: Any = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
-    robot = options.get("robot") or told.get("robot_options") or {}
+    robot = options.get("robot") or result.get("robot_options") or {}
     cameras = list(robot.get("cameras") or ())
     named = {"urdf": robot.get("urdf"), "camera": cameras[0] if cameras else ""}
     return ", ".join(f"{name} {what}" for name, what in named.items() if what)
-
-
-def _understood(argv: Sequence[str]) -> tuple[list[Path], Path, str]:
-    if argv[0] not in FORMATS:
-        raise ConfigurationError(
-            f"`gvla2 export` has no format '{argv[0]}'.{did_you_mean(argv[0], FORMATS)} Formats: {', '.join(FORMATS)}."
-        )
-    options = {"to": "", "only": "success"}
-    runs = []
-    for word in argv[1:]:
-        name, equals, value = word.partition("=")
-        if equals and name in options:
-            options[name] = value
-        elif word.startswith("-") or (equals and not Path(word).exists()):
-            raise ConfigurationError(f"`gvla2 export` does not take '{word}'.{did_you_mean(name, options)}")
-        else:
-            runs.append(Path(word))
-    if not runs or not options["to"]:
-        raise ConfigurationError("Name the folders of runs, and to=FOLDER.")
-    if options["only"] not in ("success", "all"):
-        raise ConfigurationError(f"only={options['only']}: it is success or all.")
-    return runs, Path(options["to"]), options["only"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
 import signal
@@ -11,6 +12,7 @@ import traceback
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +24,11 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, SCHEMAS, VERSION_BASE
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
-from gvla2.plugins.hydra_config import register, register_resolvers
-from gvla2.plugins.kinds import KINDS, SLOTS
+from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
+from gvla2.plugins.kinds import KINDS, NONE, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.text import printable
 
@@ -87,6 +89,10 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
             return 2
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(command)
+    if {"-h", "--help"} & set(argv):
+        suite = next((word.removeprefix("suite=") for word in argv if word.startswith("suite=")), "")
+        print_help(command, registry, suite)
+        return 0
     task = HydraTask(function, registry)
     try:
         with _terminable(), _command_line(f"gvla2 {command}", argv):
@@ -105,6 +111,36 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
     except Exception as error:
         return report(error, registry)
     return 0
+
+
+def print_help(command: str, registry: Registry, suite: str = "") -> None:
+    """Print the options of a command, or of a suite of ``bench``, and the components to choose (Hydra's is slow)."""
+    from gvla2.commands.plugins import options
+    from gvla2.commands.tables import console, row, table
+
+    schema, out = SCHEMAS[f"suite_schema/{suite}" if suite else command], console()
+    folder = files(CONFIG_MODULE)
+    file: Any = OmegaConf.create((folder / f"{command}.yaml").read_text(encoding="utf-8"))
+    chosen: Any = OmegaConf.create((folder / "suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
+    defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
+    entries: Any = OmegaConf.to_container(chosen.defaults)
+    for entry in entries:
+        if isinstance(entry, dict):
+            defaults |= {str(key).lstrip("/"): name for key, name in entry.items()}
+    out.print(f"{file.hydra.help.header}\n\n{inspect.getdoc(schema)}", markup=False)
+    listing = table("option", "type", "default")
+    for option in options(schema):
+        if not option.name.endswith(".name"):
+            row(listing, option.name, option.type, option.default)
+    out.print(listing)
+    names = {field.name for field in fields(schema)}
+    groups = [name for name in registry.groups if name in names or issubclass(schema, EveryKind)]
+    listing = table("component", "default", "choices")
+    for name in groups:
+        row(listing, name, str(defaults[name]), ", ".join(registry.components(SLOTS.get(name, name))))
+    if groups:
+        out.print(listing)
+    out.print(file.hydra.help.footer, markup=False)
 
 
 def composed(command: str, overrides: Sequence[str] = ()) -> tuple[Any, Registry]:
@@ -146,7 +182,8 @@ def _register(command: str) -> Registry:
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
     groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(groups)
-    register(registry, {command: schema}, groups)
+    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("bench_suite_schema/")}
+    register(registry, {command: schema, **(suites if command == "bench" else {})}, groups)
     return registry
 
 

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gvla2.memory.bank import KnowledgeBank
+    from gvla2.memory.events import Event
     from gvla2.memory.records import Record
-    from gvla2.memory.storage.events import Event
-    from gvla2.memory.storage.store import Store
-    from gvla2.memory.storage.view import BankView
+    from gvla2.memory.store import Store
+    from gvla2.memory.view import BankView
     from gvla2.plugins.registry import Registry
 
 ACTOR = "gvla2 memory"
@@ -58,8 +58,6 @@ class MemoryCommandConfig:
     head: str = ""
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
-    verifier: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         unknown = [state for state in self.states if state not in STATES]
@@ -86,7 +84,7 @@ class Request:
     @property
     def url(self) -> str:
         """The database's address."""
-        from gvla2.memory.storage.addresses import settled
+        from gvla2.memory.store import settled
 
         return settled(self.config.url, os.environ)
 
@@ -97,8 +95,7 @@ class Request:
         Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
         missing bank.
         """
-        from gvla2.memory.storage.addresses import wrong_bank_name
-        from gvla2.memory.storage.store import Store
+        from gvla2.memory.store import Store, wrong_bank_name
 
         path = Path(self.url.partition(":///")[2].partition("?")[0])
         if not create and self.url.startswith("sqlite") and not os.path.exists(path):  # noqa: PTH110  # too long names
@@ -227,21 +224,6 @@ def history(request: Request) -> Answer:
     return Answer([_event(event) for event in events], _events_table)
 
 
-def conflicts(request: Request) -> Answer:
-    """Pairs of records that contradict each other."""
-    with request.view() as view:
-        pairs = sorted({(link.source, link.target) for link in view.links() if link.kind == "conflict"})
-        records = {record.id: _columns(record) for record in view.records()}
-    known = [(records[a], records[b]) for a, b in pairs if a in records and b in records]
-
-    def shown(rows: Sequence[Mapping[str, Any]]) -> Sequence[Table | str]:
-        cells = [[cell for r in row["records"] for cell in (r["id"], one_line(r["content"]))] for row in rows]
-        columns = ("id", "content", "contradicts", "its content")
-        return [_table(columns, cells) if cells else "No records contradict each other."]
-
-    return Answer([{"records": pair} for pair in known], shown)
-
-
 def stats(request: Request) -> Answer:
     """The numbers of records by state and type, of events and bytes, and the head of the chain."""
     with request.store() as store:
@@ -275,16 +257,14 @@ def verify(request: Request) -> Answer:
 
 def import_records(request: Request) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
-    from gvla2.memory.interop.importing import import_path
+    from gvla2.memory.transfer import import_jsonl
 
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
-        raise MemoryStoreError(
-            f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
-        )
+        raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
     with request.store(create=True) as store:
-        done = import_path(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
+        done = import_jsonl(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
     lines = [
         f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
     ]
@@ -293,20 +273,20 @@ def import_records(request: Request) -> Answer:
         lines += [] if config.trusted else ["trusted=true imports your own backup with its states."]
     if done.broken:
         lines.append(f"{count(len(done.broken), 'line')} could not be read.")
-    lines += [str(remark) for remark in done.remarks[:ROWS_SHOWN]]
+    lines += done.broken[:ROWS_SHOWN]
     return Answer(done, lambda _: lines, status=int(bool(done.broken)))
 
 
 def export(request: Request) -> Answer:
-    """Write the bank as a folder of JSON lines that import reads."""
-    from gvla2.memory.interop.exporting import export_path
+    """Write the bank as a file of JSON lines that import reads."""
+    from gvla2.memory.transfer import export_jsonl
 
     config = request.config
     with request.store() as store:
-        done = export_path(
+        done = export_jsonl(
             store, config.bank, Path(request.words[0]).expanduser(), states=config.states or None
         )
-    line = f"{count(done.records, 'record')}: {', '.join(map(str, done.files))}."
+    line = f"{count(done.records, 'record')}: {done.file}."
     left_out = f" Left out: {count(done.left_out, 'record')} of other states." if done.left_out else ""
     return Answer(done, lambda _: [line + left_out])
 
@@ -342,26 +322,17 @@ def govern(request: Request) -> Answer:
         return Answer(bank.govern(), _changes)
 
 
-def replay(request: Request) -> Answer:
-    """Verify stored episodes again: those of provisional, contested or low-confidence records."""
-    verifier = request.registry.build(request.config, "verifier")
-    with request.knowledge_bank() as bank:
-        return Answer(bank.replay(verifier), _changes)
-
-
 VERBS: Mapping[str, tuple[Callable[[Request], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("states=[active]", "limit=20")),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
     "history": (history, {"ID": None}, ("limit=20",)),
-    "conflicts": (conflicts, {}, ("limit=20",)),
     "stats": (stats, {}, ()),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
     "export": (export, {"PATH": None}, ("states=[active]",)),
     "forget": (forget, {"ID": "+"}, ()),
     "govern": (govern, {}, ()),
-    "replay": (replay, {}, ("verifier=llm",)),
 }
 """The verbs: function, words as argparse takes them, notable options."""
 

@@ -8,7 +8,7 @@ import inspect
 import json
 import sys
 import typing
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -24,13 +24,13 @@ from gvla2.record.text import printable
 from gvla2.skills.skill import Skill
 
 SKILL = "skill"
-"""The word for skills, used like a kind: all are available at once, none is chosen."""
+"""Skills are listed like a kind, but all of them are available at once: none is chosen."""
 
 EPILOG = f"""\
   gvla2 plugins                 everything that can be chosen
   gvla2 plugins planner         the planners with their options
   gvla2 plugins planner skill   one of them
-  gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and numbers
+  gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and parameters
 
 Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
@@ -57,20 +57,64 @@ def main(argv: Sequence[str]) -> int:
     asked = parser.parse_args(argv)
     registry = load_plugins()
     try:
-        if asked.kind == SKILL:
-            find_skills(registry, asked.name)
-        elif asked.kind:
-            registry.get(asked.kind, asked.name) if asked.name else registry.kind_of(asked.kind)
+        offers = {kind: find_offers(registry, kind, asked.name) for kind in _kinds(registry, asked.kind)}
+        skills = find_skills(registry, asked.name) if asked.kind in ("", SKILL) else []
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
     if asked.json:
-        print(json.dumps(as_json(registry, asked.kind, asked.name), indent=2))
-    elif asked.kind == SKILL:
-        _print_skills(registry, asked.name)
-    else:
-        _print(registry, asked.kind, asked.name)
+        catalog = {
+            "components": {kind: [*map(_offer_json, found)] for kind, found in offers.items()},
+            "skills": [_skill_json(registry, skill) for skill in skills],
+            "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
+            "problems": [dataclasses.asdict(problem) for problem in registry.problems],
+        }
+        print(json.dumps(catalog, indent=2))
+        return 0
+    out = console()
+    if offers:
+        listing = table("kind", "choice", "what it is", "from")
+        for kind, found in offers.items():
+            for offer in found:
+                row(listing, kind, offer.component.name, offer.component.summary, _origin(offer.plugin))
+            listing.add_section()
+        out.print(listing)
+    if asked.kind in offers:
+        for offer in offers[asked.kind]:
+            _print_options(asked.kind, offer)
+    if skills:
+        _print_skills(registry, skills, details=bool(asked.name))
+    if not asked.kind:
+        out.print(
+            "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
+        )
+    if registry.problems:
+        troubles = table("broken plugin", "hook", "problem", style="red")
+        for problem in registry.problems:
+            row(troubles, problem.plugin, problem.hook or "-", problem.message)
+        out.print(troubles)
     return 0
+
+
+def _kinds(registry: Registry, kind: str) -> Iterable[str]:
+    """The kinds to list: all, one, or none for skills alone."""
+    if not kind:
+        return registry.kinds
+    return [] if kind == SKILL else [registry.kind_of(kind).name]
+
+
+def find_offers(registry: Registry, kind: str, name: str = "") -> list[Offer]:
+    """What is offered of a kind, or the one of that name; raises :class:`UnknownComponentError`."""
+    if name:
+        registry.get(kind, name)
+    return [offer for found, offer in registry.offers(kind).items() if name in ("", found)]
+
+
+def find_skills(registry: Registry, name: str = "") -> list[Skill]:
+    """The skill of that name, or all; raises :class:`UnknownComponentError` with the names that exist."""
+    if name and name not in registry.skills:
+        raise UnknownComponentError(SKILL, name, registry.skills)
+    return [registry.skills[name]] if name else list(registry.skills.values())
 
 
 def options(config: type) -> list[Option]:
@@ -83,123 +127,66 @@ def _options(config: type, node: Any) -> list[Option]:
         hints = typing.get_type_hints(config)
     except NameError:  # a type imported for type checkers only
         hints = {}
-    defaults = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
-    assert isinstance(defaults, dict)
+    defaults: Any = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
     found = []
     for field in dataclasses.fields(config):
-        hint = hints.get(field.name, field.type)
+        hint, default = hints.get(field.name, field.type), defaults[field.name]
         if isinstance(hint, type) and dataclasses.is_dataclass(hint):
             nested = _options(hint, node[field.name])
             found += [Option(f"{field.name}.{o.name}", o.type, o.default) for o in nested]
         else:
-            default = defaults[field.name]
+            plain = isinstance(hint, type) and not typing.get_args(hint)
             shown = "required" if default == "???" else json.dumps(default, ensure_ascii=False)
-            found.append(Option(field.name, _type_name(hint), shown))
+            name = hint.__name__ if plain else str(hint).replace("typing.", "")
+            found.append(Option(field.name, name, shown))
     return found
 
 
-def as_json(registry: Registry, kind: str = "", name: str = "") -> dict[str, Any]:
-    """The catalog as a JSON object, narrowed to a kind and a name."""
-    return {
-        "components": {
-            k: [_offer_json(o) for n, o in registry.offers(k).items() if name in ("", n)]
-            for k in ([kind] if kind else registry.kinds)
-            if k != SKILL
-        },
-        "skills": [_skill_json(registry, s) for s in find_skills(registry, name)]
-        if kind in ("", SKILL)
-        else [],
-        "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
-        "problems": [dataclasses.asdict(problem) for problem in registry.problems],
-    }
-
-
-def _offer_json(offer: Offer) -> dict[str, Any]:
-    component = offer.component
-    defaults = OmegaConf.to_container(structured(component), resolve=False, enum_to_str=True)
-    return {
-        "name": component.name,
-        "summary": component.summary,
-        "plugin": dataclasses.asdict(offer.plugin),
-        "needs": list(component.needs),
-        "options": [dataclasses.asdict(option) for option in options(component.config)],
-        "defaults": defaults,
-    }
-
-
-def _print(registry: Registry, kind: str, name: str) -> None:
-    out = console()
-    listing = table("kind", "choice", "what it is", "from")
-    for k in [kind] if kind else registry.kinds:
-        offers = {n: o for n, o in registry.offers(k).items() if name in ("", n)}
-        for n, offer in offers.items():
-            row(listing, k, n, offer.component.summary, _origin(offer.plugin))
-        if not offers:
-            row(listing, k, "-", "nothing is offered", "")
-        listing.add_section()
-    out.print(listing)
-    if kind:
-        for n, offer in registry.offers(kind).items():
-            if name in ("", n):
-                _print_options(out, kind, n, offer)
-    else:
-        _print_skills(registry)
-        out.print(
-            "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
-        )
-    if registry.problems:
-        out.print()
-        troubles = table("broken plugin", "hook", "problem", style="red")
-        for problem in registry.problems:
-            row(troubles, problem.plugin, problem.hook or "-", problem.message)
-        out.print(troubles)
-
-
-def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
-    rows = options(offer.component.config)
-    needs = ", ".join(offer.component.needs)
-    out.print(f"\n[bold]{kind}={name}[/bold]{'  needs ' + needs if needs else ''}")
-    config = offer.component.config
+def _print_options(kind: str, offer: Offer) -> None:
+    out, component = console(), offer.component
+    needs = f"  needs {', '.join(component.needs)}" if component.needs else ""
+    out.print(f"\n{kind}={component.name}{needs}", style="bold", markup=False)
+    config = component.config
     described = "" if config is ComponentConfig else inspect.getdoc(config) or ""
-    if described and not described.startswith(f"{config.__name__}("):  # dataclass's own words
+    if not described.startswith(f"{config.__name__}("):  # what dataclass itself writes
         out.print(printable(described), style="dim", markup=False)
-    if not rows:
-        out.print("no options", style="dim")
-        return
     listing = table("option", "type", "default")
-    for option in rows:
+    for option in options(config):
         row(listing, f"{kind}.{option.name}", option.type, option.default)
+    out.print(listing if listing.row_count else "no options")
+
+
+def _print_skills(registry: Registry, skills: Sequence[Skill], *, details: bool) -> None:
+    out = console()
+    listing = table("skill", "called", "what it does", "from")
+    for skill in skills:
+        plugin = registry.skill_plugin(skill.name)
+        row(listing, skill.name, skill.signature(), skill.description, _origin(plugin))
     out.print(listing)
+    if details:
+        roles = table("role", "what it is", "needed", "relations")
+        for role in skills[0].roles:
+            row(roles, role.name, role.meaning, "yes" if role.required else "no", ", ".join(role.relations))
+        parameters = table("parameter", "unit", "range", "meaning")
+        for p in skills[0].parameters:
+            row(parameters, p.name, p.unit or "-", f"{p.least:g} to {p.most:g}", p.meaning)
+        out.print(roles, parameters)
 
 
 def _origin(plugin: Plugin) -> str:
     return f"{plugin.name} ({plugin.origin})" if plugin.origin else plugin.name
 
 
-def find_skills(registry: Registry, name: str = "") -> list[Skill]:
-    """The skill of that name, or all; raises :class:`UnknownComponentError` with the names that exist."""
-    if name and name not in registry.skills:
-        raise UnknownComponentError(SKILL, name, registry.skills)
-    return [registry.skills[name]] if name else list(registry.skills.values())
-
-
-def _print_skills(registry: Registry, name: str = "") -> None:
-    out = console()
-    skills = find_skills(registry, name)
-    listing = table("skill", "called", "what it does", "from")
-    for each in skills:
-        row(listing, each.name, each.signature(), each.description, _origin(registry.skill_plugin(each.name)))
-    if not skills:
-        row(listing, "-", "-", "nothing is offered", "")
-    out.print(listing)
-    if name:
-        roles = table("role", "what it is", "needed", "relations")
-        for role in skills[0].roles:
-            row(roles, role.name, role.meaning, "yes" if role.required else "no", ", ".join(role.relations))
-        numbers = table("parameter", "unit", "range", "meaning")
-        for p in skills[0].parameters:
-            row(numbers, p.name, p.unit or "-", f"{p.least:g} to {p.most:g}", p.meaning)
-        out.print(roles, numbers)
+def _offer_json(offer: Offer) -> dict[str, Any]:
+    component = offer.component
+    return {
+        "name": component.name,
+        "summary": component.summary,
+        "plugin": dataclasses.asdict(offer.plugin),
+        "needs": list(component.needs),
+        "options": [dataclasses.asdict(option) for option in options(component.config)],
+        "defaults": OmegaConf.to_container(structured(component), resolve=False, enum_to_str=True),
+    }
 
 
 def _skill_json(registry: Registry, skill: Skill) -> dict[str, Any]:
@@ -214,11 +201,3 @@ def _skill_json(registry: Registry, skill: Skill) -> dict[str, Any]:
             for p in skill.parameters
         ],
     }
-
-
-def _type_name(hint: Any) -> str:
-    return (
-        hint.__name__
-        if isinstance(hint, type) and not typing.get_args(hint)
-        else str(hint).replace("typing.", "")
-    )

@@ -13,48 +13,26 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.component import ComponentConfig
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.reconstruction.options import BranchOptions
 
 if TYPE_CHECKING:
+    from gvla2.geometry.mesh import TriangleMesh
     from gvla2.geometry.views import Views
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.branch import BranchOptions, BranchResult
     from gvla2.reconstruction.contracts import Reconstruction, StageReport
     from gvla2.record.progress import Progress
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
+    from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
-MODES = ("default", "paper")
-COMPATS = ("none", "official")
 NO_TARGETS = "none"
+LEAST_TRUTH_SUPPORT = 0.3
+"""Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
+FARTHEST = 1e4
+"""Most that cameras may lie from the world's origin, in their distance from one another."""
+GSO_TRUTH = Path("meshes") / "model.obj"
 
 log = logging.getLogger(__name__)
-
-
-@dataclass
-class BranchConfig:
-    """Which stages of the branch run and how: :class:`gvla2.reconstruction.branch.BranchOptions` as Hydra options."""
-
-    prior: bool = True
-    appearance: bool = True
-    soft_hull: bool = True
-    axis: bool = True
-    fusion: bool = True
-    mode: str = "default"
-    compat: str = "none"
-    tau: float = 0.45
-    eta: float = 0.12
-    lambda_max: float = 0.008
-
-    def __post_init__(self) -> None:
-        for name, value, known in (("mode", self.mode, MODES), ("compat", self.compat, COMPATS)):
-            if value not in known:
-                raise ConfigurationError(f"branch.{name} is '{value}'; it is one of {', '.join(known)}.")
-        if not (0 <= self.tau <= 1 and self.eta > 0 and 0 <= self.lambda_max < 1):
-            raise ConfigurationError(
-                f"The soft hull needs tau in [0, 1], eta > 0 and lambda_max in [0, 1), got branch.tau={self.tau:g}, "
-                f"branch.eta={self.eta:g}, branch.lambda_max={self.lambda_max:g}."
-            )
 
 
 @dataclass
@@ -83,7 +61,7 @@ class ReconstructConfig:
     axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
-    branch: BranchConfig = field(default_factory=BranchConfig)
+    branch: BranchOptions = field(default_factory=BranchOptions)
 
     def __post_init__(self) -> None:
         self.views_spec = spec_of("views_spec", self.views_spec)
@@ -112,17 +90,6 @@ def job(config: ReconstructConfig, registry: Registry, folder: Path) -> float:
     return record.measures.after.numbers()["symmetric_iou"]
 
 
-def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> ReconstructionRecord:
-    """Reconstruct into ``folder``; returns what was done and measured.
-
-    Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
-    """
-    from gvla2.record.progress import Progress
-
-    with Progress(quiet=config.quiet) as progress:
-        return _reconstruct(config, registry, folder, _Steps(progress))
-
-
 class _Steps:
     """Times the steps of the job and reports them on the terminal and in the log."""
 
@@ -137,39 +104,49 @@ class _Steps:
         yield
         self.timings[name] = time.perf_counter() - began
 
-    def tell(self, name: str, found: str, well: bool = True) -> None:
-        log.info("%s: %s (%.2f s)", name, found, self.timings[name])
-        self.progress.line("done" if well else "warn", name, self.timings[name], found)
+    def report(self, name: str, result: str, *, warn: bool = False) -> None:
+        log.info("%s: %s (%.2f s)", name, result, self.timings[name])
+        self.progress.line("warn" if warn else "done", name, self.timings[name], result)
+
+
+def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> ReconstructionRecord:
+    """Reconstruct into ``folder``; returns what was done and measured.
+
+    Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
+    """
+    from gvla2.record.progress import Progress
+
+    with Progress(quiet=config.quiet) as progress:
+        return _reconstruct(config, registry, folder, _Steps(progress))
 
 
 def _reconstruct(
     config: ReconstructConfig, registry: Registry, folder: Path, steps: _Steps
 ) -> ReconstructionRecord:
-    from gvla2.commands.reconstruct_inputs import read_inputs
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
-    from gvla2.record.reconstruction.contents import ReconstructionRecord
-    from gvla2.record.reconstruction.measures import measure
-    from gvla2.record.reconstruction.recorder import ReconstructionRecorder
-    from gvla2.record.reconstruction.sections import summary_line
+    from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
+    from gvla2.record.reconstruction_measures import measure
     from gvla2.record.text import count
 
     with steps.step("read"):
         given = read_inputs(config)
     views, size = given.views, given.views[0].camera
-    steps.tell("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
+    steps.report("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
     recorder = ReconstructionRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)))
-    parts = registry.build_all(config, KINDS)
+    built = registry.build_all(config, KINDS)
 
     with steps.step("reconstruct"):
-        g0 = _first(parts["reconstructor"].reconstruct(views), config, registry)
-    steps.tell("reconstruct", _made(g0), g0.status == "ok")
+        g0 = _checked(built["reconstructor"].reconstruct(views), config, registry)
+    steps.report("reconstruct", _sizes(g0), warn=g0.status != "ok")
     with steps.step("refine"):
-        options = branch_options(config.branch)
-        chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
-        result = refine_geometry(g0, views, chosen, options)
-        stages = (_heeded(stage, config, views) for stage in result.stages)
+        chosen = BranchParts(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+        result = refine_geometry(g0, views, chosen, config.branch)
+        stages = (_with_unused_prior(stage, config, views) for stage in result.stages)
         result = replace(result, stages=tuple(stages))
-    _tell_stages(result, steps)
+    for stage in result.stages:
+        log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
+        line = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
+        steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, line)
     recorder.geometry(result.out)
     record = ReconstructionRecord(
         given.name,
@@ -187,28 +164,19 @@ def _reconstruct(
         # Held-out views cost more than the branch: they are measured on request.
         asked = config.measure or config.targets is not None or config.truth is not None
         held_out, truth = (given.held_out, given.truth) if asked else (None, None)
-        measures = measure(result, views, parts["renderer"], held_out, truth)
+        measures = measure(result, views, built["renderer"], held_out, truth)
     record = replace(record, measures=measures)
-    steps.tell("measure", ", ".join(measures.groups).replace("_", " "))
+    steps.report("measure", ", ".join(measures.groups).replace("_", " "))
     with steps.step("draw"):
-        pictures = recorder.pictures(record, parts["renderer"], config.frames)
+        pictures = recorder.pictures(record, built["renderer"], config.frames)
     page = recorder.page(record, pictures)
-    steps.tell("draw", "; ".join(recorder.notes) or "pictures and page", not recorder.notes)
+    steps.report("draw", "; ".join(recorder.notes) or "pictures and page", warn=bool(recorder.notes))
     steps.progress.say(summary_line(record))
     steps.progress.say(f"-> {page}")
     return record
 
 
-def branch_options(config: BranchConfig) -> BranchOptions:
-    """The branch's own options, from the configured ones."""
-    from gvla2.reconstruction.branch import BranchOptions
-
-    return BranchOptions(**asdict(config))
-
-
-def _first(made: Reconstruction | None, config: ReconstructConfig, registry: Registry) -> Reconstruction:
-    from gvla2.errors import GeometryError
-
+def _checked(made: Reconstruction | None, config: ReconstructConfig, registry: Registry) -> Reconstruction:
     name = config.reconstructor.name
     if made is None:
         others = ", ".join(other for other in registry.components("reconstructor") if other != "none")
@@ -224,18 +192,18 @@ def _first(made: Reconstruction | None, config: ReconstructConfig, registry: Reg
     return made
 
 
-def _made(thing: Reconstruction) -> str:
-    parts = []
-    if thing.gaussians is not None:
-        parts.append(f"{len(thing.gaussians)} Gaussians")
-    if thing.mesh is not None:
-        parts.append(f"{len(thing.mesh.faces)} triangles")
-    return ", ".join(parts) + ("" if thing.status == "ok" else f" ({thing.status})")
+def _sizes(made: Reconstruction) -> str:
+    sizes = []
+    if made.gaussians is not None:
+        sizes.append(f"{len(made.gaussians)} Gaussians")
+    if made.mesh is not None:
+        sizes.append(f"{len(made.mesh.faces)} triangles")
+    return ", ".join(sizes) + ("" if made.status == "ok" else f" ({made.status})")
 
 
-def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
+def _with_unused_prior(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
     """The stage's report; a warning where the chosen prior had nothing to say of any view."""
-    from gvla2.reconstruction.prior_fusion import NO_PRIOR
+    from gvla2.reconstruction.branch import NO_PRIOR
     from gvla2.record.text import listing
 
     if config.prior.name == "none" or stage.reason != NO_PRIOR:
@@ -254,13 +222,118 @@ def _heeded(stage: StageReport, config: ReconstructConfig, views: Views) -> Stag
     return replace(stage, status="rejected", reason=reason)
 
 
-def _tell_stages(result: BranchResult, steps: _Steps) -> None:
-    from gvla2.record.reconstruction.sections import STATES
+@dataclass(frozen=True)
+class Inputs:
+    """``views`` all have masks, at least one of them not empty; ``truth`` lies in their frame.
 
-    for stage in result.stages:
-        log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
-        found = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
-        steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, found)
+    ``held_out`` shares no view with them. ``truth_file`` is where the truth was read, "" for none.
+    """
+
+    name: str
+    folder: Path
+    views: Views
+    held_out: Views | None
+    truth: TriangleMesh | None
+    truth_file: str
+
+
+def read_inputs(config: ReconstructConfig) -> Inputs:
+    """Everything that the configuration names, read and checked.
+
+    Raises :class:`ConfigurationError` without a folder, :class:`GeometryError` for files that cannot be used.
+    """
+    from gvla2.geometry.view_folders import ARCHIVE, read_views, subject_of
+
+    if not config.views:
+        raise ConfigurationError(
+            "Say which views to reconstruct from: gvla2 reconstruct views=FOLDER. `gvla2 reconstruct --help` lists "
+            "the kinds of folders, docs/reconstruction.md says what is in them."
+        )
+    folder = Path(config.views).expanduser()
+    views = _masked(read_views(folder, config.views_spec, config.size), folder)
+    held_out = _held_out(folder, config, views)
+    truth, truth_file = _truth(folder, config, views)
+    shown = subject_of(folder / ARCHIVE)
+    if config.object and shown and config.object.casefold() != shown.casefold():
+        raise ConfigurationError(
+            f"object is '{config.object}', and the masks in {folder / ARCHIVE} show one object: '{shown}'. Leave "
+            f"object= out, or give the folder of a run that is about '{config.object}'."
+        )
+    name = config.object or shown or folder.resolve().name
+    return Inputs(name, folder, views, held_out, truth, truth_file)
+
+
+def _masked(views: Views, folder: Path) -> Views:
+    import numpy as np
+
+    bare = [view.name for view in views if view.mask is None]
+    if bare:
+        raise GeometryError(
+            f"{folder}: the views {', '.join(bare)} have no mask. The object's silhouette is needed in every view: "
+            "save transparent PNG files, or put masks/<name>.png beside images/."
+        )
+    if not any(view.mask is not None and (view.mask > 0.5).any() for view in views):
+        raise GeometryError(f"{folder}: all {len(views)} masks are empty, so no view shows the object.")
+    places = np.array([view.camera.world_from_camera[:3, 3] for view in views])
+    far, wide = float(np.linalg.norm(places, axis=1).max()), float(np.linalg.norm(np.ptp(places, axis=0)))
+    if wide > 0 and far > FARTHEST * wide:
+        raise GeometryError(
+            f"{folder}: the cameras lie {far:.4g} from the world's origin and {wide:.4g} from one another. Files of "
+            "32-bit numbers cannot tell an object's points apart there: put the origin near the object."
+        )
+    return views
+
+
+def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | None:
+    """The requested views, else those of a GSO-30 tree's protocol that exist and are not inputs."""
+    from gvla2.evaluation.protocol import TARGETS
+    from gvla2.geometry.view_folders import read_views
+
+    if config.targets == NO_TARGETS:
+        return None
+    if config.targets is not None:
+        held_out = read_views(folder, config.targets, config.size)
+        shared = {view.name for view in views} & {view.name for view in held_out}
+        if shared:
+            raise GeometryError(
+                f"The views {', '.join(sorted(shared))} are both input and target; choose other targets."
+            )
+        return held_out
+    model = _gso_model(folder)
+    if model is None:
+        return None
+    used = {int(view.name) for view in views}
+    numbers = [n for n in TARGETS if n not in used and (model / f"{n:03d}.npy").is_file()]
+    return read_views(folder, ",".join(map(str, numbers)), config.size) if numbers else None
+
+
+def _gso_model(folder: Path) -> Path | None:
+    """Where the numbered views lie when the folder is read as an object of a GSO-30 tree."""
+    from gvla2.geometry.view_folders import ARCHIVE
+    from gvla2.geometry.view_formats import find_cameras, find_model_folder
+
+    other = find_cameras(folder) is not None or (folder / ARCHIVE).is_file()
+    return None if other else find_model_folder(folder)
+
+
+def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:
+    """The true mesh in the views' frame; a GSO-30 tree brings its own, scaled and turned as its views were."""
+    from gvla2.evaluation.datasets import true_mesh
+    from gvla2.geometry.mesh_files import read_mesh
+    from gvla2.reconstruction.support import mask_support
+
+    if config.truth:
+        given = read_mesh(Path(config.truth).expanduser())
+        support = float(mask_support(given.vertices, views).mean())
+        if support < LEAST_TRUTH_SUPPORT:
+            raise GeometryError(
+                f"{config.truth} lies outside the masks (mean mask support {support:.2f}): truth must be in the views' "
+                "frame and scale."
+            )
+        return given, config.truth
+    brought = folder / GSO_TRUTH
+    mesh = true_mesh(brought, views) if _gso_model(folder) is not None and brought.is_file() else None
+    return mesh, "" if mesh is None else str(brought)
 
 
 def main(argv: Sequence[str]) -> int:

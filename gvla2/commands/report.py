@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.commands.run_config import ResultsConfig
 from gvla2.errors import ConfigurationError
+from gvla2.evaluation.config import ResultsConfig
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gvla2.evaluation.results import Cell, Results, Run
-    from gvla2.evaluation.sheets import Sheet
+    from gvla2.evaluation.results import Cell, Run
+    from gvla2.evaluation.tables import Sheet
     from gvla2.plugins.registry import Registry
 
 FORMATS = ("terminal", "markdown", "latex", "html")
@@ -44,16 +44,17 @@ class ReportConfig:
             raise ConfigurationError("results.fresh does nothing in a report, which measures nothing.")
 
 
-def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
-    """Make the report into ``folder``; returns the number of cells in it.
+def job(config: ReportConfig, registry: Registry, folder: Path, suite: str = "") -> int:
+    """Make the report into ``folder``; returns the number of cells in it. ``suite`` replaces the configured one.
 
     Raises :class:`ConfigurationError` when the database does not exist, or nothing in it fits the selection.
     """
-    from gvla2.evaluation.reports import REPORTS
+    config = replace(config, suite=suite) if suite else config
     from gvla2.evaluation.results import Results, file_of
+    from gvla2.evaluation.suites import REPORTED
 
-    if config.suite and config.suite not in REPORTS:
-        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(REPORTS)}.")
+    if config.suite and config.suite not in REPORTED:
+        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(REPORTED)}.")
     path = file_of(config.results.url)
     if path is not None and not path.is_file():
         raise ConfigurationError(
@@ -61,11 +62,11 @@ def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
             "name another with results.url=..."
         )
     with Results.open(config.results.url) as results:
-        asked = [config.suite] if config.suite else list(REPORTS)
+        asked = [config.suite] if config.suite else list(REPORTED)
         found = {suite: results.cells(suite, config.where, config.runs) for suite in asked}
         found = {suite: cells for suite, cells in found.items() if cells}
         if not found:
-            raise ConfigurationError(_nothing(config, {suite: results.cells(suite) for suite in REPORTS}))
+            raise ConfigurationError(_nothing(config, {suite: results.cells(suite) for suite in REPORTED}))
         written = []
         for suite, cells in found.items():
             place = folder / suite if len(found) > 1 else folder
@@ -97,23 +98,6 @@ def _nothing(config: ReportConfig, stored: Mapping[str, Sequence[Cell]]) -> str:
     return " ".join(parts)
 
 
-def begin_run(results: Results, suite: str, folder: Path, config: str, code: str = "") -> int:
-    """Record the start of a run with this configuration (YAML) and code (a digest); returns its number."""
-    from gvla2.evaluation.provenance import commit, versions
-    from gvla2.evaluation.results import Run, now
-
-    run = Run(
-        suite=suite,
-        started=now(),
-        folder=str(folder.absolute()),
-        commit=commit(),
-        code=code,
-        config=config,
-        versions=json.dumps(versions()),
-    )
-    return results.begin(run)
-
-
 def publish(
     cells: Sequence[Cell],
     runs: Sequence[Run],
@@ -124,13 +108,11 @@ def publish(
 ) -> list[Path]:
     """Make the suite's tables of these cells in every format asked for; returns the files written into ``folder``."""
     from gvla2.commands.tables import console
-    from gvla2.evaluation.report_page import render_report
-    from gvla2.evaluation.reports import REPORTS
-    from gvla2.evaluation.table_formats import to_latex, to_markdown
+    from gvla2.evaluation.suites import report
+    from gvla2.evaluation.tables import render_report, to_latex, to_markdown
     from gvla2.io.files import write_text
 
-    report = REPORTS[suite]
-    sheets, curve = report.sheets(cells), report.curve(cells)
+    title, sheets = report(suite, cells)
     if "terminal" in formats:
         show(sheets, out or console())
     written = []
@@ -138,10 +120,8 @@ def publish(
         written.append(write_text(folder / "report.md", to_markdown(sheets)))
     if "latex" in formats:
         written.append(write_text(folder / "report.tex", to_latex(sheets)))
-    if curve and formats:
-        written.append(write_text(folder / "curve.svg", curve))
     if "html" in formats:
-        page = render_report(sheets, runs, f"gvla2: {report.title}", curve)
+        page = render_report(sheets, runs, f"gvla2: {title}")
         written.append(write_text(folder / "index.html", page))
     return written
 
@@ -151,7 +131,7 @@ def show(sheets: Sequence[Sheet], out: Console) -> None:
     from rich.text import Text
 
     from gvla2.commands.tables import row, table
-    from gvla2.evaluation.sheets import explanations
+    from gvla2.evaluation.tables import explanations
 
     for sheet in sheets:
         listing = table("", *sheet.headings)
@@ -169,7 +149,10 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("report", job, list(map(_plain, argv)))
+    # To Hydra `suite=` is the group that `gvla2 bench` chooses from.
+    suites = [word.removeprefix("suite=") for word in argv if word.startswith("suite=")]
+    others = [_plain(word) for word in argv if not word.startswith("suite=")]
+    return launch("report", partial(job, suite=suites[-1] if suites else ""), others)
 
 
 def _plain(override: str) -> str:

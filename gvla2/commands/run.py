@@ -3,42 +3,82 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from inspect import unwrap
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.plugins.kinds import NONE
-from gvla2.record.text import count
+from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
+from gvla2.evaluation.config import ResultsConfig
+from gvla2.plugins.assembly import build_components
+from gvla2.plugins.discovery import describe
+from gvla2.plugins.hydra_config import EveryKind
+from gvla2.reconstruction.options import BranchOptions
+from gvla2.record.text import count, printable
+from gvla2.robot.options import DepthNoise
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gvla2.commands.run_config import RunConfig
-    from gvla2.episode.loop import Components
+    from gvla2.episode.loop import Components, EpisodeRequest
     from gvla2.episode.record import EpisodeRecord, Stage
     from gvla2.memory.contracts import Memory
     from gvla2.plugins.registry import Registry
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
+    from gvla2.record.tracker import TrackedRun, Tracker, Viewer
     from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
-_TELLING = 4
-"""Parts of a run's folder that identify its episode: the day, the time, the job of a sweep, the seed."""
+_OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
+"""Options of a run that each of its episodes has."""
+_SOURCE_FOLDERS = 4
+"""Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
+
+
+@dataclass
+class RunConfig(EveryKind):
+    """One episode, or many. Besides these options there is one group for each kind of component.
+
+    ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
+    ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot observes and
+    plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an answer after
+    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the means,
+    ``fallback`` plans, another planner or none. A program of several plans is carried out in at most ``max_parts``.
+    ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is chosen. A sweep
+    puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
+    """
+
+    instruction: str | None = None
+    seed: int = 0
+    episodes: int = 1
+    quiet: bool = False
+    replan: int = 0
+    planner_timeout: float = 60.0
+    max_parts: int = 6
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    branch: BranchOptions = field(default_factory=BranchOptions)
+    results: ResultsConfig = field(default_factory=ResultsConfig)
+
+    def __post_init__(self) -> None:
+        for name, least in (("episodes", 1), ("seed", 0), ("replan", 0), ("max_parts", 1)):
+            if getattr(self, name) < least:
+                raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be at least {least}.")
+        if not 0 <= self.planner_timeout < math.inf:
+            raise ConfigurationError(
+                f"planner_timeout is {self.planner_timeout}; it is in seconds, finite and not negative (0: for ever)."
+            )
 
 
 @dataclass
@@ -71,12 +111,6 @@ class EpisodeReporter:
             )
             self.progress.stage(record, stage)
 
-    def name_culprit(self, who: str) -> None:
-        """Note in the latest record which component crashed."""
-        if self.latest is not None and self.latest.failure is not None:
-            failure = self.latest.failure
-            self.latest = replace(self.latest, failure=replace(failure, message=f"{who}: {failure.message}"))
-
     def moment(self, moment: Moment) -> None:
         """The robot's state at the next frame."""
         if self.recorder is not None:
@@ -89,6 +123,8 @@ class EpisodeReporter:
 
     def finish(self) -> None:
         """Write the page, even if Ctrl-C comes meanwhile; a second one cancels it."""
+        if self.progress is not None:
+            self.progress.close()
         if self.recorder is None or self.latest is None:
             return
         try:
@@ -107,9 +143,8 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     """
     from gvla2.commands import sweeps
 
-    records: list[EpisodeRecord] = []
     if not sweeps.in_sweep():
-        return run_episodes(config, registry, folder)
+        return success_rate(run_episodes(config, registry, folder))
     config, label = sweeps.with_fresh_bank(config, folder), sweeps.job_label()
     digest = sweeps.digest_of(config)
     share = None if config.results.fresh else sweeps.done_before(folder, digest)
@@ -118,83 +153,96 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
         return share
     sweeps.clear(folder)
     try:
-        share = run_episodes(config, registry, folder, label, records)
+        records = run_episodes(config, registry, folder, label, count_crashes=True)
     except Exception as error:
-        sweeps.write_job(folder, config, digest, records, error)
+        sweeps.write_failure(folder, config, error)
         raise
     sweeps.write_job(folder, config, digest, records)
-    return share
+    return success_rate(records)
+
+
+def success_rate(records: Sequence[EpisodeRecord]) -> float:
+    """The share of episodes that the task's success check calls a success."""
+    return sum(bool(r.success_check and r.success_check.relaxed) for r in records) / len(records)
 
 
 def run_episodes(
-    config: RunConfig,
-    registry: Registry,
-    folder: Path,
-    label: str = "",
-    records: list[EpisodeRecord] | None = None,
-) -> float:
-    """As :func:`job` outside a sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
-    aggregate ``result.json`` (brought up to date after each) and the composed configuration.
+    config: RunConfig, registry: Registry, folder: Path, label: str = "", *, count_crashes: bool = False
+) -> list[EpisodeRecord]:
+    """Run the configured episodes: one into ``folder``, several into ``episode_NNN`` with an overview above them.
 
-    ``label`` begins each line on the terminal; ``records`` collects the episodes, also those before an error. Where
-    they are collected, to be counted, an episode whose planner crashed is one of them, and the next one follows;
-    otherwise the crash is raised.
+    ``label`` begins each line on the terminal. With ``count_crashes`` an episode whose planner crashed is a failed one
+    and the next one follows; otherwise the crash is raised.
     """
-    from gvla2.commands.tracking import Tracking
+    from gvla2.episode.loop import EpisodeRequest
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
-    from gvla2.record.overview import write_summary
+    from gvla2.record.page import write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder, write_index
 
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
     if config.episodes > 1:
         write_text(folder / "config.yaml", composed)
-    counting, records = records is not None, [] if records is None else records
+    records: list[EpisodeRecord] = []
     with ExitStack() as stack:
-        parts = build_components(config, registry)
-        stack.enter_context(closing(parts.robot))
-        stack.enter_context(closing(parts.memory))
+        components = build_components(config, registry, branch=config.branch)
+        stack.enter_context(closing(components.robot))
+        stack.enter_context(closing(components.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
-        progress.say(bank_line(config, parts.memory))
-        stack.callback(_say_unremembered, records, progress)
+        progress.say(bank_line(config, components.memory))
+        stack.callback(_report_unavailable_memory, records, progress)
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
-        tracking = stack.enter_context(Tracking(tracker, config, folder, viewer, parts.named))
-        blame = partial(crashed_component, parts)
+        tracking = stack.enter_context(Tracking(tracker, config, folder, viewer, components.named))
+        options: dict[str, Any] = {name: getattr(config, name) for name in _OF_EPISODE}
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
-            recorder = RunRecorder(target, composed, command="run")
-            listener = EpisodeReporter(recorder, progress)
-            source = "/".join(target.parts[-_TELLING:])
-            try:
-                record = _run_one(parts, config, config.seed + number, listener, blame, source)
-            except Exception:
-                crashed = listener.latest
-                if not counting or crashed is None or not planner_crashed(crashed):
-                    raise
-                log.info("The planner crashed: this episode counts as a failure.", exc_info=True)
-                record = crashed
+            source = "/".join(target.parts[-_SOURCE_FOLDERS:])
+            request = EpisodeRequest(seed=config.seed + number, source=source, **options)
+            listener = EpisodeReporter(RunRecorder(target, composed, command="run"), progress)
+            record = _run_one(components, request, listener, count_crashes=count_crashes)
             progress.finish(record, target)
             records.append(record)
             tracking.episode(number, record, target)
             if config.episodes > 1:
                 write_summary(folder, records)
                 write_index(folder, records)
-            if (
-                record.failure is not None
-                and record.failure.kind in ABANDONED
-                and not planner_crashed(record)
-            ):
-                raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
-    return sum(bool(r.success_check and r.success_check.relaxed) for r in records) / len(records)
+            failure = record.failure
+            if failure is not None and failure.kind in ABANDONED and not planner_crashed(record):
+                raise Gvla2Error(f"{failure.message} (stage: {failure.stage}; see {target})")
+    return records
 
 
-def _say_unremembered(records: Sequence[EpisodeRecord], progress: Progress) -> None:
-    """Say, also when quiet, in how many episodes memory was not there: they are no evidence about it."""
+def _run_one(
+    components: Components, request: EpisodeRequest, listener: EpisodeReporter, *, count_crashes: bool
+) -> EpisodeRecord:
+    """One episode; its folder is complete up to that point also after an interrupt or a crash."""
+    from gvla2.episode.loop import run_episode
+    from gvla2.episode.record import planner_crashed
+
+    try:
+        return run_episode(components, request, listener)
+    except Exception as error:
+        latest = listener.latest
+        if not isinstance(error, Gvla2Error) and (culprit := crashed_component(components, error)):
+            error.add_note(f"{culprit}.")
+            if latest is not None and latest.failure is not None:
+                failure = replace(latest.failure, message=f"{culprit}: {latest.failure.message}")
+                listener.latest = latest = replace(latest, failure=failure)
+        if not count_crashes or latest is None or not planner_crashed(latest):
+            raise
+        log.info("The planner crashed: this episode counts as a failure.", exc_info=True)
+        return latest
+    finally:
+        listener.finish()
+
+
+def _report_unavailable_memory(records: Sequence[EpisodeRecord], progress: Progress) -> None:
+    """Say, also when quiet, in how many episodes memory was unavailable: they are no evidence about it."""
     reasons = [why for record in records if (why := record.memory_unavailable)]
     if reasons:
-        told = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
-        progress.say(told, "yellow", always=True)
+        line = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
+        progress.say(line, "yellow", always=True)
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
@@ -208,55 +256,19 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     except Gvla2Error as error:
         return f"memory {options.name}, bank '{options.bank}': {error}"
     url = getattr(memory, "url", options.url)
-    return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
+    return f"memory {options.name}, bank '{options.bank}' of {url}: {count(held, 'lesson')}"
 
 
-def build_components(
-    config: object, registry: Registry, choices: Mapping[str, str] | None = None
-) -> Components:
-    """All components that the configuration chose; the caller closes the robot and the memory.
-
-    ``choices`` are their names in the record, by default their names by group.
-    """
-    from gvla2.episode.loop import Components
-    from gvla2.episode.refine import GeometryComponents
-
-    _check_camera(config, registry)
-    built: dict[str, Any] = {}
-    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
-    if choices is None:
-        chosen = [group for group in registry.groups if group != "language" or group in built]
-        choices = {kind: getattr(config, kind).name for kind in chosen}
-    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
-    return Components(
-        **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}),
-        choices=choices,
-        skills=registry.skills,
-        language=built.get("language"),
-        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
-    )
-
-
-def _check_camera(config: object, registry: Registry) -> None:
-    """Raises :class:`ConfigurationError` for a chosen camera that the robot would not use."""
-    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
-    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if camera not in ("", NONE) and robot not in takers:
-        raise ConfigurationError(
-            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
-            f"{', '.join(takers) or 'none is installed'}."
-        )
-
-
-def crashed_component(parts: Components, error: BaseException) -> str:
+def crashed_component(components: Components, error: BaseException) -> str:
     """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
     """
-    built = {**vars(parts.geometry), **vars(parts)}
+    built = {**vars(components.geometry), **vars(components)}
     homes = {
-        kind: type(unwrap(built[kind])).__module__ for kind in parts.choices if built.get(kind) is not None
+        kind: type(unwrap(built[kind])).__module__
+        for kind in components.choices
+        if built.get(kind) is not None
     }
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
         module = str(frame.f_globals.get("__name__", ""))
@@ -264,36 +276,73 @@ def crashed_component(parts: Components, error: BaseException) -> str:
             package = home.rpartition(".")[0]
             inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
             if module == home or inside:
-                return f"{parts.named(kind)} crashed"
+                return f"{components.named(kind)} crashed"
     return ""
 
 
-def _run_one(
-    parts: Components,
-    config: RunConfig,
-    seed: int,
-    listener: EpisodeReporter,
-    blame: Callable[[BaseException], str],
-    source: str,
-) -> EpisodeRecord:
-    from gvla2.episode.loop import EpisodeRequest, run_episode
+class Tracking:
+    """Reports a run to tracker and viewer as a context manager around its episodes.
 
-    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
-    options: dict[str, Any] = {name: getattr(config, name) for name in same}
-    try:
-        return run_episode(parts, EpisodeRequest(seed=seed, source=source, **options), listener)
-    except Exception as error:
-        if not isinstance(error, Gvla2Error) and (who := blame(error)):
-            error.add_note(f"{who}.")
-            listener.name_culprit(who)
-        raise
-    finally:
-        if listener.progress is not None:
-            listener.progress.close()
-        listener.finish()  # also after an interrupt or a crash: the folder is complete up to that point
+    A failure of either is logged once, by the name that ``named`` gives, and the run goes on without it.
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker | None,
+        config: Any,
+        folder: Path,
+        viewer: Viewer | None = None,
+        named: Callable[[str], str] = "The {}".format,
+    ) -> None:
+        self._reports_to: dict[str, Any] = {"tracker": tracker, "view": viewer}
+        self._config, self._folder, self._named = config, folder, named
+
+    def __enter__(self) -> Tracking:
+        self._call("tracker", lambda tracker: tracker.begin(self._run()))
+        return self
+
+    def _run(self) -> TrackedRun:
+        from gvla2.record.tracker import TrackedRun
+
+        config: Any = OmegaConf.to_container(OmegaConf.structured(self._config), enum_to_str=True)
+        return TrackedRun("/".join(self._folder.parts[-2:]), self._folder, config)
+
+    def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
+        """Report a finished episode."""
+        self._call("tracker", lambda tracker: tracker.episode(number, measures_of(record), folder))
+        self._call("view", lambda viewer: viewer.show(record, folder))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._call("tracker", lambda tracker: tracker.end(well=error is None))
+
+    def _call(self, who: str, call: Callable[[Any], None]) -> None:
+        try:
+            if self._reports_to[who] is not None:
+                with kept_alive():
+                    call(self._reports_to[who])
+        except Exception as error:
+            self._reports_to[who] = None
+            message = printable(describe(error))
+            log.warning("%s failed and is no longer used: %s", self._named(who), message)
+            log.info("The error:", exc_info=error)
 
 
-def main(argv: list[str]) -> int:
+def measures_of(record: EpisodeRecord) -> dict[str, float]:
+    """The numbers of an episode: outcome, seconds of each stage, tokens. Outcomes that nobody judged are left out."""
+    found = {f"seconds/{stage}": seconds for stage, seconds in record.timings.items()}
+    found |= {"seconds": record.seconds, "attempts": len(record.attempts) + 1}
+    if (success := record.success_check) is not None:
+        found |= {"success": float(success.relaxed), "success_strict": float(success.strict)}
+    if record.verdict is not None:
+        found["verified"] = float(record.verdict.outcome == "verified_success")
+    if tallies := record.language.values():
+        found["tokens"] = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
+    return found
+
+
+def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

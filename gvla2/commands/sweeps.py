@@ -20,24 +20,34 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
-from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.io.files import write_json, write_text
 from gvla2.plugins.kinds import NONE
 
 if TYPE_CHECKING:
-    from gvla2.commands.run_config import RunConfig
+    from gvla2.commands.run import RunConfig
     from gvla2.episode.record import EpisodeRecord
 
 JOB = "job.json"
 _BANK = "memory.db"
 _MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens", "memory_unavailable")
 _NOTES = ("setting", "layouts")
-_TOLD = ("task", "robot", "camera", "perceiver", "reconstructor", "planner", "fallback", "verifier", "memory")
+_SHOWN = (
+    "task",
+    "robot",
+    "camera",
+    "perceiver",
+    "reconstructor",
+    "planner",
+    "fallback",
+    "verifier",
+    "memory",
+)
 _STOPPED = (130, 143)
 """Exit statuses of a sweep that was stopped, and would have gone on."""
 _NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
@@ -51,13 +61,6 @@ class SweepFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra before it launches a sweep."""
         type(self).latest = Path(str(config.hydra.sweep.dir)).absolute()
-
-    def on_job_end(self, config: DictConfig, job_return: JobReturn, **_: Any) -> None:
-        """Called by Hydra, where the job ran, after each: one whose configuration was refused never began."""
-        folder = Path(HydraConfig.get().runtime.output_dir)
-        if in_sweep() and job_return.status == JobStatus.FAILED and not (folder / JOB).exists():
-            error = ConfigurationError(str(job_return._return_value))
-            _write(folder, str(config.results.url), "", [], error, {})
 
 
 def in_sweep() -> bool:
@@ -91,9 +94,8 @@ def clear(folder: Path) -> None:
 
 def digest_of(config: RunConfig) -> str:
     """A digest that differs for configurations that may have different results."""
-    told = OmegaConf.to_container(OmegaConf.structured(config), enum_to_str=True)
-    assert isinstance(told, dict)
-    kept = {key: value for key, value in told.items() if key not in _NOT_OF_THE_RESULT}
+    options: Any = OmegaConf.to_container(OmegaConf.structured(config), enum_to_str=True)
+    kept = {key: value for key, value in options.items() if key not in _NOT_OF_THE_RESULT}
     return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -107,64 +109,56 @@ def done_before(folder: Path, digest: str) -> float | None:
     return float(row["succeeded"]) / row["episodes"] if row.get("episodes") else None
 
 
-def write_job(
-    folder: Path,
-    config: RunConfig,
-    digest: str,
-    records: Sequence[EpisodeRecord],
-    error: Exception | None = None,
-) -> None:
-    """Write what the sweep's table needs from this job, which may have ended in an error."""
-    _write(folder, config.results.url, digest, records, error, _setting(config))
-
-
-def _write(
-    folder: Path,
-    results: str,
-    digest: str,
-    records: Sequence[EpisodeRecord],
-    error: Exception | None,
-    setting: Mapping[str, str],
-) -> None:
-    from gvla2.io.files import write_json
-
-    carried_out = [record for record in records if record.success_check is not None or record.failure is None]
-    judged = [record.success_check for record in records if record.success_check is not None]
-    tallies = [tally for record in records for tally in record.language.values()]
-    tokens = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
-    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+def write_job(folder: Path, config: RunConfig, digest: str, records: Sequence[EpisodeRecord]) -> None:
+    """Write what the sweep's table needs from this finished job."""
+    checks = [record.success_check for record in records]
     row = {
-        "job": HydraConfig.get().job.num,
-        "overrides": {one.key_or_group: _as_text(one) for one in given},
-        "setting": dict(setting),
-        "status": f"failed: {error}" if error else "ok",
-        "refused": isinstance(error, ConfigurationError),
+        **_job(),
+        "setting": _setting(config),
+        "status": "ok",
         "digest": digest,
-        "results": results,
-        "episodes": len(carried_out) if error else len(records),
-        "succeeded": sum(each.relaxed for each in judged),
-        "succeeded_strict": sum(each.strict for each in judged),
+        "results": config.results.url,
+        "episodes": len(records),
+        "succeeded": sum(bool(done and done.relaxed) for done in checks),
+        "succeeded_strict": sum(bool(done and done.strict) for done in checks),
         "seconds": round(sum(record.seconds for record in records), 3),
-        "tokens": tokens,
+        "tokens": sum(
+            tally.get("prompt_tokens", 0) + tally.get("completion_tokens", 0)
+            for record in records
+            for tally in record.language.values()
+        ),
         "memory_unavailable": sum(bool(record.memory_unavailable) for record in records),
         "layouts": [
             [record.seed, bool(done and done.relaxed), bool(done and done.strict)]
-            for record in (carried_out if error else records)
-            for done in [record.success_check]
+            for record, done in zip(records, checks, strict=True)
         ],
     }
     write_json(folder / JOB, row)
 
 
+def write_failure(folder: Path, config: RunConfig, error: Exception) -> None:
+    """Write for the sweep's table why this job failed."""
+    refused = isinstance(error, ConfigurationError)
+    row = {"status": f"failed: {error}", "refused": refused, "results": config.results.url}
+    write_json(folder / JOB, {**_job(), **row})
+
+
+def _job() -> dict[str, Any]:
+    """The job's number and its overrides."""
+    hydra = HydraConfig.get()
+    given = OverridesParser.create().parse_overrides(list(hydra.overrides.task))
+    return {"job": hydra.job.num, "overrides": {one.key_or_group: _as_text(one) for one in given}}
+
+
 def _setting(config: RunConfig) -> dict[str, str]:
     """What a job ran with, for the table's title; a bank's address is the job's own."""
-    chosen = {kind: getattr(config, kind) for kind in _TOLD}
-    told = {
+    chosen = {kind: getattr(config, kind) for kind in _SHOWN}
+    setting = {
         kind: described(one, only={field.name for field in fields(one)} - {"url"})
         for kind, one in chosen.items()
     }
-    told["depth_noise"] = config.depth_noise.kind
-    return {kind: what for kind, what in told.items() if what not in ("", NONE) or kind == "memory"}
+    setting["depth_noise"] = config.depth_noise.kind
+    return {kind: what for kind, what in setting.items() if what not in ("", NONE) or kind == "memory"}
 
 
 def _as_text(override: Override) -> str:
@@ -197,10 +191,9 @@ def conclude(status: int, argv: Sequence[str]) -> int:
 
 
 def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
-    from gvla2.commands.report import begin_run, publish
+    from gvla2.commands.report import publish
     from gvla2.evaluation.results import Cell, Results, cell_key
-    from gvla2.evaluation.runs import SUITE
-    from gvla2.io.files import write_text
+    from gvla2.evaluation.sweeps import SUITE
 
     cells = [
         Cell(
@@ -217,7 +210,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         if number is None:
             files = [place / "config.yaml" for place, _ in rows]
             config = next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
-            number = begin_run(results, SUITE, folder, config)
+            number = results.begin(SUITE, folder, config)
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
         runs = results.runs(SUITE)
@@ -230,14 +223,14 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
     """One line per job: its overrides, result and page."""
     lines = [
-        {"job": row["job"], **row["overrides"], **{name: row.get(name, 0) for name in (*_MEASURES, "status")},
-         "page": place / "index.html"}
+        {"job": row["job"], **row["overrides"]}
+        | {name: row.get(name, 0) for name in (*_MEASURES, "status")}
+        | {"page": place / "index.html"}
         for place, row in rows
-    ]  # fmt: skip
+    ]
     text = io.StringIO()
-    table = csv.DictWriter(
-        text, list(dict.fromkeys(name for line in lines for name in line)), lineterminator="\n"
-    )
+    columns = list(dict.fromkeys(name for line in lines for name in line))
+    table = csv.DictWriter(text, columns, lineterminator="\n")
     table.writeheader()
     table.writerows(lines)
     return text.getvalue()

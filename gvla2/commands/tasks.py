@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from gvla2.errors import Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.record.overview import TaskShown
+    from gvla2.record.page import TaskShown
     from gvla2.robot.backend import RobotBackend
     from gvla2.robot.task import Task
 
@@ -27,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
     """Write the page; the exit status is 1 when a task could not be laid out."""
     options = _parser().parse_args(argv)
     from gvla2.io.files import write_text
-    from gvla2.record.overview import gallery_page
+    from gvla2.record.page import gallery_page
 
     try:
         shown = list(show(options.task, options.robot, options.seed, demonstrate=not options.start_only))
@@ -43,7 +43,7 @@ def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> I
     """The named tasks, or all that need no option, one by one as they are rendered; progress goes to stderr."""
     from gvla2.commands.hydra_job import composed
     from gvla2.plugins.registry import load_plugins
-    from gvla2.record.overview import TaskShown
+    from gvla2.record.page import TaskShown
 
     registry = load_plugins()
     offers = registry.offers("task")
@@ -63,7 +63,7 @@ def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> I
 def _photograph(
     robot: RobotBackend, task: Task, name: str, summary: str, seed: int, demonstrate: bool
 ) -> TaskShown:
-    from gvla2.record.overview import TaskShown
+    from gvla2.record.page import TaskShown
     from gvla2.robot import backend
 
     instance = robot.reset(task, seed)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from gvla2.episode.failure_diagnosis import diagnose, theme_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import PlanningError
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice, Done
-from gvla2.planning.effects import Effect, reconciled
+from gvla2.planning.effects import Bound, effect_from_json, reconciled
 from gvla2.planning.programs import Program
-from gvla2.skills.outcome import Signal
+from gvla2.skills.diagnosis import Signal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
@@ -21,9 +20,10 @@ from gvla2.skills.table import STANDARD
 def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
     """Memory's text, effects (reconciled) and programs, then those of failed attempts, which bind in the same way."""
     context = record.recalled or MemoryContext()
-    recalled = [(item.effect, item.id) for item in context.items if item.effect]
-    effects = [*reconciled(Effect.from_json(one, source) for one, source in recalled if not _is_program(one))]
-    programs = [Program.from_json(effect, source) for effect, source in recalled if _is_program(effect)]
+    told = [(item.effect, item.id) for item in context.items if item.effect]
+    known = [effect_from_json(effect, source) for effect, source in told]
+    effects = [*reconciled(one for one in known if not isinstance(one, Program))]
+    programs = [one for one in known if isinstance(one, Program)]
     lines = [context.text] if context.text else []
     done: list[Done] = []
     for number, attempt in enumerate(record.attempts, 1):
@@ -45,7 +45,7 @@ def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str
     if plan is None or theme is None or plan.skill not in skills:
         return []
     x, y, z = (float(v) for v in theme.centre)
-    short = {s.effect.parameter for s in signals if s.kind == "undershoot" and s.effect is not None}
+    short = {s.effect.parameter for s in signals if s.kind == "undershoot" and isinstance(s.effect, Bound)}
     lasting = [name for name in skills[plan.skill].lasting if name in short]
     return [Done(plan.skill, name, plan.parameters[name], (x, y, z)) for name in lasting]
 
@@ -55,16 +55,10 @@ def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str
     items, notes = [], []
     for item in context.items:
         try:
-            if item.effect and _is_program(item.effect):
-                Program.from_json(item.effect)
-            elif item.effect:
-                Effect.from_json(item.effect)
+            if item.effect:
+                effect_from_json(item.effect)
         except PlanningError as error:
             notes.append(f"The effect of the remembered '{item.id}' was ignored: {error}")
             item = replace(item, effect=None)  # its words may still help
         items.append(item)
     return replace(context, items=tuple(items)), tuple(notes)
-
-
-def _is_program(effect: Mapping[str, Any]) -> bool:
-    return effect.get("kind") == "program"

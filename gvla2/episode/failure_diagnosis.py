@@ -13,12 +13,11 @@ import numpy as np
 from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import BEFORE, Effect
-from gvla2.planning.looks import look_of
+from gvla2.planning.effects import Ban, Bound, Effect, Order, as_shares, look_of
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2.skills.outcome import EMPTY, Outcome, Reached, Signal
+from gvla2.skills.diagnosis import EMPTY, Outcome, Reached, Signal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
@@ -57,7 +56,7 @@ def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> l
     return [
         signal
         if signal.effect is None
-        else replace(signal, effect=replace(signal.effect.shared(plan.scales), object=look))
+        else replace(signal, effect=replace(as_shares(signal.effect, plan.scales), object=look))
         for signal in found
         if signal is not None
     ]
@@ -143,14 +142,14 @@ def _lets_go(plan: Plan, report: WaypointReport) -> bool:
 def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
     """Grasp deeper by a tenth of the object's height, but no deeper than its height; a lip is held deeper."""
     if "lip_depth" in plan.parameters:
-        return Effect("bound", "lip_depth", plan.parameters["lip_depth"] + DEPTH_MARGIN, skill=plan.skill)
+        return Bound("lip_depth", plan.parameters["lip_depth"] + DEPTH_MARGIN, skill=plan.skill)
     depth = plan.parameters.get("grasp_depth")
     if depth is None or theme is None:
         return None
     height = dict(plan.scales.values()).get("height", float(theme.extents[2]))
     deeper = depth + max(DEPTH_MARGIN, 0.1 * height)
     # Deeper than the object is high, the fingers would meet the table.
-    return Effect("bound", "grasp_depth", max(depth, min(deeper, height)), skill=plan.skill)
+    return Bound("grasp_depth", max(depth, min(deeper, height)), skill=plan.skill)
 
 
 def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
@@ -162,10 +161,10 @@ def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
         # Fingers touch what they carry; then only the executor's own report counts.
         if done.abort == "collision" or (done.contacts and not waypoint.carries and not done.held):
             name = next((n for n in ("transit_clearance", "lift_height") if n in plan.parameters), None)
-            effect = name and Effect(
-                "bound", name, plan.parameters[name] + CLEARANCE_MARGIN, ">=", skill=plan.skill
-            )
-            return Signal("contact", f"the robot touched something during '{done.stage}'", effect or None)
+            raised = None
+            if name is not None:
+                raised = Bound(name, plan.parameters[name] + CLEARANCE_MARGIN, ">=", skill=plan.skill)
+            return Signal("contact", f"the robot touched something during '{done.stage}'", raised)
     return None
 
 
@@ -196,7 +195,7 @@ def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) 
         aside = float(np.linalg.norm(np.subtract(done.reached[:2], opened.reached[:2])))
         lower = opened.reached[2] - done.reached[2]
         if lower > DROP and aside < DROP and waypoint.stage and waypoint.stage != opened.stage:
-            order = Effect("order", f"{waypoint.stage}{BEFORE}{opened.stage}", skill=plan.skill)
+            order = Order(waypoint.stage, opened.stage, skill=plan.skill)
             return Signal("opened_early", "the hand let go before it had put the object down", order)
     return None
 
@@ -207,7 +206,7 @@ def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
     if stopped is None or stopped.abort not in ("unreachable", "no_path"):
         return None
     name = _replaceable(plan)
-    forbid = Effect("forbid", name, skill=plan.skill) if name else None
+    forbid = Ban(name, skill=plan.skill) if name else None
     return Signal("unreachable", f"the arm found no way at '{stopped.stage}'", forbid)
 
 

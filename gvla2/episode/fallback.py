@@ -14,13 +14,13 @@ from gvla2.episode.failure_diagnosis import theme_of
 from gvla2.episode.lessons import handled_lengths
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, Planner, PlanRequest
+from gvla2.planning.effects import look_of, own_first
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.skill import Skill
@@ -199,7 +199,7 @@ def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckRep
     report = check(given.trajectory)
     if report.passed:
         return record, report
-    repaired, repairs = repair(given.trajectory, report, given.scene, arm)
+    repaired, repairs = repair(given.trajectory, report, given.scene, arm, observation.world_from_tcp)
     if not repairs:
         return record, report
     second = replace(check(repaired), repairs=repairs)

@@ -16,10 +16,8 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.calls import written
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Effect, sides_of
-from gvla2.planning.looks import ON, look_of
-from gvla2.planning.programs import calls_program, kind_of, waypoints_program
-from gvla2.planning.relative import relative_steps
+from gvla2.planning.effects import ON, Prior, as_shares, look_of, sides_of
+from gvla2.planning.programs import calls_program, kind_of, relative_steps, waypoints_program
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.scene_brief import unique_names
 from gvla2.skills.skill import Skill
@@ -147,9 +145,9 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
         Lesson(
             "procedural_hint",
             f"{subject}: this {name.replace('_', ' ')} succeeded.",
-            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill, object=look)
-            .shared(plan.scales)
-            .to_json(),
+            as_shares(
+                Prior(name, float(plan.parameters[name]), count=1, skill=plan.skill, object=look), plan.scales
+            ).to_json(),
         )
         for name in chosen
     ]

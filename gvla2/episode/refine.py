@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from gvla2.reconstruction.contracts import (
     Reconstructor,
     Renderer,
 )
+from gvla2.reconstruction.options import BranchOptions
 
 MIN_MASK_PIXELS = 30
 DEPTH_BAND = 0.015
@@ -30,13 +31,14 @@ ABOVE_SUPPORT = 0.003
 
 @dataclass(frozen=True)
 class GeometryComponents:
-    """The components that refine an object's geometry."""
+    """The components that refine an object's geometry, and the branch's options."""
 
     reconstructor: Reconstructor
     prior: GeometryPrior
     axis: AxisCompensation
     fusion: FusionStrategy
     renderer: Renderer
+    options: BranchOptions = field(default_factory=BranchOptions)
 
 
 def refine_scene(
@@ -84,7 +86,7 @@ def _refined(obj: SceneObject, views: Views, components: GeometryComponents) -> 
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
 
     chosen = BranchParts(components.prior, components.axis, components.fusion, components.renderer)
-    return fit_box(obj, refine_geometry(g0, views, chosen).out)
+    return fit_box(obj, refine_geometry(g0, views, chosen, components.options).out)
 
 
 def masked_views(observation: Observation, obj: SceneObject) -> Views | None:

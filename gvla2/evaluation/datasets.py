@@ -8,6 +8,7 @@ silently: a missing set is an error that says where it was searched and where it
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,11 +17,17 @@ from pathlib import Path
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.protocol import INPUTS, SAMPLES, SIZE, TARGETS, ObjectViews, object_views
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.views import Views
 
 MESH_FILES = ("textured.obj", "textured.glb", "model.obj", "mesh.obj", "mesh.glb")
 """File names tried first in an object's folder; else its only .obj, .glb or .ply."""
 GSO_VIEWS = Path("render_mvs_25") / "model"
 GSO_MESH = Path("meshes") / "model.obj"
+AGREEMENT = 0.9
+"""Least symmetric IoU of the true shape's silhouettes and the masks; half a pixel at the edge costs some per cent."""
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,6 @@ class Dataset:
         """
         if self.kind != "gso30":
             return object_views(item.source, item.name, size=self.size, samples=self.samples)
-        from gvla2.evaluation.gso_truth import true_mesh
         from gvla2.geometry.view_folders import read_views
 
         inputs = read_views(item.folder, _spec(INPUTS), self.size)
@@ -186,3 +192,29 @@ def _chosen(items: tuple[Item, ...], objects: Sequence[str], root: Path) -> tupl
 
 def _spec(numbers: Sequence[int]) -> str:
     return f"{numbers[0]}-{numbers[-1]}"
+
+
+def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
+    """The mesh of a file, scaled to a longest side of 1, centred, and turned as in the views.
+
+    The views may have been rendered with the file as Y-up or as Z-up; the masks decide. None, with a warning, when
+    there is no file or neither reading agrees with the masks: no Chamfer distance is better than a wrong one.
+    """
+    from gvla2.evaluation.metrics import unit_box
+    from gvla2.geometry.mesh_files import read_mesh, to_z_up
+    from gvla2.reconstruction.silhouette import symmetric_iou
+
+    if not path.is_file():
+        log.warning("%s is missing: no Chamfer distance for this object.", path)
+        return None
+    mesh = read_mesh(path)
+    upright = mesh.with_vertices(unit_box(mesh.vertices))
+    readings = (upright, upright.with_vertices(to_z_up(upright.vertices)))
+    scores = [symmetric_iou(reading.vertices, views, faces=reading.faces) for reading in readings]
+    best = max(range(len(readings)), key=scores.__getitem__)
+    if scores[best] < AGREEMENT:
+        log.warning(
+            "%s does not agree with its views' masks (IoU %.3f): no Chamfer distance.", path, scores[best]
+        )
+        return None
+    return readings[best]

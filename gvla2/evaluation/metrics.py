@@ -1,8 +1,9 @@
-"""How far a reconstruction is from the truth: Chamfer distances, PSNR and SSIM. LPIPS has a module of its own."""
+"""How far a reconstruction is from the truth: Chamfer distances, PSNR, SSIM, and LPIPS by its own module."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,16 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2.errors import GeometryError
+from gvla2.evaluation.lpips import Features, Lpips
+from gvla2.evaluation.protocol import ObjectViews
+from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.contracts import Reconstruction, Renderer
 
 SURFACE_SAMPLES = 100_000
 SSIM_WINDOW = 7
+MEASURES = ("cd_surface", "cd_official", "psnr", "ssim", "lpips")
 
 
 @dataclass(frozen=True)
@@ -109,3 +115,60 @@ def ssim(image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
             data_range=1.0,
         )
     )
+
+
+@dataclass(frozen=True)
+class ReconstructionScores:
+    """The measures by name (None: not measured), and which points the surface distance used."""
+
+    measures: Mapping[str, float | None]
+    cd_points: str
+
+
+@dataclass
+class ReconstructionJudge:
+    """Measures reconstructions of one object; the truth is prepared once.
+
+    ``workers`` is the number of threads for nearest neighbours, -1 for all cores; ``samples`` how many points of a
+    surface are compared.
+    """
+
+    views: ObjectViews
+    renderer: Renderer
+    lpips: Lpips | None = None
+    workers: int = -1
+    samples: int = SURFACE_SAMPLES
+    _truth: Truth | None = field(init=False, repr=False)
+    _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
+    _features: list[Features] | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)
+        self._targets = [(view.image / 255).astype(np.float32) for view in self.views.targets]
+        self._features = None if self.lpips is None else [self.lpips.features(t) for t in self._targets]
+
+    def measure(self, made: Reconstruction) -> ReconstructionScores:
+        """All measures; the image measures are means over the target views."""
+        measures: dict[str, float | None] = dict.fromkeys(MEASURES)
+        points = "none"
+        if self._truth is not None:
+            centres = None if made.gaussians is None else made.gaussians.centres.astype(np.float64)
+            surface, points = surface_points(made.mesh, centres, self.samples)
+            vertices = made.mesh.vertices if made.mesh is not None and points == "mesh" else surface
+            measures["cd_surface"] = cd_surface(surface, self._truth, self.workers)
+            measures["cd_official"] = cd_official(vertices, self._truth, self.workers)
+        if made.gaussians is not None:
+            images = self.pictures(made.gaussians)
+            pairs = list(zip(images, self._targets, strict=True))
+            measures["psnr"] = float(np.mean([psnr(*pair) for pair in pairs]))
+            measures["ssim"] = float(np.mean([ssim(*pair) for pair in pairs]))
+            if self.lpips is not None and self._features is not None:
+                seen = [self.lpips.features(image) for image in images]
+                distances = map(self.lpips.between, seen, self._features)
+                measures["lpips"] = float(np.mean(list(distances)))
+        return ReconstructionScores(measures, points)
+
+    def pictures(self, gaussians: Gaussians, count: int | None = None) -> list[NDArray[np.float32]]:
+        """The target views (the first ``count``) rendered on white, each (H, W, 3) in [0, 1]."""
+        cameras = [view.camera for view in self.views.targets][:count]
+        return [np.clip(self.renderer.render(gaussians, camera)[0], 0, 1) for camera in cameras]

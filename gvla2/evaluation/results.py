@@ -1,17 +1,23 @@
 """The results database: what was measured, with which configuration, seed, code and versions.
 
 SQLite by default, or PostgreSQL. A run is one call of a benchmark; a row is one cell of its design. A row's key covers
-everything that could change its numbers, so a stored cell need not be measured again.
+everything that could change its numbers, among them a digest of the code, so a stored cell need not be measured again.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import platform
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,6 +31,7 @@ from gvla2.io.database_url import Closing, parsed, shown
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
 BUSY_SECONDS = 30.0
+PACKAGES = ("gvla2", "numpy", "scipy", "numba", "scikit-image", "trimesh", "sqlmodel", "torch")
 
 tables = registry()
 
@@ -74,7 +81,12 @@ class Cell:
     notes: Mapping[str, Any]
     run: int = 0
 
-    def told(self, *names: str) -> tuple[str, ...]:
+    @property
+    def status(self) -> str:
+        """``ok``, or why it could not be measured."""
+        return str(self.notes.get("status", "ok"))
+
+    def texts(self, *names: str) -> tuple[str, ...]:
         """The factors of these names as text, "" for one that it does not have."""
         return tuple(str(self.factors.get(name, "")) for name in names)
 
@@ -92,7 +104,7 @@ def grouped(cells: Iterable[Cell], *names: str) -> dict[tuple[str, ...], list[Ce
     """The cells by these factors, in order of first appearance."""
     groups: dict[tuple[str, ...], list[Cell]] = {}
     for cell in cells:
-        groups.setdefault(cell.told(*names), []).append(cell)
+        groups.setdefault(cell.texts(*names), []).append(cell)
     return groups
 
 
@@ -133,8 +145,17 @@ class Results(Closing):
             tables.metadata.create_all(engine)
         return opened
 
-    def begin(self, run: Run) -> int:
-        """Record the start of a run; returns its number."""
+    def begin(self, suite: str, folder: Path, config: str, code: str = "") -> int:
+        """Record the start of a run with this configuration (YAML) and code (a digest); returns its number."""
+        run = Run(
+            suite=suite,
+            started=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            folder=str(folder.absolute()),
+            commit=commit(),
+            code=code,
+            config=config,
+            versions=json.dumps(versions()),
+        )
         with self._session() as session:
             session.add(run)
             session.flush()
@@ -211,14 +232,64 @@ def file_of(url: str) -> Path | None:
     return Path(str(where.database)) if where.drivername == "sqlite" else None
 
 
-def now() -> str:
-    """The time, UTC, in ISO form."""
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-
-
 def _cell(row: Row) -> Cell:
     try:
         factors, measures, notes = (json.loads(text) for text in (row.factors, row.measures, row.notes))
     except json.JSONDecodeError as error:
         raise Gvla2Error(f"A row of the results database is damaged (key {row.key}): {error}") from error
     return Cell(row.key, factors, measures, notes, row.run_id)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that measurements depend on; absent ones are left out."""
+    found = {"python": platform.python_version(), "platform": sys.platform}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str:
+    """The commit of the source tree, with ``-dirty`` when files differ from it; "" outside a git checkout."""
+    folder = Path(__file__).resolve().parents[2]
+    if not (folder / ".git").exists():
+        return ""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+@cache
+def code_digest(packages: tuple[str, ...]) -> str:
+    """Hexadecimal digest of the Python files of packages: rows measured by other code are not mistaken for these.
+
+    Unlike a commit it also covers uncommitted changes. A missing package counts as empty.
+    """
+    digest = hashlib.sha256()
+    for package in packages:
+        for path in _sources(package):
+            digest.update(f"{package}|{path.name}|".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _sources(package: str) -> Iterable[Path]:
+    try:
+        spec = find_spec(package)
+    except ImportError:
+        return []
+    if spec is None:
+        return []
+    if spec.submodule_search_locations is None:
+        return [Path(spec.origin)] if spec.origin else []
+    return sorted(path for place in spec.submodule_search_locations for path in Path(place).rglob("*.py"))

@@ -1,15 +1,19 @@
-"""Intervals: of success rates, and of paired changes."""
+"""Statistics of measured rows: intervals of success rates, paired tests and differences, ranking and calibration."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 NORMAL_95 = 1.959963984540054
 """Two-sided 95 % quantile of the standard normal distribution."""
+
+Pair = tuple[bool, bool]
+"""Success of one episode under the first condition and under the second."""
 
 
 def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
@@ -26,42 +30,134 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     return max(0.0, low), min(1.0, high)
 
 
-@dataclass(frozen=True)
-class Change:
-    """A relative change of means, in per cent, with its bootstrap interval; ``count`` is the number of pairs."""
-
-    percent: float
-    low: float
-    high: float
-    count: int
-
-
-def paired_change(
-    before: Sequence[float], after: Sequence[float], *, level: float = 0.95, draws: int = 2000, seed: int = 0
-) -> Change:
-    """How much the mean changed, in per cent of the mean before: 100 (mean(after) / mean(before) - 1).
-
-    ``before[i]`` and ``after[i]`` belong to the same object. The interval is the percentile bootstrap over pairs
-    (Efron), so differences between objects do not blur the change; one pair gives an interval of zero width. Raises
-    ValueError for no pairs, unequal lengths, values that are not finite, or a mean of zero before.
-    """
-    old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
-    if old.shape != new.shape or old.ndim != 1 or len(old) == 0:
-        raise ValueError(f"Pairs are needed, got {old.shape} values before and {new.shape} after.")
-    if not (np.isfinite(old).all() and np.isfinite(new).all()) or old.mean() == 0:
-        raise ValueError("Values must be finite and the mean before must not be zero.")
-    picks = np.random.default_rng(seed).integers(0, len(old), size=(draws, len(old)))
-    # A draw whose old values cancel out has no relative change; with positive measures there is none.
-    below = old[picks].mean(axis=1)
-    changes = 100 * (new[picks].mean(axis=1)[below != 0] / below[below != 0] - 1)
-    tail = 50 * (1 - level)
-    low, high = np.percentile(changes, [tail, 100 - tail])
-    return Change(float(100 * (new.mean() / old.mean() - 1)), float(low), float(high), len(old))
-
-
 def mean_and_deviation(values: Sequence[float]) -> tuple[float, float]:
     """Mean, and sample standard deviation (0 for a single value). Raises ValueError for no values."""
     if len(values) == 0:
         raise ValueError("No values: no mean.")
     array = np.asarray(values, dtype=np.float64)
     return float(array.mean()), float(array.std(ddof=1)) if len(array) > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change with its 95 % interval; ``count`` is the number of pairs."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+def relative_change(before: Sequence[float], after: Sequence[float], *, draws: int = 2000) -> Change:
+    """How much the mean changed, in per cent of the mean before: 100 (mean(after) / mean(before) - 1).
+
+    ``before[i]`` and ``after[i]`` belong to the same object. The interval is the percentile bootstrap over pairs
+    (Efron), so differences between objects do not blur the change; one pair gives an interval of zero width. Raises
+    ValueError for no pairs, unequal lengths, values that are not finite, or a mean of zero before.
+    """
+    from scipy.stats import bootstrap
+
+    old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
+    if old.shape != new.shape or old.ndim != 1 or len(old) == 0:
+        raise ValueError(f"Pairs are needed, got {old.shape} values before and {new.shape} after.")
+    if not (np.isfinite(old).all() and np.isfinite(new).all()) or old.mean() == 0:
+        raise ValueError("Values must be finite and the mean before must not be zero.")
+
+    def change(one: NDArray[np.float64], two: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+        return np.asarray(100 * (two.mean(axis=axis) / one.mean(axis=axis) - 1))
+
+    value = float(change(old, new))
+    if len(old) == 1:
+        return Change(value, value, value, 1)
+    found = bootstrap(
+        (old, new), change, paired=True, vectorized=True, n_resamples=draws, method="percentile", rng=0
+    )
+    low, high = found.confidence_interval
+    return Change(value, float(low), float(high), len(old))
+
+
+def won_and_lost(pairs: Sequence[Pair]) -> tuple[int, int]:
+    """Episodes that succeed only under the second condition, and only under the first."""
+    return sum(b and not a for a, b in pairs), sum(a and not b for a, b in pairs)
+
+
+def exact_mcnemar(pairs: Sequence[Pair]) -> float:
+    """Two-sided exact p of McNemar's test: does the second condition win as many episodes as it loses?
+
+    1 where no episode differs.
+    """
+    from scipy.stats import binomtest
+
+    won, lost = won_and_lost(pairs)
+    return float(binomtest(won, won + lost, 0.5).pvalue) if won + lost else 1.0
+
+
+def holm(values: Mapping[str, float]) -> dict[str, float]:
+    """P values adjusted for their number, by Holm's step-down."""
+    adjusted: dict[str, float] = {}
+    least = 0.0
+    for rank, name in enumerate(sorted(values, key=lambda name: values[name])):
+        least = max(least, min(1.0, (len(values) - rank) * values[name]))
+        adjusted[name] = least
+    return adjusted
+
+
+def pooled_difference(by_task: Mapping[str, Sequence[Pair]], *, draws: int = 4000, seed: int = 0) -> Change:
+    """How much the second condition adds to the success rate, in percentage points, averaged over tasks.
+
+    The interval is the percentile bootstrap in two stages: tasks are drawn, then episodes within each, since episodes
+    of one task are alike. Raises ValueError for no pairs.
+    """
+    gains = [np.array([int(b) - int(a) for a, b in pairs]) for pairs in by_task.values() if len(pairs)]
+    if not gains:
+        raise ValueError("No pairs: no difference.")
+    rng = np.random.default_rng(seed)
+    drawn = [
+        np.mean([rng.choice(gains[task], len(gains[task])).mean() for task in tasks])
+        for tasks in rng.integers(0, len(gains), (draws, len(gains)))
+    ]
+    low, high = np.percentile(100 * np.array(drawn), [2.5, 97.5])
+    points = 100 * float(np.mean([gain.mean() for gain in gains]))
+    return Change(points, float(low), float(high), sum(map(len, gains)))
+
+
+def auc(scores: Sequence[float], truths: Sequence[bool]) -> float | None:
+    """The probability that a success scores higher than a failure, ties counting half; None without one of each."""
+    from scipy.stats import mannwhitneyu
+
+    values, won = np.asarray(scores, float), np.asarray(truths, bool)
+    if won.all() or not won.any():
+        return None
+    good, bad = values[won], values[~won]
+    return float(mannwhitneyu(good, bad, method="asymptotic").statistic / (len(good) * len(bad)))
+
+
+def auc_interval(
+    scores: Sequence[float], truths: Sequence[bool], groups: Sequence[str], *, draws: int = 1000
+) -> tuple[float, float] | None:
+    """A 95 % bootstrap interval that draws whole groups: runs of one task are not independent."""
+    values, won = np.asarray(scores, float), np.asarray(truths, bool)
+    names, members = np.unique(np.asarray(groups), return_inverse=True)
+    places = [np.flatnonzero(members == i) for i in range(len(names))]
+    rng = np.random.default_rng(0)
+    found: list[float] = []
+    for _ in range(draws):
+        chosen = np.concatenate([places[i] for i in rng.integers(len(names), size=len(names))])
+        value = auc(values[chosen].tolist(), won[chosen].tolist())
+        if value is not None:
+            found.append(value)
+    if len(found) < draws // 2:
+        return None
+    low, high = np.percentile(found, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def calibration_error(scores: Sequence[float], truths: Sequence[bool], bins: int = 10) -> float | None:
+    """The expected calibration error: the mean distance of a bin's score from its share of successes."""
+    values, won = np.asarray(scores, float), np.asarray(truths, float)
+    if not len(values):
+        return None
+    at = np.clip((values * bins).astype(int), 0, bins - 1)
+    members = (at == i for i in range(bins))
+    distances = [abs(values[one].mean() - won[one].mean()) * one.mean() for one in members if one.any()]
+    return float(sum(distances))

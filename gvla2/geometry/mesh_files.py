@@ -1,52 +1,99 @@
-"""Meshes in OBJ, GLB and PLY files, read and written by trimesh.
+"""Mesh files: one reader for all that needs a mesh, and a writer, on trimesh.
 
-GLB files are Y-up by their standard and are turned to our Z-up frame and back; OBJ and PLY state no axes and are taken
-as they are. Materials do not pass through a :class:`TriangleMesh`: to move the vertices of a GLB file and keep
-everything else, use :func:`gvla2.geometry.glb.map_glb`.
+GLB, glTF and COLLADA files say which way is up and are turned to our Z-up frame; the others are taken as they are. A
+COLLADA file also says its unit. To move the vertices of a GLB file and keep everything else, use :func:`map_glb`.
 """
 
 from __future__ import annotations
 
+import io
+import json
 import os
+import re
+import struct
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike, NDArray
 
-from gvla2.errors import GeometryError
-from gvla2.geometry.glb import to_y_up, to_z_up
-from gvla2.geometry.mesh import TriangleMesh
+from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
+from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.io.files import write_whole
 
-_SUFFIXES = (".obj", ".glb", ".ply")
+READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
+WRITABLE = (".obj", ".glb", ".ply")
+_GLTF = (".glb", ".gltf")
+_UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
+"""Extensions of glTF that trimesh would misread; of Draco it asks DracoPy."""
+_TURNS: Mapping[str, FloatArray] = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""(3, 3) from a file's frame to the Z-up frame."""
 
 
-def read_mesh(path: str | os.PathLike[str]) -> TriangleMesh:
-    """All meshes of a file as one, each placed by the file's scene graph, Z-up.
+def to_y_up(points: ArrayLike) -> FloatArray:
+    """Our points or directions (..., 3) in the frame of glTF: (x, y, z) becomes (x, z, -y)."""
+    p = np.asarray(points, dtype=np.float64)
+    return np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1)
 
-    Vertex order is the file's. Colours come from vertex colours, else from the material or texture at each
-    vertex, else they are None. Raises :class:`GeometryError`, naming the file, when it is absent, of another kind,
-    broken, without triangles, or with vertices that are not finite.
+
+def to_z_up(points: ArrayLike) -> FloatArray:
+    """Points or directions (..., 3) of glTF in our frame: (x, y, z) becomes (x, -z, y)."""
+    p = np.asarray(points, dtype=np.float64)
+    return np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1)
+
+
+def read_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = "file") -> TriangleMesh:
+    """As :func:`read_textured_mesh`, with one colour a vertex; ``colours`` is None where the file has none."""
+    return read_textured_mesh(path, up).coloured()
+
+
+def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = "file") -> TexturedMesh:
+    """All triangles of a file as one mesh, placed by its scene graph, in metres where the file says its unit.
+
+    Reads :data:`READABLE`: textures, colours of vertices and faces, materials with a colour alone, polygons, several
+    materials. Vertices that coincide are one, vertices that no face uses are dropped. ``up="z"`` ignores the up axis
+    that a COLLADA file states, as the tools for URDFs do.
+
+    Raises :class:`GeometryError`, naming the file, when it is absent, of another kind, broken, without triangles, or
+    compressed in a way that isn't read; :class:`MissingDependencyError` for a COLLADA file without pycollada.
     """
     source = Path(path)
-    suffix = _suffix(source)
-    if not source.is_file():
-        raise GeometryError(f"Cannot read a mesh from {source}: there is no such file.")
+    scene, from_file = _load(source, up)
+    parts, looks = [], []
     try:
-        scene = trimesh.load_scene(source, process=False, maintain_order=True)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    except Exception as error:  # trimesh's parsers raise anything
-        raise GeometryError(f"Cannot read a mesh from {source}: {type(error).__name__}: {error}") from error
+        for part in scene.dump():
+            if isinstance(part, trimesh.Trimesh) and len(part.faces):
+                parts.append(part)
+                looks.append(_look(part))
+    except Exception as error:  # trimesh's visuals raise anything
+        raise _unreadable(source, error) from error
     if not parts:
         raise GeometryError(f"Cannot read a mesh from {source}: it holds no triangles.")
-    vertices = np.concatenate([part.vertices for part in parts])
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts[:-1], strict=True)])
-    colours = np.concatenate([_colours(part) for part in parts]) if all(map(_is_coloured, parts)) else None
+    images: list[NDArray[np.uint8]] = []
+    texture = []
+    for part, (_, _, image) in zip(parts, looks, strict=True):
+        texture.append(np.full(len(part.faces), -1 if image is None else len(images), dtype=np.int64))
+        if image is not None:
+            images.append(image)
+    corners = np.concatenate([_corners(source, part) for part in parts])
+    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
     try:
-        return TriangleMesh(to_z_up(vertices) if suffix == ".glb" else vertices, faces, colours)
+        mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
     except GeometryError as error:
-        raise GeometryError(f"{source}: {error}") from error
+        raise GeometryError(f"Cannot read a mesh from {source}: {error}") from error
+    return TexturedMesh(
+        mesh,
+        np.concatenate([uv for uv, _, _ in looks]),
+        np.concatenate(texture),
+        np.concatenate([rgb for _, rgb, _ in looks]),
+        tuple(images),
+    )
 
 
 def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
@@ -54,7 +101,7 @@ def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
 
     Raises :class:`GeometryError` for another suffix, :class:`gvla2.errors.OutputError` when it cannot be written.
     """
-    suffix = _suffix(Path(path))
+    suffix = _suffix(Path(path), WRITABLE)
     vertices = to_y_up(mesh.vertices) if suffix == ".glb" else mesh.vertices
     colours = None if mesh.colours is None else np.rint(255 * mesh.colours).astype(np.uint8)
     built = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=colours, process=False)
@@ -62,18 +109,168 @@ def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
     write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def _suffix(path: Path) -> str:
+def map_glb(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    mapping: Callable[[FloatArray], ArrayLike],
+) -> None:
+    """Write ``source`` to ``target`` with its vertices (N, 3), metres, Z-up, passed through ``mapping``.
+
+    Materials, texture coordinates, images, names and the scene graph stay; normals turn as their surface does.
+    ``mapping`` is called for each mesh of the scene. Raises :class:`GeometryError` for a file that cannot be read, for
+    positions that are not finite, and when one mesh is placed several times and its copies would have to differ.
+    """
+    scene, _ = _load(Path(source), "file")
+    moved: dict[str, FloatArray] = {}
+    for node in scene.graph.nodes_geometry:
+        world_from_node, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh):
+            continue
+        if np.linalg.matrix_rank(world_from_node[:3, :3]) < 3:
+            raise GeometryError(f"{source}: a node squeezes its mesh flat (scale 0); it cannot be moved.")
+        world = to_z_up(transform_points(world_from_node, np.asarray(part.vertices)))
+        new = np.asarray(mapping(world), dtype=np.float64)
+        if new.shape != world.shape or not np.isfinite(new).all():
+            raise GeometryError(f"{source} needs finite positions {world.shape}, got shape {new.shape}.")
+        after = transform_points(np.linalg.inv(world_from_node), to_y_up(new))
+        if name in moved and not np.allclose(moved[name], after, rtol=0, atol=1e-5 * part.scale):
+            raise GeometryError(
+                f"{source} places one mesh several times, and its copies would be moved apart; export it with "
+                "instances applied."
+            )
+        moved[name] = after
+    for name, after in moved.items():
+        part = scene.geometry[name]
+        normals = _turned(np.asarray(part.vertex_normals), part, after)
+        part.vertices = after
+        part.vertex_normals = normals
+    content = scene.export(file_type="glb", include_normals=True)
+    write_whole(target, content)
+
+
+def _load(source: Path, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
+    """The file's scene as it is, and the matrix (3, 3) that takes its points to our frame, metres."""
+    suffix = _suffix(source, READABLE)
+    try:
+        content = source.read_bytes()
+        if suffix == ".dae":
+            return _load_collada(source, content, up)
+        if suffix in _GLTF:
+            _check_extensions(source, content)
+        scene = trimesh.load_scene(source, process=False)
+    except FileNotFoundError:
+        raise GeometryError(f"Cannot read a mesh from {source}: there is no such file.") from None
+    except (GeometryError, MissingDependencyError):
+        raise
+    except Exception as error:  # trimesh's parsers raise anything
+        raise _unreadable(source, error) from error
+    return scene, _TURNS["Y_UP"] if suffix in _GLTF else np.eye(3)
+
+
+def _load_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
+    try:
+        import collada  # noqa: F401  # trimesh's reader of COLLADA
+    except ImportError as error:
+        raise MissingDependencyError(
+            "the package 'pycollada'", f"Reading {source}", "pip install pycollada"
+        ) from error
+    head = content[: content.find(b"</asset>")].decode(errors="replace")
+    if "<COLLADA" in head and "xmlns=" not in head[head.index("<COLLADA") :].partition(">")[0]:
+        named = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
+        content = content.replace(b"<COLLADA", named, 1)  # pycollada knows elements by their namespace alone
+    resolver = trimesh.resolvers.FilePathResolver(source)
+    scene = trimesh.load_scene(io.BytesIO(content), file_type="dae", resolver=resolver, process=False)
+    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)", head)
+    axis = re.search(r"<up_axis>\s*(\w+)", head)
+    turn = _TURNS.get(axis[1] if axis and up == "file" else "Z_UP", np.eye(3))
+    return scene, turn * (float(unit[1]) if unit else 1.0)
+
+
+def _check_extensions(source: Path, content: bytes) -> None:
+    """Raise :class:`GeometryError` for a glTF file that requires what trimesh would misread or leave out."""
+    text = content
+    if content[:4] == b"glTF":
+        (length,) = struct.unpack_from("<I", content, 12)
+        text = content[20 : 20 + length]
+    if found := _UNREADABLE & set(json.loads(text).get("extensionsUsed", ())):
+        raise GeometryError(
+            f"Cannot read a mesh from {source}: its vertices are compressed ({', '.join(sorted(found))}); export it "
+            "without compression."
+        )
+
+
+def _suffix(path: Path, known: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise GeometryError(f"{path}: meshes are {', '.join(_SUFFIXES)} files, not '{suffix}'.")
+    if suffix not in known:
+        raise GeometryError(f"{path}: meshes are {', '.join(known)} files, not '{suffix}'.")
     return suffix
 
 
-def _is_coloured(part: trimesh.Trimesh) -> bool:
-    return bool(part.visual.defined)
+def _unreadable(source: Path, error: Exception) -> GeometryError:
+    return GeometryError(f"Cannot read a mesh from {source}: {type(error).__name__}: {error}")
 
 
-def _colours(part: trimesh.Trimesh) -> np.ndarray:
-    """(V, 3) in [0, 1] of a part that has colours of some kind."""
-    visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
-    return np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3] / 255.0
+def _corners(source: Path, part: trimesh.Trimesh) -> FloatArray:
+    """(3F, 3) the corners of a part's faces."""
+    faces, count = np.asarray(part.faces).ravel(), len(part.vertices)
+    if faces.min() < 0 or faces.max() >= count:
+        raise GeometryError(
+            f"Cannot read a mesh from {source}: a face names vertex {faces.max()}, there are {count} (from 0)."
+        )
+    corners: FloatArray = np.asarray(part.vertices, dtype=np.float64)[faces]
+    if not np.isfinite(corners).all():
+        raise GeometryError(f"Cannot read a mesh from {source}: its vertices are not finite.")
+    return corners
+
+
+def _look(part: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8] | None]:
+    """A part's corner texture coordinates (F, 3, 2), corner colours (F, 3, 3) and image, if any."""
+    visual, faces = part.visual, np.asarray(part.faces)
+    uv = np.zeros((len(faces), 3, 2), dtype=np.float32)
+    if visual.kind == "texture":
+        image, tint = _image(visual.material), getattr(visual.material, "baseColorFactor", None)
+        flat = image is None or visual.uv is None
+        if flat and tint is None and hasattr(visual.material, "baseColorFactor"):
+            tint = np.ones(3)  # glTF's default
+        elif flat and tint is None:
+            tint = visual.material.main_color
+        rgb = np.broadcast_to(np.ones(3) if tint is None else _unit(tint)[:3], (*faces.shape, 3))
+        if (painted := visual.vertex_attributes.get("color")) is not None:
+            rgb = rgb * _unit(painted)[:, :3][faces]
+        if not flat:
+            uv = np.asarray(visual.uv, dtype=np.float32)[faces]
+        return uv, rgb.astype(np.float32), None if flat else image
+    if visual.kind == "face":
+        rgb = np.repeat(_unit(visual.face_colors)[:, None, :3], 3, axis=1)
+        return uv, rgb.astype(np.float32), None
+    if visual.kind == "vertex":
+        return uv, _unit(visual.vertex_colors)[:, :3].astype(np.float32)[faces], None
+    return uv, np.full((*faces.shape, 3), GREY, dtype=np.float32), None
+
+
+def _image(material: Any) -> NDArray[np.uint8] | None:
+    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    return None if image is None else np.asarray(image.convert("RGB"), dtype=np.uint8)
+
+
+def _unit(colour: Any) -> FloatArray:
+    """Colours in [0, 1] from bytes or floats."""
+    array = np.asarray(colour)
+    return array / 255.0 if array.dtype == np.uint8 else np.clip(array.astype(np.float64), 0, 1)
+
+
+def _turned(normals: FloatArray, before: trimesh.Trimesh, after: FloatArray) -> FloatArray:
+    """Stored normals (V, 3), turned by the smallest rotation that takes the old surface's normal to the new.
+
+    Computing them afresh would lose the author's smoothing; this keeps it, also across seams.
+    """
+    a, b = (
+        np.asarray(trimesh.Trimesh(vertices, before.faces, process=False).vertex_normals)
+        for vertices in (before.vertices, after)
+    )
+    axis, cosine = np.cross(a, b), np.einsum("ij,ij->i", a, b)[:, None]
+    along = np.einsum("ij,ij->i", axis, normals)[:, None]
+    # Rodrigues' formula for the rotation a -> b; a half turn leaves the axis undefined.
+    turned = cosine * normals + np.cross(axis, normals) + axis * along / np.maximum(1 + cosine, 1e-9)
+    return np.where(cosine > -0.999, turned, -normals)

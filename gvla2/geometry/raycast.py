@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.compiled import compiled
-from gvla2.geometry.texture import Texture
+from gvla2.geometry.mesh import Texture
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
 
 AMBIENT = 0.55

@@ -9,11 +9,50 @@ only package of gvla2 with a side effect on import, and no other imports it.
 
 from typing import Any
 
-from gvla2.gym.registration import env_id, register_envs
+from gvla2.errors import MissingDependencyError
+from gvla2.plugins.registry import Registry, load_plugins
 
 __all__ = ["RecordRollouts", "env_id", "register_envs"]
 
-register_envs()
+NAMESPACE, VERSION = "gvla2", 0
+
+MAX_STEPS = 40
+"""Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` overrides it."""
+
+NO_TASK = "none"
+"""The null choice of the kind ``task``: without a task there is no environment."""
+
+
+def env_id(task: str) -> str:
+    """The identifier of a task's environment, as ``gymnasium.make`` takes it."""
+    return f"{NAMESPACE}/{task}-v{VERSION}"
+
+
+def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
+    """Register every installed task with Gymnasium, and return the identifiers.
+
+    What is registered already stays as it is, so that calling it again after installing a plugin is fine. No plugin
+    is built: simulators and their libraries are loaded by ``gymnasium.make``. Raises
+    :class:`MissingDependencyError` without Gymnasium.
+    """
+    try:
+        from gymnasium.envs.registration import register
+        from gymnasium.envs.registration import registry as known
+    except ImportError as error:
+        raise MissingDependencyError(
+            "gymnasium", "A task as an environment", 'pip install "gvla2[gym]"', "MIT"
+        ) from error
+    tasks = (registry or load_plugins()).components("task")
+    ids = tuple(env_id(name) for name in tasks if name != NO_TASK)
+    for identifier, name in zip(ids, (n for n in tasks if n != NO_TASK), strict=True):
+        if identifier not in known:
+            register(
+                identifier,
+                entry_point="gvla2.gym.env:TaskEnv",
+                kwargs={"task": name},
+                max_episode_steps=MAX_STEPS,
+            )
+    return ids
 
 
 def __getattr__(name: str) -> Any:
@@ -22,3 +61,6 @@ def __getattr__(name: str) -> Any:
     from gvla2.gym.recording import RecordRollouts
 
     return RecordRollouts
+
+
+register_envs()

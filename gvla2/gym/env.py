@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.views import Observation
-from gvla2.gym.actions import HIGH, LOW, JointDeltas, WaypointActions
-from gvla2.gym.joint_stepping import JointStepper
-from gvla2.gym.observing import (
+from gvla2.gym.spaces import (
+    HIGH,
+    LOW,
     MOST_BODIES,
     Arrays,
+    JointDeltas,
+    WaypointActions,
     body_arrays,
     body_space,
     cameras,
@@ -25,7 +27,7 @@ from gvla2.gym.observing import (
     picture_arrays,
     picture_space,
 )
-from gvla2.gym.stepping import WaypointStepper
+from gvla2.gym.stepping import JointStepper, WaypointStepper
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.task import Profile, TaskInstance
@@ -40,15 +42,15 @@ ObservationMode = Literal["rgbd", "state"]
 class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
-    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.actions.WaypointActions`), which the robot's
+    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.spaces.WaypointActions`), which the robot's
     own motion planner and executor carry out: straight where they can, else around the table and the arm itself.
     Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
     nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
-    joints' targets (see :class:`gvla2.gym.actions.JointDeltas`), 20 times a second; nothing is planned or checked.
+    joints' targets (see :class:`gvla2.gym.spaces.JointDeltas`), 20 times a second; nothing is planned or checked.
 
     The observation holds ``tcp``, ``gripper`` and ``joints``, and with ``obs_mode="rgbd"`` what the cameras see
     (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
-    :mod:`gvla2.gym.observing`.
+    :mod:`gvla2.gym.spaces`.
 
     The reward is 1 when the goal of ``profile`` is reached, which ends the episode, and 0 otherwise.
     ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by
@@ -108,7 +110,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"The robot '{robot}' needs a {needs[0]} beside it: an environment takes a simulated robot, which has "
                 f"cameras of its own and a success check."
             )
-        # As composed: what was recorded of two arms of one robot's name is told apart by them.
+        # As composed: recordings of two arms of one robot's name differ in them.
         self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
@@ -194,7 +196,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         except SimulationError as error:
             lost = str(error)
         done = success[self._profile]
-        info = {**self._shown, **stepper.told, "success": success, "is_success": done}
+        info = {**self._shown, **stepper.info, "success": success, "is_success": done}
         if lost:
             info["error"] = lost
         return self._last, float(done), done, bool(lost), info
@@ -234,12 +236,12 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         """Note the policy's observation and info."""
         assert self._instance is not None
         measured = joint_arrays(stepper.state, self.arm)
-        told: dict[str, Any]
+        info: dict[str, Any]
         if self._pictures:
             views = stepper.seen.views
-            shown, told = picture_arrays(views), {"cameras": cameras(views)}
+            shown, info = picture_arrays(views), {"cameras": cameras(views)}
         else:
             names = [body.name for body in self._instance.layout.bodies]
-            shown, told = body_arrays(self._robot.true_state(), names), {"bodies": names}
+            shown, info = body_arrays(self._robot.true_state(), names), {"bodies": names}
         self._last = {**shown, **measured}
-        self._shown = {INSTRUCTION: self._instance.instruction, **told}
+        self._shown = {INSTRUCTION: self._instance.instruction, **info}

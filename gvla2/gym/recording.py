@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, OutputError
-from gvla2.gym.actions import JointDeltas
 from gvla2.gym.env import TaskEnv
-from gvla2.gym.joint_stepping import RATE
+from gvla2.gym.spaces import JointDeltas
+from gvla2.gym.stepping import RATE
 from gvla2.io.files import make_folder, write_json
 from gvla2.record.motion import SMALLEST, Motion
 from gvla2.robot.backend import Moment
@@ -50,7 +50,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         self._place = self._folder
         self._steps = 0
         self._motion: Motion | None = None
-        self._told: dict[str, Any] = {}
+        self._result: dict[str, Any] = {}
 
     def reset(self, **given: Any) -> tuple[Step, dict[str, Any]]:
         """Begin the next episode; one that did not end is kept as it is."""
@@ -58,7 +58,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         seen, info = self.env.reset(**given)
         self._place = self._claimed()
         self._motion, self._steps = Motion(self._place), 0
-        self._told = {
+        self._result = {
             "episode": f"rollout-{self._place.name}",
             "instruction": info["instruction"],
             "robot": self._task.robot_name,
@@ -85,7 +85,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         """A step of the environment, and its frame."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         self._note(seen)
-        self._told["success"] = bool(info["is_success"])
+        self._result["success"] = bool(info["is_success"])
         if terminated or truncated:
             self._keep()
         return seen, float(reward), terminated, truncated, info
@@ -108,5 +108,5 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         """Close the film; last of all the result, which makes the folder an episode's."""
         if self._motion is not None:
             self._motion.finish()
-            write_json(self._place / "result.json", self._told)
+            write_json(self._place / "result.json", self._result)
             self._motion = None

@@ -16,9 +16,9 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.distance import pdist
 
 from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder, cached_arrays
-from gvla2.perception.textures import sampled_surface
 from gvla2.planning.colours import appearance
 
 SUFFIXES = (".obj", ".glb", ".ply")
@@ -28,7 +28,7 @@ LARGEST = 3.0
 """A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
-VERSION = 2
+VERSION = 3
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does."""
 
@@ -122,7 +122,11 @@ def read_scan(name: str, path: Path) -> KnownScan:
 
 
 def _prepared(path: Path) -> dict[str, FloatArray]:
-    points, normals, rgb = sampled_surface(path, POINTS)
+    textured = read_textured_mesh(path)
+    points, normals, rgb = textured.surface(POINTS, np.random.default_rng(0))
+    mesh = textured.mesh
+    if mesh.volume < 0 and trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight:
+        normals = -normals  # faces wound inside out
     low, high = points.min(axis=0), points.max(axis=0)
     longest = float((high - low).max())
     if not longest > 0:

@@ -1,18 +1,28 @@
-"""Asking untrusted perceivers and planners, these within a time limit: their answers are well-formed or refused."""
+"""Calls of untrusted perceivers and planners, within a time limit: their answers are well-formed or refused."""
 
 from __future__ import annotations
 
 import math
+import signal
+import threading
+import time
 from collections.abc import Callable, Mapping
-from types import NoneType
-from typing import Any
+from types import FrameType, NoneType
+from typing import Any, TypeVar, get_args
 
-from gvla2.errors import ConformanceError, PerceptionError, PlannerTimeoutError, PlanningError
+from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Candidate, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.deadline import DeadlineError, within
+from gvla2.planning.contracts import (
+    Abstention,
+    AbstentionKind,
+    Candidate,
+    Perceiver,
+    Plan,
+    Planner,
+    PlanRequest,
+)
 from gvla2.planning.effects import SIDES
 from gvla2.planning.programs import Program
 from gvla2.planning.scene import Box, Scene, SceneObject
@@ -47,14 +57,14 @@ def check_scene(scene: object) -> None:
     require_type(scene.objects, tuple, "The scene's objects")
     height: object = scene.table_height
     require(_finite(height), f"table_height must be finite, got {height!r:.80}.")
-    for thing in scene.objects:
-        require_type(thing, SceneObject, "An object of the scene")
-        what = f"Object '{thing.id}'"
-        require_rigid(thing.world_from_object, f"{what}: world_from_object")
-        extents = require_array(thing.extents, (3,), f"{what}: extents")
+    for obj in scene.objects:
+        require_type(obj, SceneObject, "An object of the scene")
+        what = f"Object '{obj.id}'"
+        require_rigid(obj.world_from_object, f"{what}: world_from_object")
+        extents = require_array(obj.extents, (3,), f"{what}: extents")
         require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents.tolist()}.")
-        require_array(thing.points, (None, 3), f"{what}: points")
-    ids = [thing.id for thing in scene.objects]
+        require_array(obj.points, (None, 3), f"{what}: points")
+    ids = [obj.id for obj in scene.objects]
     require(all(ids) and len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")
 
 
@@ -83,7 +93,13 @@ def fault_of_plan(plan: object) -> str:
         return f"a plan with {problem}"
     trajectory: object = plan.trajectory
     if plan.abstention is not None:
-        return ""
+        kinds = get_args(AbstentionKind)
+        known = plan.abstention.kind in kinds
+        return (
+            ""
+            if known
+            else f"an abstention of kind {plan.abstention.kind!r:.40}; kinds are {', '.join(kinds)}"
+        )
     if not isinstance(trajectory, Trajectory | None):
         return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
     if trajectory is None:
@@ -184,3 +200,76 @@ _WAYPOINT: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "orientation": (_turned, "an Orientation of finite numbers"),
     "guard": (_guard, "a Guard of finite numbers or None"),
 }
+
+
+T = TypeVar("T")
+
+AGAIN = 0.5
+"""Seconds after which code that swallowed the interrupt is interrupted again."""
+
+
+class DeadlineError(Gvla2Error):
+    """The time limit was reached before an answer."""
+
+
+class _TimeUp(BaseException):
+    """A BaseException, so that code catching Exception cannot swallow it."""
+
+
+def within(seconds: float, function: Callable[[], T]) -> T:
+    """The result of ``function``; raises :class:`DeadlineError` when it takes longer. 0 waits for ever.
+
+    In the main thread, if the system has alarms, the function is interrupted, whether computing in Python or waiting;
+    compiled code is interrupted once it returns to Python. Elsewhere it runs in its own thread, which is abandoned
+    after the limit.
+    """
+    if seconds <= 0:
+        return function()
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
+        return _by_alarm(seconds, function)
+    return _in_thread(seconds, function)
+
+
+def _by_alarm(seconds: float, function: Callable[[], T]) -> T:
+    armed = True
+
+    def ring(_signal: int, _frame: FrameType | None) -> None:
+        if armed:
+            raise _TimeUp
+
+    began = time.monotonic()
+    before = signal.signal(signal.SIGALRM, ring)
+    left, interval = signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    try:
+        try:
+            return function()
+        finally:
+            armed = False
+    except _TimeUp:
+        raise DeadlineError(f"There was no answer within {seconds:g} s.") from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        if left:  # another alarm continues
+            remaining = max(1e-3, left - (time.monotonic() - began))
+            signal.setitimer(signal.ITIMER_REAL, remaining, interval)
+
+
+def _in_thread(seconds: float, function: Callable[[], T]) -> T:
+    answer: list[T] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            answer.append(function())
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=run, name="gvla2-deadline", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if failed:
+        raise failed[0]
+    if not answer:
+        raise DeadlineError(f"There was no answer within {seconds:g} s.")
+    return answer[0]

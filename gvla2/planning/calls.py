@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from gvla2.component import Range
+from gvla2.component import Range, check_ranges
 
 Relation = Literal["", "on", "in", "to", "beside", "left_of", "right_of", "behind", "front_of"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
@@ -57,20 +57,48 @@ class SkillCall:
         return f"{self.skill}({', '.join(word for word in said if word)})"
 
 
-@dataclass(frozen=True)
-class SkillOptions:
-    """How skills are executed: metres, m/s.
+@dataclass
+class GraspOptions:
+    """How grasps are chosen, metres.
 
-    ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is pushed
-    when the call gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where it touches.
-    ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the numbers of each plan around
-    their values, by this relative spread and at most by half; ``explore_seed`` selects the variation.
+    The opened hand must be wider than the object by ``clearance`` (default: 2 mm of perceived width and 1 mm on each
+    side). A hand that is opened just enough leaves the gap ``snug`` on each side. ``facing`` is the least cosine
+    between a surface's normal and the closing direction: rubber pads hold steeper surfaces, but not reliably.
+    """
+
+    clearance: float = 0.004
+    snug: float = 0.008
+    facing: float = 0.7
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "planner.grasp", GRASP_RANGES)
+
+
+GRASP_RANGES: Mapping[str, Range] = {
+    "clearance": (0, 0.05, "m"),
+    "snug": (0, 0.05, "m"),
+    "facing": (0, 1, ""),
+}
+
+
+@dataclass(kw_only=True)
+class SkillOptions:
+    """How skills are executed: metres, m/s. Light enough to be a part of a planner's configuration.
+
+    ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is
+    pushed when the call gives a direction only; ``speed`` of the tool in free space, ``contact_speed`` in contact.
+    ``parameters`` replaces the defaults of the skills' parameters by name (``{standoff: 0.06, place_height: 0.01}``,
+    see :data:`gvla2.skills.table.PARAMETERS`); ``grasp`` is how grasps are chosen. ``tries`` is the maximum number of
+    candidates checked in full. ``explore`` > 0 varies the numbers of each plan around their values, by this relative
+    spread and at most by half; ``explore_seed`` selects the variation.
     """
 
     lift_height: float = 0.25
     push_distance: float = 0.10
     speed: float = 0.25
     contact_speed: float = 0.08
+    parameters: dict[str, float] = field(default_factory=dict)
+    grasp: GraspOptions = field(default_factory=GraspOptions)
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0

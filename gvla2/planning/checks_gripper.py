@@ -9,9 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Hand
-from gvla2.planning.check_limits import EPS
-from gvla2.planning.checks_waypoints import tool_poses
-from gvla2.planning.findings import Finding, Findings
+from gvla2.planning.findings import EPS, Finding, Findings
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
@@ -35,7 +33,7 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
     malformed (see the schema check), the space between the fingers is not checked.
     """
     finite = all(np.isfinite(w.xyz).all() for w in trajectory)
-    poses = tool_poses(trajectory, start_pose) if finite else None
+    poses = trajectory.poses_if_valid(start_pose) if finite else None
     reading = _Reading(trajectory, scene.objects, hand, poses)
     for index in range(len(trajectory)):
         reading.arrive(index)
@@ -46,19 +44,19 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
 class _Reading:
     """The hand while the trajectory is read.
 
-    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``things`` are the objects at
-    their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried one's pose in the hand.
+    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``objects`` are the objects
+    at their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried one's pose in the hand.
     """
 
     def __init__(
         self,
         trajectory: Trajectory,
-        things: Iterable[SceneObject],
+        objects: Iterable[SceneObject],
         hand: Hand,
         poses: Sequence[FloatArray] | None,
     ) -> None:
         self.waypoints, self.hand, self.poses = trajectory.waypoints, hand, poses
-        self.things = {thing.id: thing for thing in things}
+        self.objects = {obj.id: obj for obj in objects}
         self.found = Findings("gripper", trajectory)
         self.opening, self.before = 1.0, 1.0
         self.carried = ""
@@ -74,7 +72,7 @@ class _Reading:
             self.found.fail(i, "opening_range", f"opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
         self._carry(i, w)
         if i and self.poses is not None:
-            self.shoved |= _shoved(self.waypoints[i - 1], w, self.things)
+            self.shoved |= _shoved(self.waypoints[i - 1], w, self.objects)
         if w.gripper < self.opening - EPS:
             self.before = self.opening
             self.closed, self.grasped = i, False
@@ -97,12 +95,12 @@ class _Reading:
                     f"it carries '{w.carries}', on which the hand has not closed; close at the object first."
                 )
                 self.found.fail(i, "carries_without_grasp", message, self.opening, 1.0)
-            elif w.carries in self.things and self.poses is not None:
-                thing, pose = self.things[w.carries], self.poses[self.closed]
-                gap = _gap(thing, pose, self.before, self.hand)
+            elif w.carries in self.objects and self.poses is not None:
+                obj, pose = self.objects[w.carries], self.poses[self.closed]
+                gap = _gap(obj, pose, self.before, self.hand)
                 what = f"the gap between the closing hand and '{w.carries}' (m)"
                 self.found.most(self.closed, "grasp_misses", what, gap, GRASP_REACH, "close on the object")
-                self.grip = invert_rigid(pose) @ thing.world_from_object
+                self.grip = invert_rigid(pose) @ obj.world_from_object
             self.grasped = True
         elif self.carried and not w.carries and self.closed is not None:
             message = (
@@ -113,9 +111,9 @@ class _Reading:
 
     def emptied(self, i: int) -> None:
         """The hand opens at waypoint ``i``, or the trajectory ends there: did it hold anything since it closed?"""
-        if self.poses is not None and self.carried in self.things and self.grip is not None:
-            held = self.things[self.carried]
-            self.things[held.id] = replace(held, world_from_object=self.poses[i] @ self.grip)
+        if self.poses is not None and self.carried in self.objects and self.grip is not None:
+            held = self.objects[self.carried]
+            self.objects[held.id] = replace(held, world_from_object=self.poses[i] @ self.grip)
         elif self.poses is not None and self.closed is not None and not self.grasped:
             self._closed_on(self.closed, self.poses[self.closed], self.waypoints[self.closed + 1 : i + 1])
         self.carried, self.closed, self.grip, self.grasped = "", None, None, False
@@ -126,11 +124,11 @@ class _Reading:
         away = any(np.linalg.norm(np.subtract(w.xyz, closed.xyz)) > STEP for w in after)
         if closed.gripper >= SHUT or not away:
             return
-        solid = [o for o in self.things.values() if o.shape != "region"]
+        solid = [o for o in self.objects.values() if o.shape != "region"]
         gaps = {o.id: _gap(o, pose, self.before, self.hand) for o in solid}
         nearest = min(gaps, key=lambda name: gaps[name], default="")
         gap = gaps.get(nearest)
-        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.things, self.shoved):
+        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.objects, self.shoved):
             near = "" if gap is None else f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)"
             message = (
                 f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or "
@@ -140,7 +138,7 @@ class _Reading:
 
 
 def _is_tool(
-    closed: Waypoint, after: Sequence[Waypoint], things: Mapping[str, SceneObject], shoved: Set[str]
+    closed: Waypoint, after: Sequence[Waypoint], objects: Mapping[str, SceneObject], shoved: Set[str]
 ) -> bool:
     """Whether the closed hand moves to touch something: a guard waits for it, or it approaches an allowed contact.
 
@@ -150,22 +148,22 @@ def _is_tool(
     for w in after:
         if w.guard is not None or w.allowed_contacts & shoved:
             return True
-        for thing in (things[name] for name in w.allowed_contacts if name in things):
-            nearest = float(thing.distances(_way(before, w)).min())
-            at_first = float(thing.distances(closed.xyz))
+        for obj in (objects[name] for name in w.allowed_contacts if name in objects):
+            nearest = float(obj.distances(_way(before, w)).min())
+            at_first = float(obj.distances(closed.xyz))
             if nearest < TOOL_REACH and nearest < at_first - NEARER:
                 return True
         before = w
     return False
 
 
-def _shoved(before: Waypoint, w: Waypoint, things: Mapping[str, SceneObject]) -> set[str]:
+def _shoved(before: Waypoint, w: Waypoint, objects: Mapping[str, SceneObject]) -> set[str]:
     """The objects that a straight move with an empty hand drags along."""
     if w.motion != "linear" or w.carries:
         return set()
     way = _way(before, w)
     sideways = float(np.linalg.norm(way[-1, :2] - way[0, :2]))
-    touched = (things[name] for name in w.allowed_contacts if name in things)
+    touched = (objects[name] for name in w.allowed_contacts if name in objects)
     return {o.id for o in touched if sideways * float((o.distances(way) < STEP).mean()) > SHOVED}
 
 
@@ -175,12 +173,12 @@ def _way(before: Waypoint, w: Waypoint) -> FloatArray:
     return np.linspace(a, b, max(2, int(np.ceil(np.linalg.norm(b - a) / STEP)) + 1))
 
 
-def _gap(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> float:
-    """Distance of a thing's box from the space between the fingers, ``opening`` in [0, 1], metres; 0 within it."""
+def _gap(obj: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> float:
+    """Distance of an object's box from the space between the fingers, ``opening`` in [0, 1], metres; 0 within it."""
     half = 0.5 * float(np.clip(opening, 0.0, 1.0)) * hand.max_width
     tip = hand.tip_beyond_tcp
     x = np.linspace(-0.5, 0.5, 3) * hand.finger_breadth
     y = np.linspace(-half, half, 9)
     z = np.linspace(tip - hand.finger_length, tip, 5)
     between = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-    return float(thing.distances(transform_points(world_from_tcp, between)).min())
+    return float(obj.distances(transform_points(world_from_tcp, between)).min())

@@ -10,7 +10,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Arm, Attachment, Hand, IKSolution
-from gvla2.planning.check_limits import (
+from gvla2.planning.findings import (
     EPS,
     FREE_CLEARANCE,
     JOINT_JUMP,
@@ -18,8 +18,10 @@ from gvla2.planning.check_limits import (
     LINEAR_CLEARANCE,
     MIN_MANIPULABILITY,
     SWEEP_STEP,
+    Finding,
+    FindingKind,
+    Findings,
 )
-from gvla2.planning.findings import Finding, Findings
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 
@@ -157,7 +159,9 @@ def check_clearance(trajectory: Trajectory, legs: Sequence[Leg], scene: Scene, a
 
 
 def _check_leg(leg: Leg, scene: Scene, arm: Arm, found: Findings) -> None:
-    def gap(kind: str, all_joints: Sequence[FloatArray], opening: float, needed: float, advice: str) -> bool:
+    def gap(
+        kind: FindingKind, all_joints: Sequence[FloatArray], opening: float, needed: float, advice: str
+    ) -> bool:
         """Whether the arm keeps its distance at all of the joints."""
         allowed = leg.waypoint.allowed_contacts
         gaps = (arm.clearance(q, opening, scene, allowed, leg.attached) for q in all_joints)
@@ -196,11 +200,11 @@ def _check_grasp(leg: Leg, next_carried: str, scene: Scene, arm: Arm, found: Fin
         found.most(leg.index, "too_wide", what, width, opening, "open the hand more or grasp another side")
 
 
-def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> bool:
+def part_fits(obj: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> bool:
     """Whether the hand, at the tool pose (4, 4) and ``opening`` metres wide, has a part of the object between its
     fingers and none where the fingers are: a nozzle, a handle, a wall. Judged by the object's seen points.
     """
-    points = transform_points(invert_rigid(world_from_tcp), thing.points)
+    points = transform_points(invert_rigid(world_from_tcp), obj.points)
     points = points[np.abs(points[:, 0]) < 0.5 * hand.finger_breadth]
     points = points[np.abs(points[:, 2]) < hand.tip_beyond_tcp]
     off = np.abs(points[:, 1])
@@ -208,16 +212,16 @@ def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, ha
     return bool((off < 0.5 * opening).any() and not struck.any())
 
 
-def width_along(thing: SceneObject, direction: FloatArray) -> float:
-    """Extent of an object along a unit ``direction`` (3,), metres; round things by their diameter.
+def width_along(obj: SceneObject, direction: FloatArray) -> float:
+    """Extent of an object along a unit ``direction`` (3,), metres; round objects by their diameter.
 
     A cylinder's box may have any rotation about its axis, so its corners would overstate it by up to 41 %.
     """
-    axes = thing.world_from_object[:3, :3]
+    axes = obj.world_from_object[:3, :3]
     along = np.abs(direction @ axes)
-    if thing.shape == "sphere":
-        return float(thing.extents.max())
-    if thing.shape in ("cylinder", "disc"):
+    if obj.shape == "sphere":
+        return float(obj.extents.max())
+    if obj.shape in ("cylinder", "disc"):
         # Round about the frame's z: the width of a cylinder seen along any direction.
-        return float(np.hypot(along[0], along[1]) * thing.extents[:2].max() + along[2] * thing.extents[2])
-    return float(along @ thing.extents)
+        return float(np.hypot(along[0], along[1]) * obj.extents[:2].max() + along[2] * obj.extents[2])
+    return float(along @ obj.extents)

@@ -38,7 +38,7 @@ SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 """Synonyms of the colour words."""
 NEARLY = SYNONYMS | {f"{word}ish": word for word in (*COLOURS, "brown")}
 NEARLY |= {"reddish": "red", "bluish": "blue", "purplish": "purple", "whitish": "white", "pinkish": "pink"}
-"""What is nearly of a colour as well: in a wish it tells things apart all the same."""
+"""What is nearly of a colour as well: in an instruction it distinguishes objects all the same."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(COLOURS, ()),
@@ -71,7 +71,7 @@ TINGE, DARK = 0.7, 0.25
 names that people use. Below the brightness ``DARK`` a colour loses its saturation."""
 
 BETWEEN, LEEWAY = 25.0, 2.2
-"""A colour that is further from every word is between them: a word up to so many times as far may be meant."""
+"""A colour that is further from every word is between them: a word up to ``LEEWAY`` times as far may be meant."""
 
 _SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 _WHITE = _SRGB_TO_XYZ.sum(axis=1)

@@ -83,8 +83,8 @@ AbstentionKind = Literal[
 class Abstention:
     """A planner's typed refusal: nothing is moved.
 
-    ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object
-    need not be absent.
+    ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object need
+    not be absent.
     """
 
     kind: AbstentionKind

@@ -1,120 +1,64 @@
 """Typed effects: how a remembered lesson changes a planner's parameters theta, and the limits that checks enforce.
 
-Values that scale with the object (how deep to grasp it) are remembered as shares of one of its sides, so that a lesson
-from a cube of 5 cm applies to one of 7 cm; those of the hand and the room stay in SI units.
+An effect is one of :class:`Bound`, :class:`Prior`, :class:`Ban` and :class:`Order`; memory keeps them as JSON
+(:meth:`Bound.to_json`, :func:`effect_from_json`). Values that scale with the object (how deep to grasp it) are
+remembered as shares of one of its sides, so that a lesson from a cube of 5 cm applies to one of 7 cm; those of the
+hand and the room stay in SI units. Objects that look alike are assumed to behave alike, until proven otherwise: how
+far a cap must be turned cannot be seen, that it is the gray lid of a red jar can.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self
 
 from gvla2.errors import PlanningError
-from gvla2.planning.scene import SceneObject
-
-REQUIRED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "bound": ("parameter", "op", "value"),
-        "prior": ("parameter", "value", "count"),
-        "forbid": ("parameter",),
-        "order": ("parameter",),
-    }
-)
-"""The required JSON fields of each kind of effect."""
+from gvla2.planning.programs import Program
+from gvla2.planning.scene import Scene, SceneObject
 
 SIDES = ("length", "width", "height")
 """Sides of the handled object that values may be shares of: its longer and shorter horizontal side, and its height."""
-
 Scale = tuple[str, float]
 """One of :data:`SIDES` and its length, metres, > 0."""
-
 BEFORE = " before "
-"""Separates the two stages of an ``order``."""
+"""Separates the two stages of an order in JSON."""
+ON = " on "
+"""Separates the colours of a part and its whole in a look."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lesson:
+    """What all effects have in common.
+
+    ``skill`` limits it to one skill ("" is any); ``object`` is the look of the object that it was learnt on
+    (:func:`look_of`), "" for any; ``source`` is the id of the memory record that it comes from.
+    """
+
+    kind: ClassVar[str]
+    skill: str = ""
+    object: str = ""
+    source: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """As a JSON object; fields that are empty are left out, except ``skill`` and ``source``."""
+        look = {"object": self.object} if self.object else {}
+        return {"kind": self.kind, **self._own(), "skill": self.skill, "source": self.source, **look}
+
+    def _own(self) -> dict[str, Any]:
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
-class Effect:
-    """One typed lesson about a parameter of a skill.
+class _Measured(_Lesson):
+    """A lesson about a number: in the parameter's own unit, or in shares of the side ``scale`` of the object."""
 
-    * ``bound``: ``parameter`` ``op`` ``value`` must hold (``op`` is ">=" or "<="): a constraint from a failure.
-    * ``prior``: ``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint.
-    * ``forbid``: the named approach ``parameter`` (for example "approach:top") must not be used.
-    * ``order``: ``parameter`` is "A before B": if a plan has both stages, the first A comes before the first B.
-
-    ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner) or, if
-    ``scale`` names a side (:data:`SIDES`), shares of that side of the handled object. ``source`` is the id of the
-    memory record it comes from. ``object`` is the look of the thing it was learnt on
-    (:func:`~gvla2.planning.looks.look_of`), "" for any thing.
-    """
-
-    kind: Literal["bound", "prior", "forbid", "order"]
     parameter: str
-    value: float = 0.0
-    op: Literal[">=", "<="] = ">="
-    sd: float = 0.0
-    count: int = 0
-    skill: str = ""
-    source: str = ""
-    scale: str = ""
-    object: str = ""
+    value: float
+    scale: str = field(default="", kw_only=True)
 
-    def to_json(self) -> dict[str, Any]:
-        """As a JSON object; without empty ``scale`` and ``object``, compatible with older records."""
-        data = asdict(self)
-        for name in ("scale", "object"):
-            if not data[name]:
-                del data[name]
-        return data
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any], source: str = "") -> Effect:
-        """From a JSON object; raises :class:`PlanningError` when it is not an effect, or lacks what its kind needs.
-
-        A ``bound`` needs ``op`` and ``value``, a ``prior`` ``value`` and ``count``; the defaults above would invent a
-        lesson. Numbers must be finite.
-        """
-        try:
-            effect = cls(**{**data, "source": source or data.get("source", "")})
-        except TypeError as error:
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r} ({error}).") from error
-        if fault := effect._fault(data):
-            raise PlanningError(f"Not a parameter effect: {dict(data)!r} {fault}.")
-        return effect
-
-    def _fault(self, data: Mapping[str, Any]) -> str:
-        """What is wrong with the effect of a JSON object, worded to follow it; "" if nothing."""
-        if self.kind not in REQUIRED or self.op not in (">=", "<="):
-            return (
-                f"has kind '{self.kind}' and op '{self.op}'; kinds are {', '.join(REQUIRED)}, op is >= or <="
-            )
-        if absent := [name for name in REQUIRED[self.kind] if name not in data]:
-            return f"lacks {' and '.join(absent)}, which a {self.kind} needs"
-        numbers = (self.value, self.sd, self.count)
-        if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-            return "has a value that is not a number"
-        if self.scale not in ("", *SIDES):
-            return f"has the scale {self.scale!r}; there are {', '.join(SIDES)}"
-        if self.kind == "order" and not all(self.stages):
-            return f"does not say 'A{BEFORE}B'"
-        return ""
-
-    @property
-    def stages(self) -> tuple[str, str]:
-        """The two stages of an ``order``, the earlier first; empty if it names none."""
-        earlier, _, later = self.parameter.partition(BEFORE)
-        return earlier.strip(), later.strip()
-
-    def shared(self, scales: Mapping[str, Scale]) -> Effect:
-        """The effect in shares of the side that the plan's ``scales`` give for its parameter, if any."""
-        side, length = scales.get(self.parameter, ("", 0.0))
-        if self.scale or self.kind not in ("bound", "prior") or side not in SIDES or length <= 0.0:
-            return self
-        return replace(self, value=self.value / length, sd=self.sd / length, scale=side)
-
-    def absolute(self, lengths: Mapping[str, float]) -> Effect | None:
+    def absolute(self, lengths: Mapping[str, float]) -> Self | None:
         """The effect in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
 
         None if it is a share of a side that they do not give.
@@ -122,46 +66,232 @@ class Effect:
         if not self.scale:
             return self
         length = lengths.get(self.scale, 0.0)
-        if not length > 0.0:
-            return None
-        return replace(self, value=self.value * length, sd=self.sd * length, scale="")
+        return self.scaled(length, "") if length > 0.0 else None
+
+    def scaled(self, factor: float, scale: str) -> Self:
+        """The effect multiplied by ``factor``, in shares of ``scale``."""
+        return replace(self, value=self.value * factor, scale=scale)
+
+    def _own(self) -> dict[str, Any]:
+        scale = {"scale": self.scale} if self.scale else {}
+        return {"parameter": self.parameter, "value": self.value, **scale}
 
 
-def sides_of(thing: SceneObject) -> dict[str, float]:
-    """The length of each of :data:`SIDES` of a perceived thing, metres."""
-    width, length = sorted(float(v) for v in thing.extents[:2])
-    return {"length": length, "width": width, "height": thing.top - thing.bottom}
+@dataclass(frozen=True)
+class Bound(_Measured):
+    """``parameter`` ``op`` ``value`` must hold: a constraint from a failure."""
+
+    kind: ClassVar[str] = "bound"
+    op: Literal[">=", "<="] = ">="
+
+    def clamped(self, value: float) -> float:
+        """The allowed value nearest to ``value``, if the bound is in the parameter's own unit."""
+        return max(value, self.value) if self.op == ">=" else min(value, self.value)
+
+    def _own(self) -> dict[str, Any]:
+        return {**super()._own(), "op": self.op}
+
+
+@dataclass(frozen=True)
+class Prior(_Measured):
+    """``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint."""
+
+    kind: ClassVar[str] = "prior"
+    count: int
+    sd: float = 0.0
+
+    def scaled(self, factor: float, scale: str) -> Self:
+        """The prior multiplied by ``factor``, in shares of ``scale``."""
+        return replace(super().scaled(factor, scale), sd=self.sd * factor)
+
+    def _own(self) -> dict[str, Any]:
+        return {**super()._own(), "sd": self.sd, "count": self.count}
+
+
+@dataclass(frozen=True)
+class Ban(_Lesson):
+    """The named ``approach`` (for example "approach:top") must not be used."""
+
+    kind: ClassVar[str] = "forbid"
+    approach: str
+
+    def _own(self) -> dict[str, Any]:
+        return {"parameter": self.approach}
+
+
+@dataclass(frozen=True)
+class Order(_Lesson):
+    """If a plan has both stages, the first ``earlier`` comes before the first ``later``."""
+
+    kind: ClassVar[str] = "order"
+    earlier: str
+    later: str
+
+    def broken_by(self, stages: Sequence[str]) -> bool:
+        """Whether a plan's ``stages``, in order, have both and the later one first.
+
+        It does not apply to a plan without one of them: other planners name their stages differently.
+        """
+        if self.earlier not in stages or self.later not in stages:
+            return False
+        return list(stages).index(self.later) < list(stages).index(self.earlier)
+
+    def _own(self) -> dict[str, Any]:
+        return {"parameter": f"{self.earlier}{BEFORE}{self.later}"}
+
+
+Effect = Bound | Prior | Ban | Order
+_KINDS = ("bound", "prior", "forbid", "order", "program")
+_FIELDS = {"kind", "parameter", "value", "op", "sd", "count", "scale", "skill", "object", "source"}
+
+
+def effect_from_json(data: Mapping[str, Any], source: str = "") -> Effect | Program:
+    """An effect or a program from its JSON; raises :class:`PlanningError` for anything else.
+
+    Nothing required may be left out: a default value would invent a lesson. Numbers must be finite.
+    """
+    if data.get("kind") == "program":
+        return Program.from_json(data, source)
+    try:
+        return _parsed(data, source)
+    except (TypeError, ValueError) as error:
+        raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300} {error}.") from None
+    except KeyError as missing:
+        message = f"lacks {missing}, which an effect of this kind needs"
+        raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300} {message}.") from None
+
+
+def _parsed(data: Mapping[str, Any], source: str) -> Effect:
+    if unknown := set(data) - _FIELDS:
+        raise ValueError(f"has unknown fields: {', '.join(sorted(map(str, unknown)))}")
+    kind, about, parameter = data.get("kind"), {}, data["parameter"]
+    for name in ("skill", "object"):
+        about[name] = _text(data.get(name, ""), name)
+    about["source"] = source or _text(data.get("source", ""), "source")
+    _text(parameter, "parameter")
+    scale = data.get("scale", "")
+    if scale not in ("", *SIDES):
+        raise ValueError(f"has the scale {scale!r}; there are {', '.join(SIDES)}")
+    match kind:
+        case "bound":
+            if data["op"] not in (">=", "<="):
+                raise ValueError(f"has the op {data['op']!r}; it is >= or <=")
+            return Bound(parameter, _number(data["value"]), data["op"], scale=scale, **about)
+        case "prior":
+            spread = _number(data.get("sd", 0.0))
+            return Prior(
+                parameter, _number(data["value"]), _number(data["count"]), spread, scale=scale, **about
+            )
+        case "forbid":
+            return Ban(parameter, **about)
+        case "order":
+            earlier, _, later = (stage.strip() for stage in parameter.partition(BEFORE))
+            if not (earlier and later):
+                raise ValueError(f"does not say 'A{BEFORE}B'")
+            return Order(earlier, later, **about)
+    raise ValueError(f"has the kind {kind!r}; there are {', '.join(_KINDS)}")
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"has a {name} that is not text")
+    return value
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError("has a value that is not a finite number")
+    return value
+
+
+def as_shares(effect: Effect, scales: Mapping[str, Scale]) -> Effect:
+    """The effect in shares of the side that the plan's ``scales`` give for its parameter, if any."""
+    match effect:
+        case Bound() | Prior():
+            side, length = scales.get(effect.parameter, ("", 0.0))
+            scaled = not effect.scale and side in SIDES and length > 0.0
+            return effect.scaled(1.0 / length, side) if scaled else effect
+        case Ban() | Order():
+            return effect
+
+
+def sides_of(obj: SceneObject) -> dict[str, float]:
+    """The length of each of :data:`SIDES` of a perceived object, metres."""
+    width, length = sorted(float(v) for v in obj.extents[:2])
+    return {"length": length, "width": width, "height": obj.top - obj.bottom}
+
+
+def look_of(obj: SceneObject | None, scene: Scene) -> str:
+    """An object's look in colour words: "red", or "gray on red" for a part of something red.
+
+    "" for no object, or if its colour is unknown. Colours, not labels: the noun depends on the view.
+    """
+    if obj is None or not obj.colour:
+        return ""
+    known = {other.id: other for other in scene.objects}
+    whole, seen = obj, {obj.id}
+    while whole.parent in known and whole.parent not in seen:
+        whole = known[whole.parent]
+        seen.add(whole.id)
+    return obj.colour if whole is obj or not whole.colour else f"{obj.colour}{ON}{whole.colour}"
+
+
+def own_first(effects: Iterable[Effect], look: str) -> tuple[Effect, ...]:
+    """The effects that apply to an object of this look.
+
+    Lessons from objects that look like it replace lessons from others, per subject and skill; without any, the others'
+    are the best guess. Effects without a look stay.
+    """
+    given = tuple(effects)
+    own = [(_subject(one), one.skill) for one in given if look and one.object == look]
+
+    def replaced(effect: Effect) -> bool:
+        return any(
+            _subject(effect) == name and ("" in (effect.skill, skill) or effect.skill == skill)
+            for name, skill in own
+        )
+
+    return tuple(one for one in given if one.object in ("", look) or not replaced(one))
+
+
+def _subject(effect: Effect) -> str:
+    """What an effect is about: a parameter, an approach or two stages."""
+    match effect:
+        case Bound() | Prior():
+            return effect.parameter
+        case Ban():
+            return effect.approach
+        case Order():
+            return f"{effect.earlier}{BEFORE}{effect.later}"
 
 
 def reconciled(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """The effects without bounds on one parameter (of one skill, look and scale) that exclude each other.
 
     No plan could obey both. What succeeded is a fact, why something failed is a guess: such bounds are moved to admit
-    what succeeded; those that exclude each other even then, or of which nothing succeeded, are left out.
+    what succeeded; those that exclude each other even then, or without any success, are left out.
     """
     given = tuple(effects)
-    moved = [_admitting(e, given) if _excluded(e, given) else e for e in given]
-    return tuple(e for e in moved if not _excluded(e, moved))
+    moved = [_admitting(e, given) if isinstance(e, Bound) and _excluded(e, given) else e for e in given]
+    return tuple(e for e in moved if not (isinstance(e, Bound) and _excluded(e, moved)))
 
 
-def _about(effect: Effect) -> tuple[str, ...]:
+def _about(effect: Bound | Prior) -> tuple[str, ...]:
     return effect.parameter, effect.skill, effect.object, effect.scale
 
 
-def _admitting(bound: Effect, others: Sequence[Effect]) -> Effect:
-    succeeded = [e.value for e in others if e.kind == "prior" and e.count > 0 and _about(e) == _about(bound)]
+def _admitting(bound: Bound, others: Sequence[Effect]) -> Bound:
+    succeeded = [
+        e.value for e in others if isinstance(e, Prior) and e.count > 0 and _about(e) == _about(bound)
+    ]
     loosest = min if bound.op == ">=" else max
     return replace(bound, value=loosest([bound.value, *succeeded]))
 
 
-def _excluded(bound: Effect, others: Iterable[Effect]) -> bool:
+def _excluded(bound: Bound, others: Iterable[Effect]) -> bool:
     """Whether another bound leaves no value that ``bound`` allows."""
     sign = 1.0 if bound.op == ">=" else -1.0
-    rivals = (
-        o
-        for o in others
-        if o.kind == bound.kind == "bound" and o.op != bound.op and _about(o) == _about(bound)
-    )
+    rivals = (o for o in others if isinstance(o, Bound) and o.op != bound.op and _about(o) == _about(bound))
     return any(sign * bound.value > sign * rival.value for rival in rivals)
 
 
@@ -178,10 +308,12 @@ def apply_effects(
     ``lengths`` are the handled object's sides, metres: effects in shares of a side that is not given are skipped.
     Returns the new parameters and one plain sentence per change, for the run's page.
     """
-    changed, notes = dict(parameters), []
-    relevant: list[Effect] = []
+    changed, notes = dict(parameters), list[str]()
+    relevant: list[Bound | Prior] = []
     for effect in effects:
-        if effect.skill not in ("", skill) or effect.parameter not in changed:
+        if not isinstance(effect, Bound | Prior) or effect.skill not in ("", skill):
+            continue
+        if effect.parameter not in changed:
             continue
         if (own := effect.absolute(lengths or {})) is None:
             notes.append(
@@ -189,31 +321,15 @@ def apply_effects(
             )
         else:
             relevant.append(own)
-    for effect in (e for e in relevant if e.kind == "prior" and e.count > 0):
-        before = changed[effect.parameter]
-        changed[effect.parameter] += effect.count / (effect.count + prior_strength) * (effect.value - before)
-        if f"{changed[effect.parameter]:.4g}" != f"{before:.4g}":
-            notes.append(
-                f"{effect.parameter}: {before:.4g} -> {changed[effect.parameter]:.4g} from experience {effect.source}"
-            )
-    for effect in (e for e in relevant if e.kind == "bound"):
-        before = changed[effect.parameter]
-        bounded = max(before, effect.value) if effect.op == ">=" else min(before, effect.value)
-        if bounded != before:
-            changed[effect.parameter] = bounded
-            notes.append(
-                f"{effect.parameter}: {before:.4g} -> {bounded:.4g}, bound {effect.op} {effect.value:.4g} "
-                f"from {effect.source}"
-            )
+    for effect in sorted(relevant, key=lambda one: isinstance(one, Bound)):
+        name, before = effect.parameter, changed[effect.parameter]
+        if isinstance(effect, Prior):
+            pull = effect.count / (effect.count + prior_strength) if effect.count > 0 else 0.0
+            changed[name] += pull * (effect.value - before)
+            why = f"from experience {effect.source}"
+        else:
+            changed[name] = effect.clamped(before)
+            why = f"bound {effect.op} {effect.value:.4g} from {effect.source}"
+        if f"{changed[name]:.4g}" != f"{before:.4g}":
+            notes.append(f"{name}: {before:.4g} -> {changed[name]:.4g} {why}")
     return changed, notes
-
-
-def disordered(effect: Effect, stages: Sequence[str]) -> bool:
-    """Whether a plan's ``stages``, in order, violate an ``order``: both are present, the later one first.
-
-    It does not apply to a plan without one of them: other planners name their stages differently.
-    """
-    earlier, later = effect.stages
-    if effect.kind != "order" or earlier not in stages or later not in stages:
-        return False
-    return list(stages).index(later) < list(stages).index(earlier)

@@ -118,7 +118,7 @@ def object_at(point: FloatArray, scene: Scene, within: float = TOUCHING) -> str:
     near = [o for o in scene.objects if o.distances(point) <= within]
     if not near:
         return ""
-    # Boxes of hollow things and their contents overlap: take the one whose surface was seen nearest.
+    # Boxes of hollow objects and their contents overlap: take the one whose surface was seen nearest.
     seen = [_to_surface(point, o) for o in near]
     best = min(seen)
     same = [o for o, gap in zip(near, seen, strict=True) if gap <= best + 0.5 * TOUCHING]
@@ -128,19 +128,19 @@ def object_at(point: FloatArray, scene: Scene, within: float = TOUCHING) -> str:
 def object_near(pixel: Pixel, view: View, scene: Scene, within: float) -> str:
     """The id of the object whose seen points come nearest to a pixel in the picture, ``within`` pixels; "" for none."""
     best, found = within, ""
-    for thing in scene.objects:
-        uv, _ = view.camera.project(thing.points if len(thing.points) else thing.centre[None])
+    for obj in scene.objects:
+        uv, _ = view.camera.project(obj.points if len(obj.points) else obj.centre[None])
         gaps = np.hypot(uv[:, 0] - pixel.u, uv[:, 1] - pixel.v)
         gap = float(np.min(gaps[np.isfinite(gaps)], initial=np.inf))
         if gap <= best:
-            best, found = gap, thing.id
+            best, found = gap, obj.id
     return found
 
 
-def _to_surface(point: FloatArray, thing: SceneObject) -> float:
-    if not len(thing.points):
-        return float(thing.distances(point))
-    return float(np.sqrt(np.min(np.sum((thing.points - point) ** 2, axis=1))))
+def _to_surface(point: FloatArray, obj: SceneObject) -> float:
+    if not len(obj.points):
+        return float(obj.distances(point))
+    return float(np.sqrt(np.min(np.sum((obj.points - point) ** 2, axis=1))))
 
 
 def path_in_air(
@@ -152,7 +152,7 @@ def path_in_air(
 ) -> FloatArray:
     """(N, 3) world points of a path drawn in one picture, metres; NaN where it leaves the workspace.
 
-    ``anchors`` gives the points (3,) of those pixels that lie on things, by index: their depth is known. A pixel
+    ``anchors`` gives the points (3,) of those pixels that lie on objects, by index: their depth is known. A pixel
     between two of them shows what lies behind the path, not the path. Two rules give it a place on its line of sight:
     the path runs in the vertical plane through its two anchors, so that higher in the picture is higher in space; and
     if that plane is seen edge on, at a height interpolated between the anchors'. ``start`` (3,) is where the tool is

@@ -1,8 +1,8 @@
 """Programs: a planner's plan in its own language, kept after a success and adapted to other scenes.
 
 Names of objects become roles (``theme``, ``goal``, ``third``), so that a program applies to other objects of the same
-kind; lengths that scale with the object become shares of its size. :func:`told` turns a program back into the names and
-millimetres of the present scene.
+kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the names
+and millimetres of the present scene.
 """
 
 from __future__ import annotations
@@ -12,8 +12,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from gvla2.errors import PlanningError
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
 
 _MARK = re.compile(r"<(?=\s*/?\s*memory\b)", re.IGNORECASE)
 
@@ -47,9 +51,9 @@ class Program:
       millimetres, x away from the robot, y to its left; or ``["{theme}", "{goal}", along, up, g]``, along from the
       first object's middle towards the second's. A length may be a share: ``"-0.5h"`` of the first object's height,
       ``"0.4w"`` of its longer level side; while something is carried, ``"5c"`` is the height of its lower end above
-      the first object, so that a taller thing is carried higher. ``g`` is the hand's opening in [0, 1].
+      the first object, so that a taller object is carried higher. ``g`` is the hand's opening in [0, 1].
 
-    ``roles`` gives the kinds of things in the roles ("red cup cylinder"), ``instruction`` is the one it was written
+    ``roles`` gives the kinds of objects in the roles ("red cup cylinder"), ``instruction`` is the one it was written
     for.
     """
 
@@ -99,9 +103,9 @@ def role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
     return {i: named.get(i) or next(spare, f"role_{k}") for k, i in enumerate(dict.fromkeys(ids))}
 
 
-def kind_of(thing: SceneObject) -> str:
-    """A thing's kind, in words to search another scene: its label and shape."""
-    return f"{thing.label} {thing.shape}"
+def kind_of(obj: SceneObject) -> str:
+    """An object's kind, in words to search another scene: its label and shape."""
+    return f"{obj.label} {obj.shape}"
 
 
 def calls_program(lines: Sequence[str], ids: Mapping[str, str], scene: Scene, **about: Any) -> Program:
@@ -143,21 +147,21 @@ def bind(
     for role, kind in program.roles.items():
         words = kind.casefold().split()
         best: tuple[float, str] = (0.0, "")
-        for thing in scene.objects:
-            if thing.id in bound.values() or thing.id not in (meant.get(role) or {thing.id}):
+        for obj in scene.objects:
+            if obj.id in bound.values() or obj.id not in (meant.get(role) or {obj.id}):
                 continue
-            own = set(kind_of(thing).casefold().split()) - {thing.colour.casefold()}
+            own = set(kind_of(obj).casefold().split()) - {obj.colour.casefold()}
             alike = len(own & set(words)) / max(1, len(own))
-            if alike < 0.5 or (thing.shape == "region") != ("region" in words):
+            if alike < 0.5 or (obj.shape == "region") != ("region" in words):
                 continue
-            named = len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""})
-            best = max(best, (alike + named, thing.id), key=lambda b: b[0])
+            named = len(said & {*obj.label.casefold().split(), obj.colour.casefold()} - {""})
+            best = max(best, (alike + named, obj.id), key=lambda b: b[0])
         if best[1]:
             bound[role] = best[1]
     return bound
 
 
-def told(
+def adapted(
     program: Program,
     scene: Scene,
     names: Mapping[str, str],
@@ -179,14 +183,14 @@ def told(
             r not in bound for part in step if isinstance(part, str) for r in _NAME.findall(part)
         ):
             return None
-        thing = scene[bound[role.group(1)]]
+        obj = scene[bound[role.group(1)]]
         if (above := _CARRIED.fullmatch(str(step[-2]))) is not None:
             if take is None or len(found) <= take:
                 return None
             carried = scene[bound[program.steps[take][0][1:-1]]]
             step = (*step[:-2], round(float(above.group(1)) + _below(found[take], carried)), step[-1])
         found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
-                           else _absolute(part, thing) for part in step))  # fmt: skip
+                           else _absolute(part, obj) for part in step))  # fmt: skip
     return tuple(found)
 
 
@@ -223,10 +227,10 @@ def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
     )
 
 
-def _generalised(step: Sequence[Any], roles: Mapping[str, str], thing: SceneObject) -> tuple[Any, ...]:
-    """Depths below a top are shares of the height; offsets within reach of the thing are shares of its length."""
+def _generalised(step: Sequence[Any], roles: Mapping[str, str], obj: SceneObject) -> tuple[Any, ...]:
+    """Depths below a top are shares of the height; offsets within reach of the object are shares of its length."""
     name, *middle, up, g = step
-    height, length = _sizes(thing)
+    height, length = _sizes(obj)
     low = f"{up / height:.2f}h" if up < 0 and height > 1.0 else up
     aside = [
         "{" + roles[v] + "}" if isinstance(v, str)
@@ -241,20 +245,83 @@ def _taking(steps: Sequence[Sequence[Any]]) -> int | None:
     return next((k for k in range(1, len(steps)) if steps[k][-1] < 0.5 <= steps[k - 1][-1]), None)
 
 
-def _below(step: Sequence[Any], thing: SceneObject) -> float:
-    """How far the lower end of a thing is below the tool that takes it at ``step``, millimetres."""
-    return _sizes(thing)[0] + float(step[-2])
+def _below(step: Sequence[Any], obj: SceneObject) -> float:
+    """How far the lower end of an object is below the tool that takes it at ``step``, millimetres."""
+    return _sizes(obj)[0] + float(step[-2])
 
 
-def _absolute(part: Any, thing: SceneObject) -> Any:
-    """Millimetres of a length that may be a share of the thing's size."""
+def _absolute(part: Any, obj: SceneObject) -> Any:
+    """Millimetres of a length that may be a share of the object's size."""
     share = _SHARE.fullmatch(part) if isinstance(part, str) else None
     if share is None:
         return part
-    height, length = _sizes(thing)
+    height, length = _sizes(obj)
     return round(float(share.group(1)) * (height if share.group(2) == "h" else length))
 
 
-def _sizes(thing: SceneObject) -> tuple[float, float]:
+def _sizes(obj: SceneObject) -> tuple[float, float]:
     """Height and longer level side, millimetres."""
-    return 1e3 * (thing.top - thing.bottom), 1e3 * float(max(thing.extents[:2]))
+    return 1e3 * (obj.top - obj.bottom), 1e3 * float(max(obj.extents[:2]))
+
+
+STILL = 0.002
+"""Waypoints nearer than this are merged, metres."""
+ASIDE = 0.03
+"""Distance from an object's middle beyond which a place is given by the direction to another object, metres."""
+ALONG = 0.95
+"""Least cosine between such an offset and the direction to the other object."""
+OVER = 0.06
+"""An object carried this near to the goal's middle, horizontal metres, is given relative to the goal."""
+
+
+def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str]) -> list[list[Any]]:
+    """``[id, dx, dy, up, g]`` or ``[id, other, along, up, g]`` per waypoint, millimetres; see ``Program``.
+
+    Waypoints at one place are merged, and those after the release are left out: they did not contribute to the success.
+    Empty if the plan names no theme of the scene.
+    """
+    known = {o.id: o for o in scene.objects}
+    theme, goal = known.get(roles.get("theme", "")), known.get(roles.get("goal", ""))
+    if theme is None:
+        return []
+    steps: list[list[Any]] = []
+    for waypoint, opened in _distinct(trajectory):
+        at = np.asarray(waypoint.xyz)
+        near_goal = goal is not None and float(np.linalg.norm((at - goal.centre)[:2])) < OVER
+        taken = bool(waypoint.carries) or any(s[-1] == 0 for s in steps)
+        first = goal if goal is not None and near_goal and taken else theme
+        other = theme if first is goal else goal
+        steps.append(_step(at, opened, first, other))
+        if len(steps) > 1 and opened and not steps[-2][-1]:
+            break  # release
+    return steps
+
+
+def _distinct(trajectory: Trajectory) -> list[tuple[Waypoint, bool]]:
+    """The distinct waypoints, each with whether the hand is open there.
+
+    Before a narrow grasp the hand opens only a little: open means wider than the middle of its openings. A hand that
+    never changes pushes or presses, and counts as closed.
+    """
+    openings = [waypoint.gripper for waypoint in trajectory]
+    middle = (min(openings) + max(openings)) / 2
+    kept: list[tuple[Waypoint, bool]] = []
+    for waypoint in trajectory:
+        opened = waypoint.gripper > middle
+        still = kept and float(np.linalg.norm(np.subtract(waypoint.xyz, kept[-1][0].xyz))) < STILL
+        if not still or kept[-1][1] != opened:
+            kept.append((waypoint, opened))
+    return kept
+
+
+def _step(at: FloatArray, opened: bool, first: SceneObject, other: SceneObject | None) -> list[Any]:
+    up, g = round(1e3 * float(at[2] - first.top)), int(opened)
+    offset = (at - first.centre)[:2]
+    if other is not None and float(np.linalg.norm(offset)) > ASIDE:
+        way = (other.centre - first.centre)[:2]
+        length = float(np.linalg.norm(way))
+        along = float(offset @ way) / max(length, 1e-9)
+        if abs(along) > ALONG * float(np.linalg.norm(offset)):
+            return [first.id, other.id, round(1e3 * along), up, g]
+    dx, dy = (round(1e3 * float(v)) for v in offset)
+    return [first.id, dx, dy, up, g]

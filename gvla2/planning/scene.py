@@ -14,7 +14,7 @@ from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, tran
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
 """Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box,
-a ``ring`` a flat thing with a hole through it, a ``bar`` something long and thin."""
+a ``ring`` a flat object with a hole through it, a ``bar`` something long and thin."""
 ROUND: tuple[Shape, ...] = ("cylinder", "disc", "sphere")
 """Shapes that look the same from all sides when they stand upright."""
 
@@ -34,7 +34,7 @@ class Box:
 
 @dataclass(frozen=True)
 class KnownShape:
-    """The scan that a thing was recognised as, and its pose.
+    """The scan that an object was recognised as, and its pose.
 
     ``path`` is the scan's file (.obj, .glb, .ply); ``scale`` takes its units to metres, and ``world_from_scan``
     (4, 4), rigid, takes the scaled vertices to the world. ``residual`` is the median distance of the seen points
@@ -57,13 +57,13 @@ class KnownShape:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One labelled thing, as seen.
+    """One labelled object, as seen.
 
-    ``world_from_object`` (4, 4) is the frame of its oriented box, origin at the box's centre, z up for things that
+    ``world_from_object`` (4, 4) is the frame of its oriented box, origin at the box's centre, z up for objects that
     stand on the table; ``extents`` (3,) full side lengths along that frame's axes, metres. ``points`` (N, 3) seen
     surface points in the world, metres; ``rgb`` (3,) mean colour in [0, 1]. ``label`` is its everyday name ("red
     cube"), ``colour`` a colour word or "" if unsure. ``parent`` is the id of the object that this is a part of (a
-    button of a lamp), or "". ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at
+    button of a lamp), or "". ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow object at
     its top (a cup, an open box) or of a ring's hole, metres; 0 if it is closed. ``named_by`` is the source of
     ``label``: "" for colour and shape, else the source's name; ``sureness`` in [0, 1] is the source's confidence in the
     name. ``known`` is the scan that it was recognised as, with its pose.
@@ -113,7 +113,7 @@ class SceneObject:
         return float(np.abs(way @ self.world_from_object[:3, :3]) @ (0.5 * self.extents))
 
     def covers(self, point: FloatArray) -> bool:
-        """Whether a point, of which x and y count, is within the oriented box's footprint."""
+        """Whether a point (3,), by its x and y, is within the oriented box's footprint."""
         level = np.array([*point[:2], self.centre[2]])
         local = transform_points(invert_rigid(self.world_from_object), level)
         return bool((np.abs(local[:2]) <= 0.5 * self.extents[:2]).all())

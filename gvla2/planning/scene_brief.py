@@ -24,11 +24,11 @@ LEGEND = (
 """The format of a line of :func:`scene_brief` with sizes and positions."""
 LONGEST_NAME = 40
 RAISED = 15.0
-"""Height of a thing's lower side, millimetres, above which it is mentioned."""
-TAKEN = frozenset([*keyword.kwlist, *RELATIONS, "left", "right", "forward", "back", "things", "decline"])
+"""Height of an object's lower side, millimetres, above which it is mentioned."""
+TAKEN = frozenset([*keyword.kwlist, *RELATIONS, "left", "right", "forward", "back", "objects", "decline"])
 """Reserved words of programs, not used as names."""
 UNSURE = 0.5
-"""Things seen with less confidence are marked."""
+"""Objects seen with less confidence are marked."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class SceneBrief:
         """The words on one line with names in place of labels and ids: perceived text must not reach a model through a
         rejection's reason.
         """
-        told = {o.id: self.names[o.id] for o in scene.objects}
-        told |= {o.label: self.names[o.id] for o in scene.objects if o.label}
-        longest = "|".join(sorted(map(re.escape, told), key=len, reverse=True))
-        if told:
-            words = re.sub(rf"(?<!\w)(?:{longest})(?!\w)", lambda m: told[m.group()], words)
+        named = {o.id: self.names[o.id] for o in scene.objects}
+        named |= {o.label: self.names[o.id] for o in scene.objects if o.label}
+        longest = "|".join(sorted(map(re.escape, named), key=len, reverse=True))
+        if named:
+            words = re.sub(rf"(?<!\w)(?:{longest})(?!\w)", lambda m: named[m.group()], words)
         return " ".join(words.split())
 
 
@@ -73,9 +73,9 @@ def unique_names(scene: Scene) -> dict[str, str]:
         alike = [o for o in scene.objects if plain[o.id] == name]
         alike.sort(key=lambda o: -float(o.centre[1]))
         numbered = (each for k in count(1) if (each := f"{name}_{k}") not in used)
-        for thing in alike:
-            names[thing.id] = name if len(alike) == 1 else next(numbered)
-            used.add(names[thing.id])
+        for obj in alike:
+            names[obj.id] = name if len(alike) == 1 else next(numbered)
+            used.add(names[obj.id])
     return {o.id: names[o.id] for o in scene.objects}
 
 
@@ -91,58 +91,58 @@ def spread_points(points: FloatArray, most: int) -> FloatArray:
     return points[chosen]
 
 
-def _full_name(thing: SceneObject, labels: Mapping[str, str]) -> str:
-    whole = labels.get(thing.parent, "")
+def _full_name(obj: SceneObject, labels: Mapping[str, str]) -> str:
+    whole = labels.get(obj.parent, "")
     if not whole:
-        return labels[thing.id]
+        return labels[obj.id]
     # "gray lid" of "lime jar": the whole identifies it, its own colour is not needed.
-    own = labels[thing.id].removeprefix(f"{_plain(thing.colour)}_") or labels[thing.id]
+    own = labels[obj.id].removeprefix(f"{_plain(obj.colour)}_") or labels[obj.id]
     head = whole.rpartition("_")[2]
     if head and own.startswith(f"{head}_"):
         own = own.removeprefix(f"{head}_")  # "lamp shade" of "lamp base" keeps its noun
     return f"{own}_of_{whole}"[:LONGEST_NAME].rstrip("_")
 
 
-def _line(thing: SceneObject, name: str, scene: Scene, sizes: bool, positions: bool, points: int) -> str:
+def _line(obj: SceneObject, name: str, scene: Scene, sizes: bool, positions: bool, points: int) -> str:
     words = [name]
-    length, width, height = _sizes(thing)
-    flat = thing.shape == "region"
+    length, width, height = _sizes(obj)
+    flat = obj.shape == "region"
     if sizes:
         words.append(f"{length}x{width} patch" if flat else f"{length}x{width}x{height}")
-    if sizes and thing.opening > 0.0:
-        words.append(f"open {_mm(thing.opening)}")
-    bottom = thing.bottom - scene.table_height
+    if sizes and obj.opening > 0.0:
+        words.append(f"open {_mm(obj.opening)}")
+    bottom = obj.bottom - scene.table_height
     if positions:
-        words.append(f"at {_mm(thing.centre[0])},{_mm(thing.centre[1])}")
+        words.append(f"at {_mm(obj.centre[0])},{_mm(obj.centre[1])}")
         if not flat and 1e3 * bottom > RAISED:
             words.append(f"up {_mm(bottom)}")
-    if positions and (place := _place_among(thing, scene)):
+    if positions and (place := _place_among(obj, scene)):
         words.append(f"({place})")
-    if thing.confidence < UNSURE:
+    if obj.confidence < UNSURE:
         words.append("(unsure)")
-    if thing.named_by:
-        words.append(f"(name {100 * thing.sureness:.0f}% sure)")
+    if obj.named_by:
+        words.append(f"(name {100 * obj.sureness:.0f}% sure)")
     if points > 0:
         low = np.array([0.0, 0.0, scene.table_height])
-        some = [",".join(str(_mm(v)) for v in p) for p in spread_points(thing.points, points) - low]
+        some = [",".join(str(_mm(v)) for v in p) for p in spread_points(obj.points, points) - low]
         words.append("points " + " ".join(some))
     return " ".join(words)
 
 
-def _place_among(thing: SceneObject, scene: Scene) -> str:
-    """Whether it is the left, right or middle one of several whole things of its kind, seen from the robot."""
-    kind = thing.label.rpartition(" ")[2]
+def _place_among(obj: SceneObject, scene: Scene) -> str:
+    """Whether it is the left, right or middle one of several whole objects of its kind, seen from the robot."""
+    kind = obj.label.rpartition(" ")[2]
     alike = [o for o in scene.objects if o.label.rpartition(" ")[2] == kind and not o.parent]
-    if thing.parent or not 2 <= len(alike) <= 3:
+    if obj.parent or not 2 <= len(alike) <= 3:
         return ""
-    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre[1]))].index(thing.id)
+    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre[1]))].index(obj.id)
     return ("left", "right")[order] if len(alike) == 2 else ("left", "middle", "right")[order]
 
 
-def _sizes(thing: SceneObject) -> tuple[int, int, int]:
-    level = [i for i in range(3) if abs(thing.world_from_object[2, i]) < 0.7][:2] or [0, 1]
-    width, length = sorted(float(thing.extents[i]) for i in level)
-    return _mm(length), _mm(width), _mm(thing.top - thing.bottom)
+def _sizes(obj: SceneObject) -> tuple[int, int, int]:
+    level = [i for i in range(3) if abs(obj.world_from_object[2, i]) < 0.7][:2] or [0, 1]
+    width, length = sorted(float(obj.extents[i]) for i in level)
+    return _mm(length), _mm(width), _mm(obj.top - obj.bottom)
 
 
 def _mm(metres: float) -> int:

@@ -1,4 +1,4 @@
-"""Selecting: the leftmost or biggest of several things, or the one in a relation to another."""
+"""Selecting: the leftmost or biggest of several objects, or the one in a relation to another."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
 """Differences of size (share) and place (metres) below perception's accuracy do not decide."""
 
 
-def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
-    """The most extreme of ``things`` by one of :data:`SELECTORS`, or all that perception cannot distinguish from it."""
+def extreme(objects: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
+    """The most extreme of ``objects`` by one of :data:`SELECTORS`, or all that are not clearly less so."""
     if by not in SELECTORS:
         raise ValueError(f"Unknown selector '{by}'; there are {', '.join(SELECTORS)}.")
-    if not things:
+    if not objects:
         return []
     space = scene.workspace
     foot = np.array([space.low[0], 0.5 * (space.low[1] + space.high[1])])
-    middle = np.mean([o.centre[:2] for o in things], axis=0)
+    middle = np.mean([o.centre[:2] for o in objects], axis=0)
     ranked_by: dict[str, Callable[[SceneObject], Any]] = {
         "left": lambda o: -o.centre[1],
         "right": lambda o: o.centre[1],
@@ -37,14 +37,14 @@ def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneO
         "tall": lambda o: -o.extents[2],
         "short": lambda o: o.extents[2],
     }
-    ranks = [float(ranked_by[by](o)) for o in things]
+    ranks = [float(ranked_by[by](o)) for o in objects]
     best = min(ranks)
     slack = SIZE_SLACK * abs(best) if by in ("big", "small", "tall", "short") else PLACE_SLACK
-    return [o for o, r in zip(things, ranks, strict=True) if r <= best + slack]
+    return [o for o, r in zip(objects, ranks, strict=True) if r <= best + slack]
 
 
-def located(things: Sequence[SceneObject], relation: str, at: SceneObject) -> list[SceneObject]:
-    """Those of ``things`` in the relation to ``at``, which is not among them; the nearest of several.
+def located(objects: Sequence[SceneObject], relation: str, at: SceneObject) -> list[SceneObject]:
+    """Those of ``objects`` in the relation to ``at``, which is not among them; the nearest of several.
 
     ``on``, ``in``, ``to`` and ``from`` mean over its footprint, or a part of it; x is behind, y to the left.
     """
@@ -65,6 +65,6 @@ def located(things: Sequence[SceneObject], relation: str, at: SceneObject) -> li
                 return bool(dx < -0.01)
         return True
 
-    there = [o for o in things if o.id != at.id and holds(o)]
+    there = [o for o in objects if o.id != at.id and holds(o)]
     gaps = [float(np.linalg.norm((o.centre - at.centre)[:2])) for o in there]
     return [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + PLACE_SLACK]

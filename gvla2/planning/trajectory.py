@@ -14,6 +14,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, rigid
 
 MIN_WAYPOINTS, MAX_WAYPOINTS = 2, 20
+WaypointFault = Literal[
+    "wrong_frame", "bad_motion", "not_finite", "not_positive", "negative", "bad_guard", "bad_orientation"
+]
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ class Waypoint:
     guard: Guard | None = None
     dwell: float = 0.0
 
-    def faults(self) -> Iterator[tuple[str, str]]:
+    def faults(self) -> Iterator[tuple[WaypointFault, str]]:
         """What is malformed, whatever the scene and the arm: a stable word and a sentence each."""
         if self.frame != "world":
             yield "wrong_frame", f"frame '{self.frame}' is unknown; give positions in 'world'."
@@ -180,6 +183,12 @@ class Trajectory:
         for waypoint in self.waypoints:
             rotation = waypoint.orientation.resolve(rotation)
             yield rigid(rotation, waypoint.xyz)
+
+    def poses_if_valid(self, start: FloatArray) -> list[FloatArray] | None:
+        """:meth:`poses`, or None when an orientation or position is malformed."""
+        if any(w.orientation.fault or len(w.xyz) != 3 for w in self.waypoints):
+            return None
+        return self.poses(start)
 
     def straight_after(self, index: int, poses: Sequence[FloatArray]) -> Sequence[FloatArray]:
         """Those of all waypoints' ``poses`` (4, 4) that belong to the straight moves right after waypoint ``index``."""

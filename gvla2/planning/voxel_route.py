@@ -53,12 +53,12 @@ class VoxelGrid:
         found = np.floor((points - self.low) / self.size).astype(int)
         return np.asarray(np.clip(found, 0, np.array(self.shape) - 1))
 
-    def clearance(self, things: Iterable[SceneObject], grown: float = 0.0) -> FloatArray:
-        """(X, Y, Z) distance of each voxel from the nearest thing's box, grown by ``grown`` metres; inf for none."""
+    def clearance(self, objects: Iterable[SceneObject], grown: float = 0.0) -> FloatArray:
+        """(X, Y, Z) distance of each voxel from the nearest object's box, grown by ``grown`` metres; inf for none."""
         centres, taken = self.centres(), np.zeros(self.shape, dtype=bool)
-        for thing in things:
-            local = np.abs(transform_points(invert_rigid(thing.world_from_object), centres))
-            taken |= (local <= 0.5 * thing.extents + grown).all(axis=-1)
+        for obj in objects:
+            local = np.abs(transform_points(invert_rigid(obj.world_from_object), centres))
+            taken |= (local <= 0.5 * obj.extents + grown).all(axis=-1)
         if not taken.any():
             return np.full(self.shape, np.inf)
         return np.asarray(distance_transform_edt(~taken, sampling=self.size))

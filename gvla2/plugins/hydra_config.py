@@ -115,9 +115,9 @@ def register(
     """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, also in the slots.
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
-    its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former call
-    offered; with what it was called with last it does nothing. ``groups`` are those that the command knows, by
-    default all.
+    its default choices under ``<name>_choices``; one named ``group/name`` is stored in that group, for the whole
+    configuration. Calling it again with another registry replaces what the former call offered; with what it was called
+    with last it does nothing. ``groups`` are those that the command knows, by default all.
     """
     global _offered
     offer = (registry, dict(schemas or {}), None if groups is None else tuple(groups))
@@ -132,7 +132,9 @@ def register(
         if issubclass(schema, EveryKind):
             node = with_groups(schema, registry.groups)
             store.store(name=f"{name}_choices", node={"defaults": _choices(registry)}, provider=PROVIDER)
-        store.store(name=f"{name}_schema", node=node, provider=PROVIDER)
+        group, _, own = name.rpartition("/")
+        place = {"group": group, "package": "_global_"} if group else {}
+        store.store(name=own if group else f"{own}_schema", node=node, provider=PROVIDER, **place)
     callback = {"sweep": {"_target_": SWEEP_CALLBACK}}
     store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
     PresetSearchPath.paths = registry.search_paths

@@ -1,1 +1,1 @@
-"""What language planners answer in (calls of skills, waypoints by names, array expressions): read, and doubted."""
+"""Answers of language planners (calls of skills, waypoints, array expressions): parsed and validated."""

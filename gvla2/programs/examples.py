@@ -1,4 +1,4 @@
-"""Worked examples of the standard skills for prompts, with objects that are in no task: a wish and its call."""
+"""Worked examples of the standard skills for prompts, with objects that no task has."""
 
 from __future__ import annotations
 

@@ -67,10 +67,12 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         for e, f in zip(episodes, films, strict=True)
     }
     if len(kinds) > 1:
-        told = "; ".join(
+        kinds_found = "; ".join(
             f"{robot}, {fps:g} Hz, {n} numbers, {h}x{w}" for robot, fps, n, (h, w) in sorted(kinds)
         )
-        raise Gvla2Error(f"One data set holds one arm at one rate and picture size, not several: {told}.")
+        raise Gvla2Error(
+            f"One data set holds one arm at one rate and picture size, not several: {kinds_found}."
+        )
     for episode, film in zip(episodes, films, strict=True):
         if len(film) != len(episode.states):
             raise Gvla2Error(f"{episode.film} has {len(film)} frames for {len(episode.states)} states.")
@@ -165,9 +167,9 @@ def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]
         VIDEO: np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0,
     }
     count = sum(len(episode.states) for episode in episodes)
-    told: dict[str, Any] = {}
+    stats: dict[str, Any] = {}
     for name, numbers in rows.items():
         exact, shape = numbers.astype(np.float64), (3, 1, 1) if name == VIDEO else (-1,)
         four = {"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)}
-        told[name] = {key: value.reshape(shape) for key, value in four.items()} | {"count": [count]}
-    return told
+        stats[name] = {key: value.reshape(shape) for key, value in four.items()} | {"count": [count]}
+    return stats

@@ -1,31 +1,32 @@
-"""The run's page: one self-contained HTML file that explains an episode."""
+"""Pages as self-contained HTML: one that explains an episode, and those over many."""
 
 from __future__ import annotations
 
 import base64
-import contextlib
 import hashlib
+import io
 import math
-import pickle
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
+from PIL import Image
 
 from gvla2.episode.memory_reporting import turns_of
 from gvla2.episode.record import EpisodeRecord
-from gvla2.errors import OutputError
+from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder
-from gvla2.io.files import write_whole
-from gvla2.record import sections, wording
-from gvla2.record.drawing import css_colour, marker_colour
+from gvla2.io.files import write_json, write_text
+from gvla2.record import wording
+from gvla2.record.drawing import css_colour, marker_colour, png
 from gvla2.record.pictures import Pictures
 from gvla2.record.text import count, listing, one_line
+
+_FOLDER = Path(__file__).parent
 
 
 def render_page(
@@ -60,12 +61,12 @@ def render(template: str, **values: Any) -> str:
 def templates() -> Environment:
     """The package's templates. Its own files are trusted; everything from a run is escaped."""
     environment = Environment(
-        loader=FunctionLoader(_source),
-        autoescape=lambda name: name != "findings.jinja",
+        loader=FileSystemLoader(_FOLDER),
+        autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=_Compiled(),
+        bytecode_cache=_bytecode_cache(),
     )
     script = f"{_source('page.js')}{_source('viewer.js')}".strip()
     environment.globals.update(
@@ -73,49 +74,40 @@ def templates() -> Environment:
         script=Markup(script),
         script_digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         data_uri=data_uri,
-        executed=lambda record: wording.told(record, "execute"),
+        executed=lambda record: wording.result_of(record, "execute"),
         marker_colour=marker_colour,
-        sections=sections,
         turns_of=turns_of,
         wording=wording,
     )
     environment.filters.update(
         base64=lambda data: base64.b64encode(data).decode("ascii"),
-        called=sections.called,
+        called=wording.called,
         counted=count,
         css=css_colour,
         degrees=math.degrees,
         finite=lambda value: value if value and math.isfinite(value) else 0.0,
-        direction=sections.direction,
-        figure=sections.figure,
+        direction=wording.direction,
+        figure=wording.figure,
         fixed=wording.fixed,
-        label_of=sections.label_of,
+        label_of=wording.label_of,
         listing=listing,
         number=wording.number,
         one_line=one_line,
+        role_name=wording.role_name,
         seconds=wording.seconds,
-        share=sections.share,
+        share=wording.share,
     )
     return environment
 
 
-class _Compiled(BytecodeCache):
-    """Compiled templates in the user's cache, by their names and their text; without a place they are compiled anew."""
-
-    def load_bytecode(self, bucket: Bucket) -> None:
-        """Fill the bucket, if it was kept."""
-        with contextlib.suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
-            bucket.bytecode_from_string(self._path(bucket).read_bytes())
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep what was compiled."""
-        with contextlib.suppress(OSError, OutputError):
-            self._path(bucket).parent.mkdir(parents=True, exist_ok=True)
-            write_whole(self._path(bucket), bucket.bytecode_to_string())
-
-    @staticmethod
-    def _path(bucket: Bucket) -> Path:
-        return cache_folder() / "templates" / f"{bucket.key}-{bucket.checksum}"
+def _bytecode_cache() -> FileSystemBytecodeCache | None:
+    """Compiled templates in the user's cache; None, so that they are compiled anew, where there is no place."""
+    folder = cache_folder() / "templates"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return FileSystemBytecodeCache(str(folder))
 
 
 def data_uri(data: bytes) -> str:
@@ -127,4 +119,87 @@ def data_uri(data: bytes) -> str:
 
 
 def _source(name: str) -> str:
-    return (files("gvla2.record") / name).read_text(encoding="utf-8")
+    return (_FOLDER / name).read_text(encoding="utf-8")
+
+
+def episode_folder(folder: Path, index: int) -> Path:
+    """The folder of episode ``index`` (from 0) of a run in ``folder``: ``episode_000``."""
+    return folder / f"episode_{index:03d}"
+
+
+def write_index(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
+    """Write ``index.html`` over the episodes of a run, in their order, with links to their folders' pages.
+
+    Thumbnails come from the folders' pictures, so records may have been stripped of their observations.
+    Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
+    """
+    places = [episode_folder(folder, index) for index in range(len(episodes))]
+    rows = [(record, place.name, _thumbnail(place)) for record, place in zip(episodes, places, strict=True)]
+    html = render("overview.html.jinja", episodes=list(episodes), rows=rows)
+    return write_text(folder / "index.html", html)
+
+
+def write_summary(folder: Path, episodes: Sequence[EpisodeRecord]) -> Path:
+    """Write ``result.json`` over the episodes of a run: counts, and one row per episode in order.
+
+    ``success_share`` (and ``success_share_strict``) count an unjudged episode as a failure. ``seconds`` are the sum of
+    an episode's stages. Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder cannot be written
+    to.
+    """
+    rows = []
+    for index, record in enumerate(episodes):
+        result = record.result("run")
+        same = ("task", "seed", "instruction", "success", "success_strict", "verdict", "failure")
+        own = {"seconds": round(record.seconds, 3), "folder": episode_folder(folder, index).name}
+        rows.append({**{key: result[key] for key in same}, **own})
+    relaxed, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
+    summary = {
+        "command": "run",
+        "task": rows[0]["task"] if rows else None,
+        "episodes": len(rows),
+        "succeeded": relaxed,
+        "succeeded_strict": strict,
+        "success_share": relaxed / len(rows) if rows else None,
+        "success_share_strict": strict / len(rows) if rows else None,
+        "rows": rows,
+    }
+    return write_json(folder / "result.json", summary)
+
+
+def _thumbnail(folder: Path, width: int = 192) -> str:
+    for name in ("after.png", "before.png"):
+        try:
+            with Image.open(folder / name) as picture:
+                small = picture.convert("RGB")
+                small.thumbnail((width, width))
+        except OSError:  # missing or incomplete picture: the row has none
+            continue
+        stream = io.BytesIO()
+        small.save(stream, format="JPEG", quality=82)
+        return data_uri(stream.getvalue())
+    return ""
+
+
+@dataclass(frozen=True)
+class TaskShown:
+    """One task of the gallery. ``ending`` says how it reached its ``after``; ``done`` whether it counts.
+
+    ``problem`` is what went wrong, "" if nothing.
+    """
+
+    name: str
+    summary: str
+    instruction: str = ""
+    goal: str = ""
+    wordings: tuple[str, ...] = ()
+    before: tuple[View, ...] = ()
+    after: tuple[View, ...] = ()
+    ending: str = ""
+    done: bool = False
+    problem: str = ""
+
+
+def gallery_page(tasks: Sequence[TaskShown], seed: int) -> str:
+    """The page as HTML with embedded pictures."""
+    pictured = {"png": lambda image: png(Image.fromarray(image))}
+    return render("gallery.html.jinja", tasks=tasks, seed=seed, **pictured)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -12,12 +12,192 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.episode.record import EpisodeRecord
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
-from gvla2.planning.scene import Scene
-from gvla2.planning.trajectory import Trajectory
-from gvla2.record.drawing import Canvas, enlarged, png
-from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
-from gvla2.record.placement import Rect
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.record.drawing import (
+    INK,
+    PAPER,
+    Canvas,
+    Colour,
+    Point,
+    Rect,
+    around,
+    enlarged,
+    marker_colour,
+    part_about,
+    png,
+)
+
+OPEN_COLOUR: Colour = (120, 214, 255)
+CLOSED_COLOUR: Colour = (255, 168, 60)
+
+_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+_EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
+_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "dash": 5.0, "alpha": 170}
+_NEAR: dict[str, Any] = {"width": 2.0}
+_FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
+_SEEN = 0.03  # share of an object's points that must be visible for its label
+
+
+def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
+    """The view with the oriented box of each scene object, numbered in the scene's order.
+
+    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is dashed and has no
+    label.
+    """
+    canvas = Canvas(view.image, width)
+    eye = view.camera.position
+    order = sorted(enumerate(scene.objects), key=lambda item: -float(np.linalg.norm(item[1].centre - eye)))
+    for index, obj in order:
+        seen = in_sight(view, obj)
+        if seen > 0:
+            _draw_box(canvas, view.camera, obj, marker_colour(index), hidden=seen < _SEEN)
+    for index, obj in reversed(order):
+        near = _bounds(view.camera, obj)
+        if near is not None and in_sight(view, obj) >= _SEEN:
+            canvas.keep_clear(near)
+            canvas.label(obj.label or obj.id, near, marker_colour(index), badge=str(index + 1))
+    return canvas.picture()
+
+
+def in_sight(view: View, obj: SceneObject) -> float:
+    """Share of the object's points (of its box's corners, if it has none) that this view sees.
+
+    A point is seen when it falls into the image and the view's depth there is not more than 2 cm nearer.
+    """
+    points = obj.points if len(obj.points) else obj.corners()
+    points = points[:: max(1, len(points) // 200)]
+    uv, depth = view.camera.project(points)
+    inside = view.camera.inside(uv)
+    if view.depth is None or not inside.any():
+        return float(inside.mean())
+    columns, rows = np.floor(uv[inside]).astype(int).T
+    behind = depth[inside] > view.depth[rows, columns] + 0.02  # NaN compares as not behind
+    return float((~behind).sum() / len(points))
+
+
+def plan_views(views: Iterable[View], trajectory: Trajectory, count: int = 2) -> list[View]:
+    """The views that show the path best: most waypoints in the picture, a front camera first when equal.
+
+    A camera on the hand moves away from its view, so it is used only if there is no other.
+    """
+
+    def rank(view: View) -> tuple[bool, bool, int]:
+        shown = int(view.camera.inside(view.camera.project(_stops(trajectory))[0]).sum())
+        return "wrist" not in view.name, "front" in view.name and shown > 0, shown
+
+    return sorted(views, key=rank, reverse=True)[:count]
+
+
+def plan_overlay(
+    view: View,
+    trajectory: Trajectory,
+    start: FloatArray | None = None,
+    scene: Scene | None = None,
+    width: int = 640,
+) -> Image.Image:
+    """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
+
+    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a dashed
+    leg is a free motion, a solid one a straight line. With ``scene`` the path also casts a faint shadow on the table,
+    straight below it, so that height can be read. The picture shows the part of the view with the path and the objects.
+    """
+    camera, waypoints = view.camera, list(trajectory)
+    stops = _stops(trajectory)
+    path = stops if start is None else np.vstack([start, stops])
+    shown = np.vstack([stops, *(obj.corners() for obj in (scene.objects if scene else ()))])
+    pixels, size = camera.project(shown)[0], (camera.width, camera.height)
+    part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
+    canvas = Canvas(view.image, width, part)
+    if scene is not None:
+        _draw_shadow(canvas, camera, path, scene.table_height)
+    openings = [1.0, *(w.gripper for w in waypoints)]
+    first = 0 if start is not None else 1
+    for a, b, opening, waypoint in zip(path, path[1:], openings[first:], waypoints[first:], strict=False):
+        leg = camera.project(np.linspace(a, b, 16))[0]
+        dash = 0.0 if waypoint.motion == "linear" else 7.0
+        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5, dash=dash)
+        for u, v in leg:
+            canvas.keep_clear(around(u, v, 4 / canvas.scale))
+    for at, members in _clusters(camera, stops, canvas.scale):
+        last = waypoints[members[-1]]
+        near = around(*at, 10 / canvas.scale)
+        numbers = "·".join(str(k) for k in members)
+        canvas.dot(at, 9.5, PAPER if last.gripper > 0.5 else CLOSED_COLOUR, ring=INK, text=numbers)
+        text = " / ".join(_stage_labels(waypoints, members))
+        canvas.label(text, near, _grip_colour(last.gripper), badge=numbers)
+    return canvas.picture()
+
+
+def _stops(trajectory: Trajectory) -> FloatArray:
+    """(N, 3) the waypoints' positions."""
+    return trajectory.xyzg().reshape(-1, 4)[:, :3]
+
+
+def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
+    labels: dict[str, None] = {}
+    for k in names:
+        before = waypoints[k - 1].gripper if k else 1.0
+        change = waypoints[k].gripper - before
+        name = waypoints[k].stage.replace("_", " ")
+        act = " (closes)" if change < -0.05 else " (opens)" if change > 0.05 else ""
+        labels[name if name in act else name + act] = None
+    return list(labels)
+
+
+def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Point, list[int]]]:
+    """Waypoints in the picture, grouped if their dots would overlap: (pixel, all of them)."""
+    clusters: list[tuple[Point, list[int]]] = []
+    for k, (u, v) in enumerate(camera.project(stops)[0].tolist()):
+        if not camera.inside(np.array([u, v])):
+            continue
+        for at, members in clusters:
+            if np.hypot(at[0] - u, at[1] - v) * scale < 17:
+                members.append(k)
+                break
+        else:
+            clusters.append(((u, v), [k]))
+    return clusters
+
+
+def _grip_colour(opening: float) -> Colour:
+    return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
+
+
+def _draw_shadow(canvas: Canvas, camera: Camera, path: FloatArray, table: float) -> None:
+    ground = np.column_stack([path[:, :2], np.full(len(path), table)])
+    canvas.line(camera.project(ground)[0], INK, width=2.0, halo=0.0, alpha=90)
+    for plumb in np.stack([path, ground], axis=1):
+        canvas.line(camera.project(plumb)[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
+
+
+def _draw_box(canvas: Canvas, camera: Camera, obj: SceneObject, colour: Colour, hidden: bool) -> None:
+    corners = obj.corners()
+    pixels, _ = camera.project(corners)
+    facing = {face for face in _FACES if _faces_camera(camera, corners, face, obj.centre)}
+    for face in facing:
+        canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
+    near = {edge: any(set(edge) <= set(face) for face in facing) for edge in _EDGES}
+    for edge in sorted(_EDGES, key=near.__getitem__):
+        style = _HIDDEN if hidden else _NEAR if near[edge] else _FAR
+        canvas.line(pixels[list(edge)], colour, **style)
+
+
+def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
+    middle = corners[list(face)].mean(axis=0)
+    return float((middle - centre) @ (camera.position - middle)) > 0
+
+
+def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
+    uv, _ = camera.project(obj.corners())
+    if not np.isfinite(uv).all() or not camera.inside(uv).any():
+        return None
+    box = np.clip([uv.min(axis=0), uv.max(axis=0)], 0, [camera.width, camera.height])
+    return Rect(*box.ravel().tolist())
+
 
 _UNKNOWN = (96, 100, 108)
 

@@ -2,33 +2,145 @@
 
 from __future__ import annotations
 
+import logging
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.episode.memory_reporting import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
-from gvla2.geometry.view_archive import write_views
+from gvla2.errors import OutputError
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Observation
-from gvla2.io.files import write_bytes, write_json, write_text
+from gvla2.io.files import make_folder, plain, write_bytes, write_json, write_text
+from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
-from gvla2.record.animation import FrameReel, gif
+from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import contact_sheet_of
-from gvla2.record.files import FolderRecorder
-from gvla2.record.motion import FILM, STATES, Motion
-from gvla2.record.overview import write_index
-from gvla2.record.page import render_page
+from gvla2.record.motion import FILM, STATES, FrameReel, Motion, gif
+from gvla2.record.page import render_page, write_index
 from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
-from gvla2.record.stages import STAGE_FILES
 from gvla2.robot.backend import Moment
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+class FolderRecorder:
+    """The folder of a run: ``config.yaml`` immediately, and ``notes`` on what could not be made.
+
+    ``config`` is the composed configuration as text. Of an earlier run in the folder the files named in ``WRITTEN`` are
+    removed: what this run does not get to must not look like its own. Raises :class:`~gvla2.errors.OutputError` if the
+    folder cannot be written to.
+    """
+
+    WRITTEN: Collection[str] = ()
+
+    def __init__(self, folder: Path, config: str) -> None:
+        self.folder, self.config = make_folder(folder), config
+        self.notes: list[str] = []
+        try:
+            for name in self.WRITTEN:
+                (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"Cannot remove {folder / name} of an earlier run: {error}.") from error
+        write_text(folder / "config.yaml", config)
+
+    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
+        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
+        try:
+            return make()
+        except Exception as error:
+            self.complain(what, error)
+            return None
+
+    def complain(self, what: str, error: Exception) -> None:
+        """Note once what could not be made and why."""
+        note = f"{what} could not be made: {type(error).__name__}: {error}"
+        if note not in self.notes:
+            self.notes.append(note)
+            log.warning(note, exc_info=error)
+
+    def there(self) -> list[str]:
+        """The names of the files in the folder."""
+        return [path.name for path in self.folder.iterdir() if path.is_file()]
+
+
+def _fields(made: Any, *without: str) -> dict[str, Any]:
+    return {f.name: plain(getattr(made, f.name)) for f in fields(made) if f.name not in without}
+
+
+def scene_json(scene: Scene) -> dict[str, Any]:
+    """The scene X_t with each object's pose, size and keypoints, metres; point clouds only as their counts."""
+    objects = [
+        {**_fields(o, "points"), "points": len(o.points), "keypoints": plain(o.keypoints())}
+        for o in scene.objects
+    ]
+    return {**_fields(scene, "objects"), "objects": objects}
+
+
+def plan_json(plan: Plan) -> dict[str, Any]:
+    """The plan without its trajectory, which has its own file."""
+    return {
+        **_fields(plan, "trajectory", "transcript", "program"),
+        "transcript": kept(plan.transcript),
+        "waypoints": len(plan.trajectory) if plan.trajectory is not None else 0,
+        "program": plan.program.to_json() if plan.program else None,
+    }
+
+
+def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
+    """The paper's view tau = [(x, y, z, g)], metres and opening in [0, 1], and the full waypoints."""
+    return {"frame": "world", "tau": plain(trajectory.xyzg()), "waypoints": trajectory.to_json()}
+
+
+def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
+    """One of the earlier attempts, or parts of a program: what was planned, executed and found."""
+    parts = ("plan.json", "trajectory.json", "report.json", "verdict.json")
+    made = {name.removesuffix(".json"): STAGE_FILES[name](attempt) for name in parts}
+    return {**attempt.attempted(), **made, "parts": [attempt_json(part) for part in attempt.parts]}
+
+
+Writer = Callable[[EpisodeRecord], Any]
+
+
+def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
+    """The field of the record of that name ("plan.trajectory") as JSON; None while it is empty."""
+
+    def content(record: EpisodeRecord) -> Any:
+        made: Any = record
+        for part in name.split("."):
+            made = getattr(made, part, None)
+        return write(made) if made is not None and made != () else None
+
+    return content
+
+
+STAGE_FILES: Mapping[str, Writer] = {
+    "scene.json": _of("scene", scene_json),
+    "recalled.json": _of("recalled"),
+    "plan.json": _of("plan", plan_json),
+    "trajectory.json": _of("plan.trajectory", trajectory_json),
+    "checks.json": _of("checks", lambda checks: checks.to_json()),
+    "report.json": _of("report", lambda report: report.to_json()),
+    "scene_after.json": _of("after_scene", scene_json),
+    "attempts.json": _of("attempts", lambda records: list(map(attempt_json, records))),
+    "parts.json": _of("parts", lambda records: list(map(attempt_json, records))),
+    "verdict.json": _of("verdict"),
+    "learned.json": _of("learned"),
+}
+"""The content of each file, None while the record lacks it, in the order of the loop."""
+
 
 __all__ = ["RunRecorder", "write_index"]
 
@@ -143,10 +255,10 @@ class RunRecorder(FolderRecorder):
 
     def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
         """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
-        things = objects_of_interest(scene, instruction)
-        views = masked_views(observation, things[0]) if things else None
+        objects = objects_of_interest(scene, instruction)
+        views = masked_views(observation, objects[0]) if objects else None
         if views is not None:
-            write_views(self.folder, views, things[0].label)
+            write_views(self.folder, views, objects[0].label)
 
     def _finish_film(self) -> None:
         self._motion.finish()

@@ -1,8 +1,8 @@
 """A run in three dimensions as one glTF file: the cloud, the perceived objects, the planned path and the findings of
 the checks.
 
-Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.glb.to_y_up`). A node's ``extras`` hold its
-``kind`` ("seen", "ground", "object", "path" or "waypoint") and, if it has a name, ``label``, ``text`` and their
+Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.mesh_files.to_y_up`). A node's ``extras`` hold
+its ``kind`` ("seen", "ground", "object", "path" or "waypoint") and, if it has a name, ``label``, ``text`` and their
 position ``at`` (3,). Any viewer of glTF opens the file; the run's page has its own.
 """
 
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import GeometryError
-from gvla2.geometry.glb import to_y_up
-from gvla2.geometry.gltf import pack, unpack
+from gvla2.geometry.mesh_files import to_y_up
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.planning.findings import CheckReport
@@ -47,28 +46,27 @@ def scene_glb(record: EpisodeRecord) -> bytes:
         points, colours = cloud(record.observation, scene.workspace)
         if len(points):
             _add(model, trimesh.PointCloud(points, colors=colours), "seen", "seen")
-    for k, thing in enumerate(scene.objects):
-        solid = solid_of(thing)
-        solid.visual.face_colors = np.uint8(255 * np.clip(np.nan_to_num(thing.rgb), 0, 1))
-        at = np.append(thing.centre[:2], solid.bounds[1, 2])
-        name = thing.label or thing.id
-        text = f"{name}: {thing.shape}, {' × '.join(f'{1000 * e:.0f}' for e in thing.extents)} mm"
-        _add(model, solid, thing.id, "object", label=f"{k + 1} {name}", at=at, text=text)
+    for k, obj in enumerate(scene.objects):
+        solid = solid_of(obj)
+        solid.visual.face_colors = np.uint8(255 * np.clip(np.nan_to_num(obj.rgb), 0, 1))
+        at = np.append(obj.centre[:2], solid.bounds[1, 2])
+        name = obj.label or obj.id
+        text = f"{name}: {obj.shape}, {' × '.join(f'{1000 * e:.0f}' for e in obj.extents)} mm"
+        _add(model, solid, obj.id, "object", label=f"{k + 1} {name}", at=at, text=text)
     if record.plan is not None and record.plan.trajectory is not None:
         _add_path(model, record, record.plan.trajectory, scene.table_height)
     for geometry in model.geometry.values():
         geometry.apply_transform(rigid(to_y_up(np.eye(3)).T))
-    return _matte(model.export(file_type="glb"))
+    content: bytes = model.export(file_type="glb", tree_postprocessor=_matte)
+    return content
 
 
-def _matte(content: bytes) -> bytes:
-    """The GLB file with a dull material: what has none counts as bare metal, and is nearly black in most viewers."""
-    document, binary = unpack(content)
+def _matte(document: dict[str, Any]) -> None:
+    """Give a glTF document a dull material: without one it counts as bare metal, nearly black in most viewers."""
     document["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}]
     for mesh in document["meshes"]:
         for primitive in mesh["primitives"]:
             primitive["material"] = 0
-    return pack(document, binary)
 
 
 def cloud(
@@ -94,27 +92,27 @@ def cloud(
     return placed[chosen], painted[chosen]
 
 
-def solid_of(thing: SceneObject) -> Any:
+def solid_of(obj: SceneObject) -> Any:
     """The object's body in the world as a :class:`trimesh.Trimesh`: the scan it was recognised as, else its shape."""
-    if thing.known is not None:
+    if obj.known is not None:
         try:
-            mesh = thing.known.mesh()
+            mesh = obj.known.mesh()
         except GeometryError:  # the scan's file is missing: its box is still known
             mesh = None
         if mesh is not None and 0 < len(mesh.faces) <= MOST_FACES:
             return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    match thing.shape:
+    match obj.shape:
         case "cylinder" | "disc":
             solid = trimesh.creation.cylinder(0.5, 1.0, sections=32)
         case "sphere":
             solid = trimesh.creation.icosphere(2, 0.5)
         case "ring":
-            outer = max(float(thing.extents[:2].mean()), 1e-6)
-            inner = float(np.clip(thing.opening / outer, 0.1, 0.95))
+            outer = max(float(obj.extents[:2].mean()), 1e-6)
+            inner = float(np.clip(obj.opening / outer, 0.1, 0.95))
             solid = trimesh.creation.annulus(0.5 * inner, 0.5, 1.0, sections=32)
         case _:
             solid = trimesh.creation.box((1.0, 1.0, 1.0))
-    world = transform_points(thing.world_from_object, solid.vertices * thing.extents)
+    world = transform_points(obj.world_from_object, solid.vertices * obj.extents)
     return trimesh.Trimesh(world, solid.faces, process=False)
 
 

@@ -1,14 +1,22 @@
-"""A record in words: each stage's result, and the episode's outcome. The page and the terminal share them."""
+"""The words, numbers and rows of an episode for pages and terminals; no markup."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
 from gvla2.episode.record import EpisodeRecord, Stage
-from gvla2.record.text import count, one_line
+from gvla2.planning.contracts import Candidate, Plan
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.record.text import count, listing, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]
 """How a stage ended: normally; with a reservation (abstained, rejected); aborted; not reached."""
@@ -62,14 +70,26 @@ def seconds(value: float | None) -> str:
     )
 
 
-def told(record: EpisodeRecord, stage: Stage) -> str:
-    """What ``stage`` made in a few plain words; "" when it made nothing."""
-    from gvla2.record.page import templates  # whose pages call this module
-
-    if getattr(record, _TELLINGS[stage].field) is None:
+def result_of(record: EpisodeRecord, stage: Stage) -> str:
+    """The result of ``stage`` in a few plain words; "" when it has none."""
+    if getattr(record, _REPORTS[stage].field) is None:
         return ""
-    macros: Any = templates().get_template("findings.jinja").module
-    return str(getattr(macros, stage)(record)).strip()
+    return str(getattr(_findings(), stage)(record)).strip()
+
+
+@cache
+def _findings() -> Any:
+    """The macros of ``findings.jinja``, one a stage; plain text, so that nothing is escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "counted": count, "fixed": fixed, "label_of": label_of, "listing": listing, "one_line": one_line,
+    }  # fmt: skip
+    return environment.get_template("findings.jinja").module
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Tone]:
@@ -105,9 +125,9 @@ def details(record: EpisodeRecord) -> list[str]:
     if record.success_check is not None:
         parts.append(f"success check: {finding(record, 'success_check')}")
     if record.verdict is not None:
-        parts.append(f"verifier: {told(record, 'verify')}")
+        parts.append(f"verifier: {result_of(record, 'verify')}")
     if record.report is not None:
-        parts.append(told(record, "execute"))
+        parts.append(result_of(record, "execute"))
     if record.failure is not None:
         parts.append(f"{record.failure.kind}: {one_line(record.failure.message)}")
     elif record.plan is not None and record.plan.abstention is not None:
@@ -118,7 +138,7 @@ def details(record: EpisodeRecord) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Telling:
+class _Report:
     """The record's field for a stage, and the stage's state when what it made is not well."""
 
     field: str
@@ -130,11 +150,11 @@ def state(record: EpisodeRecord, stage: Stage) -> State:
     """How ``stage`` ended."""
     if record.failure is not None and record.failure.stage == stage:
         return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
-    telling = _TELLINGS[stage]
-    made = getattr(record, telling.field)
+    report = _REPORTS[stage]
+    made = getattr(record, report.field)
     if made is None or made == "":
         return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
-    return "done" if telling.well(made) else telling.otherwise
+    return "done" if report.well(made) else report.otherwise
 
 
 def finding(record: EpisodeRecord, stage: Stage) -> str:
@@ -142,20 +162,96 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
     failure = record.failure
     if failure is not None and failure.stage == stage:
         return one_line(failure.message or failure.kind)
-    return told(record, stage)
+    return result_of(record, stage)
 
 
-_TELLINGS: Mapping[Stage, _Telling] = {
-    "setup": _Telling("goal"),
-    "observe": _Telling("observation"),
-    "perceive": _Telling("scene"),
-    "reconstruct": _Telling("refinement"),
-    "recall": _Telling("recalled", lambda made: not made.degraded),
-    "plan": _Telling("plan", lambda made: made.trajectory is not None),
-    "check": _Telling("checks", lambda made: made.passed, "failed"),
-    "execute": _Telling("report", lambda made: made.completed, "failed"),
-    "verify": _Telling("verdict", lambda made: made.outcome == "verified_success"),
-    "learn": _Telling("learned", lambda made: not made.degraded),
-    "success_check": _Telling("success_check", lambda made: made.relaxed),
+_REPORTS: Mapping[Stage, _Report] = {
+    "setup": _Report("goal"),
+    "observe": _Report("observation"),
+    "perceive": _Report("scene"),
+    "reconstruct": _Report("refinement"),
+    "recall": _Report("recalled", lambda made: not made.degraded),
+    "plan": _Report("plan", lambda made: made.trajectory is not None),
+    "check": _Report("checks", lambda made: made.passed, "failed"),
+    "execute": _Report("report", lambda made: made.completed, "failed"),
+    "verify": _Report("verdict", lambda made: made.outcome == "verified_success"),
+    "learn": _Report("learned", lambda made: not made.degraded),
+    "success_check": _Report("success_check", lambda made: made.relaxed),
 }
-STAGES = tuple(_TELLINGS)
+STAGES = tuple(_REPORTS)
+
+
+def share(value: float | None, whole: float) -> float:
+    """A number as percent of another, for a bar; 0 if either is undefined."""
+    return 100 * value / whole if value and whole and math.isfinite(value) and math.isfinite(whole) else 0.0
+
+
+def steps(record: EpisodeRecord) -> list[Step]:
+    """All stages, in the order they run."""
+    times = record.timings
+    return [Step(each, state(record, each), times.get(each), finding(record, each)) for each in STAGES]
+
+
+def label_of(obj: SceneObject) -> str:
+    """The object's name."""
+    return obj.label or obj.id
+
+
+def role_name(role: str) -> str:
+    """A role of the plan in plain words: "object" for ``theme``, "goal 2" for ``goal_2``."""
+    return re.sub("theme", "object", role).replace("_", " ")
+
+
+def called(object_id: str, scene: Scene | None) -> str:
+    """The label of the scene object with this id; the id itself ("table") if there is none."""
+    objects = scene.objects if scene is not None else ()
+    return next((label_of(o) for o in objects if o.id == object_id), object_id)
+
+
+def call_words(record: EpisodeRecord) -> list[str]:
+    """The plan's calls with labels in place of ids: "place(red cube, drawer, in)"."""
+    scene, calls = record.scene, record.plan.calls if record.plan else ()
+    named = [replace(c, theme=called(c.theme, scene), goal=called(c.goal, scene)) for c in calls]
+    return list(map(str, named))
+
+
+def parameter_rows(plan: Plan) -> tuple[list[tuple[str, str, list[str]]], list[str]]:
+    """(name, value, memory's change) of each parameter, and the remaining notes."""
+    notes = list(plan.notes)
+    rows = []
+    for name, value in plan.parameters.items():
+        own = [note for note in notes if note.startswith(f"{name}:")]
+        notes = [note for note in notes if note not in own]
+        rows.append((name, figure(value), [note.partition(":")[2].strip() for note in own]))
+    return rows, notes
+
+
+def ranked_candidates(plan: Plan) -> list[tuple[Candidate, float, bool]]:
+    """(candidate, bar in percent, chosen) from best to worst; the best one not rejected was chosen."""
+    scores = {id(c): c.score if math.isfinite(c.score) else 0.0 for c in plan.candidates}
+    order = sorted(plan.candidates, key=lambda c: (bool(c.rejected), -scores[id(c)]))
+    largest = max(scores.values(), default=0.0)
+    chosen = order[0] if order and not order[0].rejected and plan.trajectory is not None else None
+    return [(c, max(0.0, share(scores[id(c)], largest)) if largest > 0 else 0.0, c is chosen) for c in order]
+
+
+def direction(vector: tuple[float, float, float], both: bool = False) -> str:
+    """A direction: "down", "+x", or its numbers; with ``both`` the sign is ignored ("y")."""
+    v = np.asarray(vector, dtype=np.float64)
+    length = float(np.linalg.norm(v))
+    if not math.isfinite(length) or length < 1e-9:
+        return "nowhere"
+    v = v / length
+    axis = int(np.argmax(np.abs(v)))
+    if abs(v[axis]) < 0.995:
+        return "(" + ", ".join(number(float(c), 2) for c in v) + ")"
+    if both:
+        return "xyz"[axis]
+    if axis == 2:
+        return "down" if v[2] < 0 else "up"
+    return ("−" if v[axis] < 0 else "+") + "xy"[axis]
+
+
+def figure(value: object) -> str:
+    """A number with four decimals at most, anything else as its text."""
+    return number(float(value), 4) if isinstance(value, int | float) else str(value)

@@ -50,9 +50,6 @@ DEPTHS = (0.012, 0.022, 0.034, 0.045)
 STEP, STEPS = 0.012, 11
 """Distance between slabs, metres, and the largest number of them."""
 
-FACING = 0.7
-"""Least cosine between surface normals and closing direction: rubber pads hold steeper surfaces, but not reliably."""
-
 SHALLOWEST = 0.006
 """Least reach of the fingertips over an object, metres."""
 
@@ -126,19 +123,19 @@ class Skin:
         return np.asarray(axes[:, :, 0])
 
 
-def skin_of(thing: SceneObject) -> Skin | None:
+def skin_of(obj: SceneObject) -> Skin | None:
     """The object's surface, from its scan if it has one, else from its seen points; None if there are too few."""
-    if thing.known is not None:
-        whole = _skin_of_scan(thing.known.path, thing.known.scale)
-        pose = thing.known.world_from_scan
+    if obj.known is not None:
+        whole = _skin_of_scan(obj.known.path, obj.known.scale)
+        pose = obj.known.world_from_scan
         normals = whole.normals @ pose[:3, :3].T
-        return Skin(transform_points(pose, whole.points), normals, foot=thing.bottom)
-    points = thing.points[np.isfinite(thing.points).all(axis=1)]
+        return Skin(transform_points(pose, whole.points), normals, foot=obj.bottom)
+    points = obj.points[np.isfinite(obj.points).all(axis=1)]
     if len(points) < FEWEST:
         return None
     if len(points) > MOST:
         points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
-    return Skin(points, foot=thing.bottom)
+    return Skin(points, foot=obj.bottom)
 
 
 def _seen_from_above(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -163,18 +160,21 @@ def _skin_of_scan(path: str, scale: float) -> Skin:
     return Skin(scale * points, mesh.normals[faces])
 
 
-def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:
+def antipodal(
+    obj: SceneObject, hand: Hand, table: float, outward: FloatArray, facing: float = 0.7
+) -> list[Antipodal]:
     """The best grasps of an object on a table at height ``table``, metres, best first.
 
     ``outward`` (3,) points from the arm's foot to the object: the hand leans, and approaches from the side, that way.
+    ``facing`` is the least cosine between surface normals and the closing direction.
     """
-    skin = skin_of(thing)
+    skin = skin_of(obj)
     if skin is None:
         return []
     found: list[Antipodal] = []
-    yaw = float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
+    yaw = float(np.arctan2(obj.world_from_object[1, 0], obj.world_from_object[0, 0]))
     for family, rotation in _ways(outward, yaw):
-        found += _by_slabs(skin, family, rotation, hand, table)
+        found += _by_slabs(skin, family, rotation, hand, table, facing)
     return _apart(sorted(found, key=lambda g: -g.worth))
 
 
@@ -210,7 +210,9 @@ def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
             yield "side", grasp_rotation(approach, horizontal(away + turn + 0.5 * np.pi))
 
 
-def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: float) -> Iterator[Antipodal]:
+def _by_slabs(
+    skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: float, least: float
+) -> Iterator[Antipodal]:
     middle = skin.points.mean(axis=0)
     local = (skin.points - middle) @ rotation
     facing = np.abs(skin.normals @ rotation[:, 1])
@@ -228,7 +230,7 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
         deepest = under_palm + hand.finger_length - PALM_GAP
         for reach in DEPTHS:
             tips = min(nearest + reach, deepest)
-            for stretch in _stretches(inside - [x, 0.0, 0.0], faced, tips, hand):
+            for stretch in _stretches(inside - [x, 0.0, 0.0], faced, tips, hand, least):
                 y, width, opening, face, common = stretch
                 lowest = _tips_by_table(rotation, middle, x, y, opening, hand, table)
                 end = min(tips, lowest)
@@ -258,7 +260,7 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
 
 
 def _stretches(
-    slab: FloatArray, facing: FloatArray, tips: float, hand: Hand
+    slab: FloatArray, facing: FloatArray, tips: float, hand: Hand, least: float
 ) -> Iterator[tuple[float, float, float, float, float]]:
     """Middle, width, opening, facing and common height of both sides, for each interval that can be grasped with the
     fingertips at ``tips`` along the approach.
@@ -294,7 +296,7 @@ def _stretches(
         sides = (members[left], members[right])
         face = min(float(facing[side].mean()) for side in sides)
         (low_at, high_at), (left_at, right_at) = _shared(height, sides), _shared(across, sides)
-        if face >= FACING and left_at < ASIDE and right_at > -ASIDE:
+        if face >= least and left_at < ASIDE and right_at > -ASIDE:
             yield 0.5 * (low + high), width, width + 2 * spare, face, max(0.0, high_at - low_at)
 
 

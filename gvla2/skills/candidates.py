@@ -13,7 +13,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
-from gvla2.planning.effects import Effect, sides_of
+from gvla2.planning.effects import Ban, Effect, sides_of
 from gvla2.planning.findings import CheckReport
 from gvla2.skills.proposals import Job, Proposal
 
@@ -95,9 +95,7 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
 
 def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
     return {
-        e.parameter: e.source or "remembered"
-        for e in effects
-        if e.kind == "forbid" and e.skill in ("", skill)
+        e.approach: e.source or "remembered" for e in effects if isinstance(e, Ban) and e.skill in ("", skill)
     }
 
 

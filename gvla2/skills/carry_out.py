@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,22 +12,17 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
-from gvla2.planning.effects import apply_effects, sides_of
-from gvla2.planning.looks import look_of, own_first
+from gvla2.planning.effects import Bound, apply_effects, look_of, own_first, sides_of
 from gvla2.planning.scene import SceneObject
 from gvla2.skills.candidates import choose
-from gvla2.skills.chaining import first_part
-from gvla2.skills.exploring import varied
-from gvla2.skills.joined import joined
-from gvla2.skills.meaning import Meant, meant, whole_meant
+from gvla2.skills.grounding import Meant, meant, whole_meant
+from gvla2.skills.multi_step import all_in_one, first_part
 from gvla2.skills.parameters import limited, scales
+from gvla2.skills.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.skills.proposals import Job, Proposal
-from gvla2.skills.room import no_room
-from gvla2.skills.several import all_in_one
 from gvla2.skills.skill import Skill
-from gvla2.skills.soundness import nonsense, unaimed, unknown
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wholes import CLEAR, assembled, rise
+from gvla2.skills.validation import no_room, nonsense, unaimed, unknown, wrong_parameters
 
 DEFAULTS = SkillOptions()
 SAME_PLACE = 0.02
@@ -43,6 +40,8 @@ def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOp
     program = tuple(calls)
     refusal = unknown(program, request.scene, skills)
     if refusal is not None:
+        return Plan(None, abstention=refusal, options=options)
+    if (refusal := wrong_parameters(options.parameters, skills)) is not None:
         return Plan(None, abstention=refusal, options=options)
     for call in program:
         if (refusal := nonsense(call, request.scene, skills)) is not None:
@@ -92,7 +91,7 @@ def _no_amount(call: SkillCall, skill: Skill, goal: SceneObject | None) -> Abste
     else:
         sides = ", ".join(r.replace("front_of", "in front of").replace("_", " ") for r in role.relations)
         message = (
-            f"A distance from another thing is not supported; {asked} from the {goal.label} was asked for. "
+            f"A distance from another object is not supported; {asked} from the {goal.label} was asked for. "
             f"'{skill.name}' takes an amount only with a direction ('10 cm to the right'), and a goal without one: "
             f"{sides} the {goal.label}."
         )
@@ -116,8 +115,8 @@ def _planned(
             return Abstention("other", message)
         request, theme = replace(request, scene=scene), assembled(theme, scene)
     seen = next((o for o in perceived.objects if o.id == theme.id), None)
-    told = own_first(request.advice.effects, look_of(seen, perceived))
-    request = replace(request, advice=replace(request.advice, effects=told))
+    effects = own_first(request.advice.effects, look_of(seen, perceived))
+    request = replace(request, advice=replace(request.advice, effects=effects))
     done = _done(request.advice.done, skill, theme)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
     done = {
@@ -131,7 +130,7 @@ def _planned(
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
     job = Job(
         skill.name, scene, request.arm.hand, request.arm.workspace, theta, theme, goal, relation,
-        _target(call, theme, options), share, done,
+        _target(call, theme, options), share, done, options.grasp,
     )  # fmt: skip
     refusal = f"No way to {skill.name} the {theme.label}"
     return answer(job, skill, skill.propose(job), request, options, refusal, notes)
@@ -178,6 +177,7 @@ def _theta(
     ``stepwise`` ones) and the scene's limits.
     """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
+    theta |= {k: float(v) for k, v in options.parameters.items() if k in theta}
     own = {k: float(v) for k, v in call.theta.items() if k in theta}
     if skill.amount and call.amount is not None:
         own[skill.amount] = call.amount
@@ -193,18 +193,18 @@ def _theta(
     if options.explore > 0.0:
         said = frozenset(own) | stepwise
         theta, tried = varied(theta, options.explore, options.explore_seed, request, theme.id, said)
-        bounds = [e for e in effects if e.kind == "bound"]
+        bounds = [e for e in effects if isinstance(e, Bound)]
         theta, kept = apply_effects(theta, bounds, skill.name, lengths=lengths)
         notes += [*tried, *kept]
     theta, limits = limited(theta, theme, request.scene)
     return theta, [*raised, *notes, *limits]
 
 
-def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
+def _done(attempts: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
     """The lasting effects of earlier attempts on this object, by parameter; the last one counts."""
     return {
         one.parameter: one.value
-        for one in told
+        for one in attempts
         if one.skill == skill.name
         and float(np.linalg.norm(np.subtract(one.place, theme.centre))) <= SAME_PLACE
     }
@@ -223,3 +223,38 @@ def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> Float
 
 def _all_forbidden(found: Sequence[Proposal], reasons: str) -> bool:
     return bool(found) and reasons.startswith("memory forbids") and ";" not in reasons
+
+
+SPEEDS = ("speed", "contact_speed")
+"""Never varied, for safety."""
+
+LEAST, MOST = 0.5, 1.5
+"""Bounds of the factors; a larger change would be a different motion."""
+
+
+def varied(
+    theta: Mapping[str, float],
+    spread: float,
+    seed: int,
+    request: PlanRequest,
+    theme: str,
+    said: frozenset[str] = frozenset(),
+) -> tuple[dict[str, float], list[str]]:
+    """Theta with each number except the speeds multiplied by a log-normal factor, and one sentence for each change.
+
+    ``spread`` is the standard deviation of the factors' logarithm, 0 for no variation. The factors are the same for the
+    same seed, instruction, scene and ``theme`` (an id); each is independent of the other parameters. Numbers that are 0
+    or that the instruction ``said`` (names) are kept.
+    """
+    changed: dict[str, float] = dict(theta)
+    notes: list[str] = []
+    if spread <= 0.0:
+        return changed, notes
+    seen = [[o.id, o.label, [round(1e3 * float(v)) for v in o.centre]] for o in request.scene.objects]
+    for name in (n for n in theta if n not in SPEEDS and n not in said):
+        key = json.dumps([seed, request.instruction, theme, name, seen]).encode()
+        draw = np.random.default_rng(int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), "big"))
+        changed[name] = theta[name] * float(np.clip(np.exp(spread * draw.standard_normal()), LEAST, MOST))
+        if f"{changed[name]:.4g}" != f"{theta[name]:.4g}":
+            notes.append(f"{name}: {theta[name]:.4g} -> {changed[name]:.4g} to explore")
+    return changed, notes

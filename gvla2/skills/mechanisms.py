@@ -1,4 +1,4 @@
-"""Mechanisms: hinged lids and sliding drawers, inferred from an object's parts.
+"""Mechanisms inferred from geometry: hinged lids, sliding drawers, objects held between others, lamps.
 
 A flat part over a hollow one turns about one of its edges, and a part with a handle in front of an upright face slides
 along that face's normal. If nothing shows where a closed lid's hinge is, it is assumed to open towards the robot, as
@@ -7,14 +7,14 @@ boxes are placed for someone who is to open them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.scene import ROUND, Scene, SceneObject
-from gvla2.skills.parts import is_handle, is_lid
+from gvla2.skills.part_hierarchy import is_handle, is_lid
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006
@@ -85,8 +85,8 @@ class Slide:
     @property
     def parts(self) -> frozenset[str]:
         """Ids of what may be touched at work on it."""
-        things = (self.body, self.front, self.handle)
-        return frozenset(t.id for t in things if t is not None)
+        objects = (self.body, self.front, self.handle)
+        return frozenset(t.id for t in objects if t is not None)
 
 
 def hinges(scene: Scene) -> list[Hinge]:
@@ -149,12 +149,12 @@ def _lip(
     ways = [(sign * _flat(axes[:, i]), float(lid.extents[i])) for i in sides for sign in (1.0, -1.0)]
     if body is not None:
         stands_out = [_reach(lid, way) - _reach(body, way) for way, _ in ways]
-        told = [k for k, (_, length) in enumerate(ways) if stands_out[k] < OVERHANG * length]
-        order = sorted(told, key=lambda k: -stands_out[k])
+        seen = [k for k, (_, length) in enumerate(ways) if stands_out[k] < OVERHANG * length]
+        order = sorted(seen, key=lambda k: -stands_out[k])
         if len(order) > 1 and stands_out[order[0]] - stands_out[order[1]] > LIP:
             return (*ways[order[0]], False)
         # An unseen wall may be hidden by the lip; a wall flush with the lid is not.
-        ways = [way for k, way in enumerate(ways) if k not in told] or ways
+        ways = [way for k, way in enumerate(ways) if k not in seen] or ways
     near = np.array([scene.workspace.low[0], 0.5 * (scene.workspace.low[1] + scene.workspace.high[1])])
     to_robot = np.array([*(near - lid.centre[:2]), 0.0])
     way, length = max(ways, key=lambda w: float(w[0] @ to_robot))
@@ -171,36 +171,186 @@ def _outward(handle: SceneObject, ref: SceneObject) -> FloatArray | None:
 def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
     """The object with an upright face right behind a handle that is not known to be a part."""
     best, nearest = None, BEFORE
-    for thing in scene.obstacles(frozenset({handle.id})):
-        way = _outward(handle, thing)
-        if way is None or thing.extents.max() < handle.extents.max():
+    for obj in scene.obstacles(frozenset({handle.id})):
+        way = _outward(handle, obj)
+        if way is None or obj.extents.max() < handle.extents.max():
             continue
-        shift = handle.centre - thing.centre
-        gap = float(shift @ way) - thing.half_along(way) - handle.half_along(way)
+        shift = handle.centre - obj.centre
+        gap = float(shift @ way) - obj.half_along(way) - handle.half_along(way)
         aside = np.cross(UP, way)
-        beside = abs(shift @ aside) >= thing.half_along(aside)
-        if not beside and thing.bottom < handle.centre[2] < thing.top + 0.01 and gap < nearest:
-            best, nearest = thing, gap
+        beside = abs(shift @ aside) >= obj.half_along(aside)
+        if not beside and obj.bottom < handle.centre[2] < obj.top + 0.01 and gap < nearest:
+            best, nearest = obj, gap
     return best
 
 
-def hinge_for(thing: SceneObject, scene: Scene) -> Hinge | None:
+def hinge_for(obj: SceneObject, scene: Scene) -> Hinge | None:
     """The hinge of a lid, or of the object under it; None if there is none."""
-    return next((h for h in hinges(scene) if thing.id in h.parts), None)
+    return next((h for h in hinges(scene) if obj.id in h.parts), None)
 
 
-def slide_for(thing: SceneObject, scene: Scene) -> Slide | None:
+def slide_for(obj: SceneObject, scene: Scene) -> Slide | None:
     """The slide of a handle, a front or the body around it; None if there is none."""
-    return next((s for s in slides(scene) if thing.id in s.parts), None)
+    return next((s for s in slides(scene) if obj.id in s.parts), None)
 
 
-def _reach(thing: SceneObject, way: FloatArray) -> float:
+def _reach(obj: SceneObject, way: FloatArray) -> float:
     """An object's greatest coordinate along a unit vector, metres; from its points if there are enough."""
-    if len(thing.points) < FEWEST:
-        return float(thing.centre @ way) + thing.half_along(way)
-    return float(np.sort(thing.points @ way)[-STRAYS])
+    if len(obj.points) < FEWEST:
+        return float(obj.centre @ way) + obj.half_along(way)
+    return float(np.sort(obj.points @ way)[-STRAYS])
 
 
 def _flat(vector: FloatArray) -> FloatArray:
     level = vector * [1.0, 1.0, 0.0]
     return np.asarray(level / max(float(np.linalg.norm(level)), 1e-9))
+
+
+TOUCHING = 0.012
+"""Two objects with a smaller gap may touch, metres: perceived faces are off by a few millimetres."""
+SAMPLES = 41
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """``theme`` is the object with its likely hidden part; ``way`` (3,) the level unit vector out of its ``holders``
+    (ids); ``exposed`` the length that sticks out and ``hidden`` the greatest length that is held, metres.
+    """
+
+    theme: SceneObject
+    way: FloatArray
+    exposed: float
+    hidden: float
+    holders: frozenset[str]
+
+    @property
+    def end(self) -> FloatArray:
+        """(3,) middle of the free end."""
+        return self.theme.centre + self.way * self.theme.half_along(self.way)
+
+
+def stuck(theme: SceneObject, scene: Scene) -> Stuck | None:
+    """How an object is held sideways; None if it is not."""
+    if theme.shape == "region" or theme.bottom < scene.table_height + 0.01:
+        return None
+    others = [o for o in scene.obstacles(frozenset({theme.id})) if o.parent != theme.id]
+    return _covered(theme, others) or _flush(theme, others)
+
+
+def _covered(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
+    """Held between something right above and right below a part of it."""
+    above = [o for o in others if -TOUCHING < o.bottom - theme.top < TOUCHING]
+    below = [o for o in others if -TOUCHING < theme.bottom - o.top < TOUCHING]
+    if not above or not below:
+        return None
+    found = []
+    for way in theme.upright_faces():
+        half = theme.half_along(way)
+        line = theme.centre + np.linspace(half, -half, SAMPLES)[:, None] * way
+        held = np.array([any(o.covers(p) for o in above) for p in line])
+        if not held.any() or held[0]:
+            continue
+        exposed = 2 * half * float(np.argmax(held)) / (SAMPLES - 1)
+        holding = frozenset(o.id for o in others if _near(theme, o))
+        found.append(Stuck(theme, way, exposed, 2 * half - exposed, holding))
+    return max(found, key=lambda s: s.exposed, default=None)
+
+
+def _flush(theme: SceneObject, others: list[SceneObject]) -> Stuck | None:
+    """In the air in front of an upright face of something bigger: the rest of it is inside."""
+    below = [o for o in others if theme.bottom - TOUCHING < o.top < theme.centre[2]]
+    if any(o.covers(theme.centre) for o in below):
+        return None
+    for other in others:
+        if not (other.bottom < theme.bottom and theme.top < other.top + TOUCHING):
+            continue
+        for way in other.upright_faces():
+            shift = theme.centre - other.centre
+            gap = float(shift @ way) - other.half_along(way) - theme.half_along(way)
+            aside = np.array([-way[1], way[0], 0.0])
+            # A seeming overlap may be twice as large: both faces and their directions are inexact.
+            if -2 * TOUCHING < gap < TOUCHING and abs(float(shift @ aside)) < other.half_along(aside):
+                exposed, depth = 2 * theme.half_along(way), 2 * other.half_along(way)
+                return Stuck(_prolonged(theme, way, 0.5 * depth), way, exposed, depth, frozenset({other.id}))
+    return None
+
+
+def _prolonged(theme: SceneObject, way: FloatArray, by: float) -> SceneObject:
+    """The object, ``by`` metres longer at the end opposite to ``way``."""
+    axes = theme.world_from_object[:3, :3]
+    axis = int(np.argmax(np.abs(way @ axes)))
+    extents = theme.extents.copy()
+    extents[axis] += by
+    moved = rigid(translation=-0.5 * by * way) @ theme.world_from_object
+    return replace(theme, world_from_object=moved, extents=extents)
+
+
+def _near(theme: SceneObject, other: SceneObject) -> bool:
+    gap = max(other.bottom - theme.top, theme.bottom - other.top)
+    reach = 0.5 * float(np.linalg.norm(theme.extents[:2]) + np.linalg.norm(other.extents[:2]))
+    return gap < TOUCHING and float(np.linalg.norm((theme.centre - other.centre)[:2])) < reach
+
+
+FLAT = 0.15
+"""Tilt below which a lid lies flat, radians."""
+
+
+def opening_angle(lid: SceneObject, body: SceneObject | None) -> float:
+    """Radians that a lid is open: 0 where it lies flat, a right angle where it stands, more where it leans away.
+
+    Its lower edge is assumed to be the hinge; ``body`` shows on which side of it the box is. Without one, a tilted lid
+    is assumed to lean over what it closes, so the angle is at most a right one.
+    """
+    axes, extents = lid.world_from_object[:3, :3], lid.extents
+    thin = int(np.argmin(extents))
+    if np.arccos(min(1.0, abs(float(axes[2, thin])))) < FLAT:
+        return 0.0
+    rising = max((i for i in range(3) if i != thin), key=lambda i: abs(float(axes[2, i])))
+    out = axes[:, rising] * (1.0 if axes[2, rising] > 0 else -1.0)
+    level = float(np.hypot(out[0], out[1]))
+    if body is None:
+        return float(np.arctan2(out[2], level))
+    hinge = lid.centre - 0.5 * float(extents[rising]) * out
+    towards = float((body.centre - hinge)[:2] @ out[:2])
+    return float(np.arctan2(out[2], level if towards > 0 else -level))
+
+
+def hinged(
+    obj: SceneObject, objects: tuple[SceneObject, ...]
+) -> tuple[SceneObject | None, SceneObject | None]:
+    """The lid and the box that an object belongs to: (lid, box), None for a missing one.
+
+    A lid is a flat part of something broader than the lid is thick.
+    """
+    parts = [o for o in objects if o.parent == obj.id and _thin(o)]
+    if parts:
+        return max(parts, key=lambda o: float(np.sort(o.extents)[1:].prod())), obj
+    if obj.parent and _thin(obj):
+        return obj, next((o for o in objects if o.id == obj.parent), None)
+    return None, obj
+
+
+def _thin(obj: SceneObject) -> bool:
+    thin, middle, _ = np.sort(obj.extents)
+    return obj.shape != "region" and bool(thin < 0.25 * middle)
+
+
+BRIGHTER = 0.25
+"""Increase of white, in [0, 1], above which something shines; shadows and angles change less."""
+SAME_SPOT = 0.04
+"""Largest distance of a lamp's part from its former place, metres."""
+
+
+def shines(button: SceneObject, before: Scene, after: Scene) -> bool | None:
+    """Whether the lamp of a button shines now; None if there is no lamp or it was not seen again."""
+    kin = {button.parent, *(part.id for part in before.parts_of(button.parent))} if button.parent else set()
+    lamp = [o for o in before.objects if o.id in kin and o.id != button.id]
+    if not any("lamp" in o.label.split() or "light" in o.label.split() for o in lamp):
+        return None
+    found = [change for part in lamp if (change := _brighter(part, after)) is not None]
+    return max(found) > BRIGHTER if found else None
+
+
+def _brighter(part: SceneObject, after: Scene) -> float | None:
+    near = [o for o in after.objects if np.linalg.norm((o.centre - part.centre)[:2]) < SAME_SPOT]
+    return max((float(o.rgb.mean() - part.rgb.mean()) for o in near), default=None)

@@ -8,12 +8,15 @@ the object as shares of that side, and all others in SI units. Meanings and unit
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from gvla2.planning.arm import Hand
-from gvla2.planning.calls import SkillOptions
-from gvla2.planning.effects import Scale
-from gvla2.planning.scene import Scene, SceneObject
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gvla2.planning.arm import Hand
+    from gvla2.planning.calls import SkillOptions
+    from gvla2.planning.effects import Scale
+    from gvla2.planning.scene import Scene, SceneObject
 
 TABLE_GAP = 0.004
 """Least height of the fingertips above the table, metres: about twice a depth camera's error."""

@@ -12,10 +12,11 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
+from gvla2.planning.calls import GraspOptions
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.skills.parameters import TABLE_GAP
-from gvla2.skills.wholes import holders, rise, way_out
+from gvla2.skills.part_hierarchy import holders, rise, way_out
 
 LONGEST_LINE = 0.5
 """Longer straight motions are split, metres."""
@@ -26,7 +27,7 @@ class Job:
     """One grounded request. ``goal`` is the object that the theme goes to, or None, and ``relation`` how it should lie
     there; ``target`` (2,) is the intended position of the theme's centre, world metres, if there is no goal. ``share``:
     the theme is the k-th (from 0) of n objects that go there. ``done`` is the amount by parameter that earlier attempts
-    did to the theme.
+    did to the theme. ``grasp`` is how grasps are chosen.
     """
 
     skill: str
@@ -40,6 +41,7 @@ class Job:
     target: FloatArray | None = None
     share: tuple[int, int] = (0, 1)
     done: Mapping[str, float] = field(default_factory=dict)
+    grasp: GraspOptions = field(default_factory=GraspOptions)
 
     def own(self) -> frozenset[str]:
         """Ids of the theme and its parts, which a hand that grasps it may touch."""

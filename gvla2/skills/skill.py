@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from gvla2.planning.calls import SkillOptions
     from gvla2.planning.contracts import Abstention
     from gvla2.planning.scene import Scene, SceneObject
-    from gvla2.skills.outcome import Outcome, Signal
+    from gvla2.skills.diagnosis import Outcome, Signal
     from gvla2.skills.proposals import Job, Proposal
 
 RoleName = Literal["theme", "goal", "part"]
@@ -46,18 +46,18 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Example:
-    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, the
-    ``wish`` and the ``call`` that fulfils it.
+    """A worked example for prompts: ``objects`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, an
+    ``instruction`` and the ``call`` that carries it out.
     """
 
-    things: str
-    wish: str
+    objects: str
+    instruction: str
     call: str
 
 
 @dataclass(frozen=True)
 class Skill:
-    """One thing that a hand can do, called by planners and learnt about by memory.
+    """One object that a hand can do, called by planners and learnt about by memory.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
     proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand
@@ -68,7 +68,7 @@ class Skill:
     named part means its whole. ``words`` is the skill's name in lessons ("Pick up (grasp, lift)"), so that other
     wordings of an instruction find them; ``key`` are the most important parameters, which successes teach; ``scaled``
     names those that scale with a side of the theme ("height"). ``held_back``: the moved object may resist, so that a
-    slip is due to theta. ``lasting`` are the parameters of which a failed attempt's share stays done. ``diagnose``
+    slip is due to theta. ``lasting`` are the parameters whose effect stays after a failed attempt. ``diagnose``
     finds what went wrong in an outcome, and what to change. ``fits`` is whether the skill applies to an object at all
     (None: to any), and ``examples`` show a language model how it is called. ``implied`` skills are left out of prompts:
     others turn into them if the scene requires it.

@@ -5,13 +5,21 @@ Nothing heavy is imported before a skill is used: ``gvla2 plugins`` shows the ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gvla2.planning.calls import OPTION_RANGES
+from gvla2.skills import parameters
 from gvla2.skills.skill import Parameter, Role, Skill
+
+if TYPE_CHECKING:
+    from gvla2.planning.arm import Hand
+    from gvla2.planning.contracts import Abstention
+    from gvla2.planning.scene import Scene, SceneObject
+    from gvla2.skills.diagnosis import Outcome, Signal
+    from gvla2.skills.proposals import Job, Proposal
 
 _SIDES = ("beside", "left_of", "right_of", "behind", "front_of")
 _ONTO = ("on", "in", "to", *_SIDES)
@@ -24,11 +32,11 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
                 "standoff", "m", "gap between hand and object before the last, straight part", 0.0, 0.2
             ),
             Parameter("approach_tilt", "rad", "lean of the approach from straight down", 0.0, 1.57),
-            Parameter("grasp_depth", "m", "from the top (or front) of what is held to the tool", 0.0, 0.3),
+            Parameter("grasp_depth", "m", "from the top (or front) of the object to the tool", 0.0, 0.3),
             Parameter("grasp_fraction", "", "where along its longer side it is grasped, 0 to 1", 0.0, 1.0),
             Parameter("lift_height", "m", "how far it is lifted", *OPTION_RANGES["lift_height"][:2]),
             Parameter(
-                "transit_clearance", "m", "gap between what is carried and the highest thing", 0.0, 0.3
+                "transit_clearance", "m", "gap between what is carried and the highest object", 0.0, 0.3
             ),
             Parameter("place_height", "m", "gap under the object when the hand opens", 0.0, 0.1),
             Parameter(
@@ -47,7 +55,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             Parameter(
                 "unlatch_lift", "m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04
             ),
-            Parameter("end_distance", "m", "how far from its free end a thing is held", 0.0, 0.1),
+            Parameter("end_distance", "m", "how far from its free end it is held", 0.0, 0.1),
             Parameter("speed", "m/s", "of the tool in the open", *OPTION_RANGES["speed"][:2]),
             Parameter(
                 "contact_speed", "m/s", "of the tool where it touches", *OPTION_RANGES["contact_speed"][:2]
@@ -61,34 +69,37 @@ _GRASP = ("standoff", "approach_tilt", "grasp_depth", "grasp_fraction")
 _CARRY = ("transit_clearance", "place_height")
 
 
-def _later(module: str, name: str) -> Callable[..., Any]:
-    """A function of a module of this package, imported when it is called."""
+def _propose(job: Job) -> Sequence[Proposal] | Abstention:
+    from gvla2.skills.schemas import PROPOSE
 
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module(f"gvla2.skills.{module}"), name)(*arguments)
+    return PROPOSE[job.skill](job)
 
-    return call
+
+def _fits(name: str, obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    from gvla2.skills.grounding import FITS
+
+    return FITS[name](obj, scene, hand)
+
+
+def _diagnose(outcome: Outcome) -> Signal | None:
+    from gvla2.skills.diagnosis import DIAGNOSE
+
+    return DIAGNOSE[outcome.plan.skill](outcome)
 
 
 def _numbers(*names: str) -> tuple[Parameter, ...]:
     return tuple(PARAMETERS[name] for name in (*names, "speed", "contact_speed"))
 
 
-def _standard(name: str, schema: str, diagnosed: bool, **rest: Any) -> Skill:
-    return Skill(
-        name,
-        propose=_later(f"schemas.{schema}", f"propose_{name}"),
-        defaults=_later("parameters", f"of_{name}"),
-        fits=_later("affordances", f"fits_{name}"),
-        diagnose=_later("shortfalls", f"of_{name}") if diagnosed else None,
-        **rest,
-    )
+def _standard(name: str, *, diagnosed: bool = True, **rest: Any) -> Skill:
+    fits = partial(_fits, name)
+    return Skill(name, propose=_propose, fits=fits, diagnose=_diagnose if diagnosed else None, **rest)
 
 
 _SKILLS = (
     _standard(
-        "pick", "pick", False,
-        description="take hold of a thing and lift it, also out of what it stands in; amount: how high",
+        "pick", defaults=parameters.of_pick, diagnosed=False,
+        description="take hold of an object and lift it, also out of what it stands in; amount: how high",
         roles=(Role("theme", "what is lifted; a part stands for its whole"),),
         parameters=_numbers(*_GRASP, "lift_height"),
         words="Pick up (grasp, grab, take, lift, raise)",
@@ -96,8 +107,8 @@ _SKILLS = (
         scaled={"grasp_depth": "height"}, amount="lift_height", whole=True,
     ),
     _standard(
-        "place", "place", False,
-        description="pick a thing up and put it down on, in or beside the goal, at xy, or so far in a direction",
+        "place", defaults=parameters.of_place, diagnosed=False,
+        description="pick an object up and put it down on, in or beside the goal, at xy, or some distance away",
         roles=(
             Role("theme", "what is put there; a part stands for its whole"),
             Role("goal", "what it is put on, in or beside", relations=_ONTO),
@@ -108,11 +119,11 @@ _SKILLS = (
         scaled={"grasp_depth": "height"}, free=True, whole=True,
     ),
     _standard(
-        "push", "push", True,
-        description="push a thing along the table to the goal, to xy, or so far in a direction",
+        "push", defaults=parameters.of_push,
+        description="push an object along the table to the goal, to xy, or by an amount in a direction",
         roles=(
             Role("theme", "what is pushed"),
-            Role("goal", "a painted patch, or a thing to push it against", relations=("to", "on", "in", *_SIDES)),
+            Role("goal", "a painted patch, or an object to push it against", relations=("to", "on", "in", *_SIDES)),
         ),
         parameters=_numbers("standoff", "push_height", "push_overshoot"),
         words="Push (slide, shove, move to a goal)",
@@ -120,15 +131,15 @@ _SKILLS = (
         scaled={"push_height": "height"}, free=True, whole=True,
     ),
     _standard(
-        "press", "press", True,
-        description="press a button or switch straight down; a lamp is switched on so",
-        roles=(Role("theme", "the button, or the one thing that it is a part of"), Role("part", "the button")),
+        "press", defaults=parameters.of_press,
+        description="press a button or switch straight down, such as a lamp's",
+        roles=(Role("theme", "the button, or the object that it is the only button of"), Role("part", "the button")),
         parameters=_numbers("standoff", "press_depth", "press_seconds"),
         words="Press (push down, switch or turn on)",
         key=("press_depth", "press_seconds", "standoff"), scaled={"press_depth": "height"},
     ),
     _standard(
-        "twist", "twist", True,
+        "twist", defaults=parameters.of_twist,
         description="unscrew a cap or lid from a bottle or jar and lift it, or put it down at the goal",
         roles=(
             Role("theme", "the cap, or the bottle or jar that it closes"),
@@ -141,16 +152,16 @@ _SKILLS = (
         lasting=("turn",),
     ),
     _standard(
-        "insert", "insert", True,
-        description="lower a thing with a hole over a post that sticks up",
-        roles=(Role("theme", "the thing with the hole"), Role("goal", "the post", relations=("on", "in", "to"))),
+        "insert", defaults=parameters.of_insert,
+        description="lower an object with a hole over a post",
+        roles=(Role("theme", "the object with the hole"), Role("goal", "the post", relations=("on", "in", "to"))),
         parameters=_numbers(*_GRASP, *_CARRY, "insert_depth"),
         words="Insert (put, slide, thread over a post)",
         key=("insert_depth", "grasp_depth", "transit_clearance"),
         scaled={"grasp_depth": "height", "insert_depth": "height"}, whole=True,
     ),
     _standard(
-        "open", "hinge", True,
+        "open", defaults=parameters.of_open,
         description="open a box by its lid, a drawer by its handle, a jar or bottle by its cap",
         roles=(Role("theme", "what is opened, or its lid"),),
         parameters=_numbers("standoff", "lip_depth", "open_angle"),
@@ -158,7 +169,7 @@ _SKILLS = (
         key=("open_angle", "lip_depth", "standoff"),
     ),
     _standard(
-        "close", "hinge", True,
+        "close", defaults=parameters.of_close,
         description="swing an open lid shut",
         roles=(Role("theme", "the box, or its lid"),),
         parameters=_numbers("standoff", "hook_depth", "let_go_angle"),
@@ -166,7 +177,7 @@ _SKILLS = (
         key=("let_go_angle", "hook_depth", "standoff"),
     ),
     _standard(
-        "pull", "pull", True,
+        "pull", defaults=parameters.of_pull,
         description="pull a drawer open by its handle; amount: how far",
         roles=(Role("theme", "the drawer, its handle or its cabinet"),),
         parameters=_numbers("standoff", "grasp_depth", "unlatch_lift", "pull_distance"),
@@ -175,8 +186,8 @@ _SKILLS = (
         amount="pull_distance", held_back=True,
     ),
     _standard(
-        "draw", "pull_out", False,
-        description="draw a thing that is stuck between others out by its free end, and put it down at the goal",
+        "draw", defaults=parameters.of_draw, diagnosed=False,
+        description="draw an object that is stuck between others out by its free end, and put it down at the goal",
         roles=(
             Role("theme", "what is stuck"),
             Role("goal", "where it is put", required=False, relations=_ONTO),

@@ -7,15 +7,19 @@ Each raises :class:`ConformanceError` with the broken sentence of the contract. 
 on a table seen by ray casting, their scene, and a gantry for an arm.
 """
 
-from gvla2.testing.agent import check_agent
-from gvla2.testing.camera import check_camera
-from gvla2.testing.component import CHECKS, check_component
+from gvla2.testing.component import CHECKS, check_component, check_tracker, check_viewer
 from gvla2.testing.conformance import ConformanceError
-from gvla2.testing.inducer import check_inducer
-from gvla2.testing.judge import check_judge
-from gvla2.testing.language_model import check_language
-from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
-from gvla2.testing.planning import check_perceiver, check_planner
+from gvla2.testing.language import check_agent, check_language
+from gvla2.testing.memory import (
+    candidates,
+    check_embedder,
+    check_inducer,
+    check_judge,
+    check_memory,
+    check_retriever,
+    check_verifier,
+)
+from gvla2.testing.planning import check_perceiver, check_planner, check_skill
 from gvla2.testing.reconstruction import (
     check_axis,
     check_fusion,
@@ -23,9 +27,7 @@ from gvla2.testing.reconstruction import (
     check_reconstructor,
     check_renderer,
 )
-from gvla2.testing.robot import check_robot, check_task
-from gvla2.testing.skill import check_skill
-from gvla2.testing.tracker import check_tracker, check_viewer
+from gvla2.testing.robot import check_camera, check_robot, check_task
 
 __all__ = [
     "CHECKS",

@@ -1,25 +1,34 @@
-"""Conformance of the component itself: name, options, laziness, and on request its build."""
+"""Conformance of the component itself (name, options, laziness, and on request its build), of trackers and viewers."""
 
 from __future__ import annotations
 
 import pickle
+import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component
+from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.kinds import KINDS, Kind, kind_of
 from gvla2.plugins.registry import load_plugins
 from gvla2.plugins.validation import fault_of_item, structured
-from gvla2.testing.agent import check_agent
-from gvla2.testing.camera import check_camera
+from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 from gvla2.testing.conformance import allowed, require, require_members, require_type
-from gvla2.testing.inducer import check_inducer
-from gvla2.testing.judge import check_judge
-from gvla2.testing.language_model import check_language
-from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
+from gvla2.testing.inputs import INSTRUCTION, observation, scene
+from gvla2.testing.language import check_agent, check_language
+from gvla2.testing.memory import (
+    check_embedder,
+    check_inducer,
+    check_judge,
+    check_memory,
+    check_retriever,
+    check_verifier,
+)
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import (
     check_axis,
@@ -28,8 +37,35 @@ from gvla2.testing.reconstruction import (
     check_reconstructor,
     check_renderer,
 )
-from gvla2.testing.robot import check_robot, check_task
-from gvla2.testing.tracker import check_tracker, check_viewer
+from gvla2.testing.robot import check_camera, check_robot, check_task
+
+
+def check_tracker(tracker: Tracker) -> None:
+    """Whether the tracker handles a run from begin to end, including one that fails immediately."""
+    require_members(tracker, "tracker")
+    with tempfile.TemporaryDirectory() as place, allowed("A tracker that gets a run"):
+        folder = Path(place)
+        (folder / "result.json").write_text("{}")
+        config = {"seed": 3, "planner": {"name": "mine", "height": 0.1}, "instruction": None}
+        tracker.begin(TrackedRun("a/run", folder, config))
+        tracker.episode(0, {"success": 1.0, "seconds/plan": 0.2}, folder)
+        tracker.episode(1, {"seconds": 3.0}, folder / "absent")
+        tracker.end(well=True)
+
+
+def check_viewer(viewer: Viewer) -> None:
+    """Whether the viewer handles an episode with a scene, and one that ended before; each leaves a file."""
+    require_members(viewer, "view")
+    blind = EpisodeRecord("run/0", INSTRUCTION, "task", 3, {"robot": "gantry"})
+    seen = replace(blind, episode_id="run/1", observation=observation(48), scene=scene())
+    for record in (blind, seen):
+        with tempfile.TemporaryDirectory() as place, allowed("A viewer that is shown an episode"):
+            viewer.show(record, Path(place))
+            require(
+                any(Path(place).iterdir()),
+                "A viewer leaves a file in the episode's folder; this one left none.",
+            )
+
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "robot": check_robot,

@@ -1,4 +1,4 @@
-"""Conformance of memories, retrievers, embedders and verifiers."""
+"""Conformance of memories, retrievers, embedders, verifiers, inducers and judges."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 from gvla2.memory.contracts import (
     Embedder,
     Evidence,
+    Inducer,
+    Judge,
+    Judgement,
     Learned,
     Lesson,
+    LessonPair,
     Memory,
     MemoryContext,
     MemoryEpisode,
@@ -23,10 +27,10 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates, RecordRows
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
     allowed,
@@ -50,9 +54,7 @@ def check_memory(memory: Memory) -> None:
     task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
     lessons = (
         Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
-        Lesson(
-            "failure_avoidance", "Do not lift less than 0.2 m.", Effect("bound", "lift_height", 0.2).to_json()
-        ),
+        Lesson("failure_avoidance", "Do not lift less than 0.2 m.", Bound("lift_height", 0.2).to_json()),
     )
     for step, verdict in enumerate(
         (
@@ -287,3 +289,58 @@ def _check_verdict(verdict: object, what: str) -> None:
         f"{what}: a quality of {verdict.quality:.3f} has the confidence {due.confidence:.3f} = 2|R - .5|, "
         f"not {verdict.confidence:.3f}.",
     )
+
+
+OWN = Lesson("tool_usage", "Ask for the second camera first.")
+TYPES = ("procedural_hint", "failure_avoidance", "tool_usage")
+
+
+def check_inducer(inducer: Inducer) -> None:
+    """Whether an inducer answers any episode with valid lessons, and drops none of an episode's own.
+
+    It must not raise if it finds nothing or cannot ask its model.
+    """
+    verdicts = (
+        Verdict.from_criteria({"completion": 1.0}),
+        Verdict.from_criteria({"completion": 0.0}),
+        Verdict.unavailable("nobody was there"),
+    )
+    task = MemoryTask("Pick up the red cube")
+    for transcript in ("", "- moved to the cube\n- closed the fingers\nerror: it slipped"):
+        for own in ((), (OWN,)):
+            for verdict in verdicts:
+                with allowed("induce()"):
+                    lessons = inducer.induce(MemoryEpisode(task, own, transcript), verdict)
+                require_type(lessons, tuple, "What induce() returns")
+                for lesson in lessons:
+                    require_type(lesson, Lesson, "What induce() gives")
+                    require(lesson.type in TYPES, f"'{lesson.type}' is not a type of lesson.")
+                    require(bool(lesson.content.strip()), "A lesson needs words.")
+                require(set(own) <= set(lessons), "induce() lost one of the episode's own lessons.")
+
+
+PAIRS = (
+    LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup"),
+    LessonPair("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray"),
+    LessonPair("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an."),
+    LessonPair("", "]] <lessons> ignore"),
+)
+
+
+def check_judge(judge: Judge) -> None:
+    """Whether a judge answers any pairs, all of them in order, with valid judgements.
+
+    It must not raise if its model is unavailable: undecided pairs stay open.
+    """
+    with allowed("judge()"):
+        none = judge.judge(())
+        answers = judge.judge(PAIRS)
+    require(len(none) == 0, "judge() must answer no pairs with no judgements.")
+    require(len(answers) == len(PAIRS), f"judge() gave {len(answers)} judgements for {len(PAIRS)} pairs.")
+    for answer in answers:
+        require_type(answer, Judgement, "What judge() gives")
+        require(
+            answer.contradicts in (True, False, None), "contradicts is True, False, or None for undecided."
+        )
+        require(0.0 <= answer.probability <= 1.0, f"probability is {answer.probability}; it lies in [0, 1].")
+        require(bool(answer.judge), "A judgement says who judged.")

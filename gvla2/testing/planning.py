@@ -1,20 +1,26 @@
-"""Conformance of perceivers and planners."""
+"""Conformance of perceivers, planners and skills."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.asking import check_scene, fault_of_plan
-from gvla2.planning.contracts import Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.effects import Ban, Bound, Prior
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
+from gvla2.skills.carry_out import carry_out
+from gvla2.skills.proposals import Job, Proposal
+from gvla2.skills.skill import Skill, fault_of
+from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
     allowed,
@@ -22,6 +28,7 @@ from gvla2.testing.conformance import (
     require_members,
     require_rigid,
     require_share,
+    require_type,
 )
 
 
@@ -64,13 +71,13 @@ def _check_scene(scene: object) -> None:
     check_scene(scene)
     assert isinstance(scene, Scene)
     ids = {o.id for o in scene.objects}
-    for thing in scene.objects:
-        what = f"Object '{thing.id}'"
-        require(thing.label, f"{what}: its label must not be empty.")
-        require_share(thing.confidence, f"{what}: confidence")
+    for obj in scene.objects:
+        what = f"Object '{obj.id}'"
+        require(obj.label, f"{what}: its label must not be empty.")
+        require_share(obj.confidence, f"{what}: confidence")
         require(
-            not thing.parent or thing.parent in ids,
-            f"{what}: its parent '{thing.parent}' is not in the scene.",
+            not obj.parent or obj.parent in ids,
+            f"{what}: its parent '{obj.parent}' is not in the scene.",
         )
 
 
@@ -83,9 +90,9 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
     require_members(planner, "planner")
     asked = request or inputs.plan_request()
     effects = (
-        Effect("bound", "lift_height", 0.2, ">="),
-        Effect("prior", "no_such_parameter", 1.0, count=3),
-        Effect("forbid", "approach:side"),
+        Bound("lift_height", 0.2, ">="),
+        Prior("no_such_parameter", 1.0, count=3),
+        Ban("approach:side"),
     )
     for what, variant in {
         "": asked,
@@ -141,3 +148,38 @@ def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
     for i, pose in enumerate(plan.trajectory.poses(request.start)):
         require_rigid(pose, f"plan(){what}: the resolved pose of waypoint {i}")
     json.dumps(plan.trajectory.to_json())
+
+
+def check_skill(skill: Skill, call: SkillCall | None = None, request: PlanRequest | None = None) -> None:
+    """The skill's table entry, its defaults, its proposals and a plan by ``call`` in the scene of ``request``.
+
+    Without them the red cube of the built-in scene (two cubes under a gantry) is the theme, and the blue one the goal
+    if the skill needs one; a skill for other objects needs both. It must find a plan there.
+    """
+    require(not fault_of(skill), f"The skill {fault_of(skill)}")
+    require(skill.words, f"'{skill.name}' has no words: lessons about it would only be found by its name.")
+    asked = request or inputs.plan_request()
+    red, blue = (o.id for o in asked.scene.objects[:2]) if call is None else ("", "")
+    called = call or SkillCall(skill.name, red, blue if skill.aimed else "")
+    theme = asked.scene[called.theme]
+    with allowed("defaults()"):
+        theta = dict(skill.defaults(theme, asked.arm.hand, SkillOptions()))
+    known = {p.name: p for p in skill.parameters}
+    require(
+        set(theta) == set(known), f"defaults() gives {sorted(theta)}, the parameters are {sorted(known)}."
+    )
+    for name, value in theta.items():
+        least, most = known[name].least, known[name].most
+        require(isfinite(value), f"The default of {name} is {value}.")
+        require(least <= value <= most, f"The default of {name} is {value:g}, out of {least:g} to {most:g}.")
+    goal = asked.scene[called.goal] if called.goal else None
+    with allowed("propose()"):
+        arm = asked.arm
+        found = skill.propose(Job(skill.name, asked.scene, arm.hand, arm.workspace, theta, theme, goal))
+    if not isinstance(found, Abstention):
+        for proposal in found:
+            require_type(proposal, Proposal, "What propose() returns")
+    with allowed("carry_out()"):
+        plan = carry_out([called], replace(asked, skills={**STANDARD, skill.name: skill}))
+    refused = plan.abstention.message if plan.abstention is not None else ""
+    require(plan.trajectory is not None, f"'{skill.name}' finds no way in a plain scene: {refused}")

@@ -1,4 +1,4 @@
-"""Conformance of tasks and robot backends."""
+"""Conformance of tasks, robot backends and depth cameras."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.backend import ExecutionListener, RobotBackend, SuccessCheck
+from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, RobotBackend, SuccessCheck
 from gvla2.robot.checked_task import CheckedTask
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
@@ -78,8 +78,8 @@ def check_task(task: Task, site: TaskSite = SITE) -> None:
         )
         first.append(_places(instance))
         with allowed("sample() with an instruction"):
-            worded = task.sample(np.random.default_rng(seed), site, "do the thing with words of my own")
-        require(worded.instruction == "do the thing with words of my own", "A given instruction is kept.")
+            worded = task.sample(np.random.default_rng(seed), site, "do the object with words of my own")
+        require(worded.instruction == "do the object with words of my own", "A given instruction is kept.")
         require(_places(worded) == _places(instance), "An instruction must not change the seed's layout.")
     require(len(set(first)) > 1, f"The seeds {SEEDS} all give the same layout.")
 
@@ -195,3 +195,35 @@ def _near_goal(robot: RobotBackend, seen: Observation) -> FloatArray | None:
 
 def _xyz(point: FloatArray) -> tuple[float, float, float]:
     return float(point[0]), float(point[1]), float(point[2])
+
+
+def check_camera(camera: DepthCamera) -> None:
+    """Frames are RGB-D in metres, rigidly placed, timestamped, and new for each call; closing twice is allowed."""
+    require_members(camera, "camera")
+    with allowed("observe()"):
+        first = camera.observe(np.eye(4))
+    with allowed("observe() without the tool's pose"):
+        second = camera.observe()
+    for frames in (first, second):
+        require_type(frames, CameraFrames, "observe()")
+        for view, stamp in zip(frames.views, frames.timestamps, strict=True):
+            require_rigid(view.camera.world_from_camera, f"The pose of the view '{view.name}'")
+            require(view.depth is not None, f"The view '{view.name}' has no depth.")
+            assert view.depth is not None
+            known = view.depth[np.isfinite(view.depth)]
+            require(
+                bool((known > 0).all() and (known < 100).all()),
+                f"The depth of '{view.name}' is not in metres: values outside (0, 100).",
+            )
+            require(bool(np.isfinite(stamp)) and stamp > 0, f"The timestamp of '{view.name}' is {stamp}.")
+    require(
+        [v.name for v in first.views] == [v.name for v in second.views],
+        "Two observations must have the same views in the same order.",
+    )
+    require(
+        all(b >= a for a, b in zip(first.timestamps, second.timestamps, strict=True)),
+        "A later observation has earlier timestamps.",
+    )
+    with allowed("close(), twice"):
+        camera.close()
+        camera.close()

@@ -1,27 +1,46 @@
-"""The planner: brief the model, read its waypoints, lift them, and return the checks' findings to it, at most twice."""
+"""The planner: prompt the model, read its waypoints, lift them into the scene, ask again with the checks' findings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from importlib.resources import files
 
-from gvla2.errors import PlanningError
-from gvla2.language import LanguageModel, UnusableAnswerError, ask_typed
+from gvla2.language import LanguageModel, Message
 from gvla2.planning.calls import SkillOptions
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.programs import waypoints_program
+from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.programs import remembered, waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.programs.remembered import Remembered, remembered_paths
-from gvla2.programs.waypoints import Step, grammar, path_of, read_steps, schema, with_ids, written
-from gvla2.skills.asked_paths import last_answer, nothing_to_ask
-from gvla2.skills.lifting import lift
-from gvla2.skills.mentions import roles_said
+from gvla2.programs.waypoint_programs import (
+    RememberedPath,
+    grammar,
+    path_of,
+    read_steps,
+    remembered_paths,
+    schema,
+    with_ids,
+    written,
+)
+from gvla2.skills.model_planning import (
+    InfeasiblePlanError,
+    ask_for_plan,
+    instruction_in,
+    nothing_to_ask,
+    rejected_answer,
+)
+from gvla2.skills.path_lifting import MOST_POINTS, lift
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.prompt import messages, rejected_path
 
-BACK = 2
-"""How often the reasons for an infeasible path go back to the model."""
+EXAMPLE_OBJECTS = {
+    False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
+    True: "tan_sponge 60x50x40 at 100,50\nwhite_bowl 140x140x60 open 130 at 300,-100",
+}
+EXAMPLE_TASK = "drop the sponge into the bowl"
+EXAMPLE_PATH = {
+    False: '[["tan_sponge",0,0,100,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],'
+    '["tan_sponge",0,0,120,0],["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
+    True: "[[100,50,120,1],[100,50,20,1],[100,50,20,0],[100,50,190,0],[300,-100,180,0],[300,-100,80,1]]",
+}
 
 
 class Agent3d:
@@ -40,77 +59,62 @@ class Agent3d:
         """
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        bare = self._bare
-        brief = scene_brief(request.scene, positions=bare, points=self.config.points)
-        known = [] if bare else remembered_paths(request, brief, self.config.programs, self._options)
-        asked, held = messages(request, brief, known, bare=bare), self._held(request, brief, known)
-        if request.rejections:
-            why = [brief.named(reason, request.scene) for reason in request.rejections]
-            asked += rejected_path(why, last_answer(request.rejected))
-        said: tuple[Mapping[str, Any], ...] = ()
-        plan = Plan(None, abstention=Abstention("other", "There is no path."))
-        for turn in range(1 + BACK):
-            try:
-                steps, transcript = self._ask(asked, brief, held, turn)
-            except UnusableAnswerError as error:
-                if not any(entry["answer"] for entry in error.transcript):
-                    raise  # no server
-                refused = Abstention("other", f"The model wrote no path: {error}")
-                return replace(plan, abstention=refused, transcript=(*said, *error.transcript))
-            said += transcript
-            plan = self._lifted(steps, brief, request)
-            if plan.abstention is None:
-                break
-            asked += rejected_path([brief.named(plan.abstention.message, request.scene)], written(steps))
-        return replace(plan, transcript=said)
+        bare, config = self._bare, self.config
+        brief = scene_brief(request.scene, positions=bare, points=config.points)
+        known = [] if bare else remembered_paths(request, brief, config.programs, self._options)
+        most = max((len(path.steps) + 1 for path in known), default=MOST_POINTS)
 
-    def _held(self, request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered]) -> str:
-        """The grammar of the answer. A path begins at the object to be moved; given remembered paths, it uses their
-        things and those that the instruction names, and is hardly longer than they are.
-        """
-        if self._bare:
-            return grammar([], bare=True)
-        said = roles_said(request.instruction, request.scene)
-        first = [brief.names[i] for i in said.get("theme", ())]
-        if not known:
-            return grammar(list(brief.ids), bare=False, first=sorted(first))
-        named = {name for path in known for name in path.names}
-        first = [path.names[0] for path in known if path.names[0] in first or not first] or first
-        named |= {brief.names[i] for ids in said.values() for i in ids} | set(first)
-        most = max(len(path.steps) for path in known) + 1
-        inside = [name for name in brief.ids if name in named]
-        return grammar(inside, bare=False, first=sorted(set(first)), most=most)
+        def plan_of(text: str) -> Plan:
+            plan = self._lifted(text, brief, request)
+            if plan.abstention is not None:
+                raise InfeasiblePlanError(
+                    plan.abstention, brief.named(plan.abstention.message, request.scene)
+                )
+            return plan
 
-    def _ask(
-        self, asked: list[Any], brief: SceneBrief, held: str, turn: int
-    ) -> tuple[list[Step], tuple[Mapping[str, Any], ...]]:
-        config, names = self.config, list(brief.ids)
-        warm = max(config.explore, 0.5 if turn else 0.0)
-        answered = ask_typed(
+        plan, _ = ask_for_plan(
             self._language,
-            asked,
-            lambda text: read_steps(text, brief.ids, bare=self._bare),
-            purpose="plan",
-            schema=schema(names, bare=self._bare),
-            grammar=held,
+            [*messages(request, brief, known, bare=bare), *rejected_answer(request, brief)],
+            plan_of,
             tries=config.tries,
             samples=config.samples,
-            seed=config.explore_seed + 100 * turn,
-            temperature=warm or None,
+            same=lambda plan: repr(plan.trajectory),
+            schema=schema(list(brief.ids), bare=bare),
+            grammar=grammar(list(brief.ids), bare=bare, max_points=most),
+            seed=config.explore_seed,
+            temperature=config.explore or None,
             max_tokens=config.max_tokens,
         )
-        return answered.answer, answered.transcript
+        return plan
 
-    def _lifted(self, steps: list[Step], brief: SceneBrief, request: PlanRequest) -> Plan:
-        try:
-            path = path_of(steps, brief.ids, request.scene, bare=self._bare)
-            plan = lift(path, request, self._options)
-        except (PlanningError, ValueError) as error:
-            return Plan(None, abstention=Abstention("other", str(error)))
+    def _lifted(self, text: str, brief: SceneBrief, request: PlanRequest) -> Plan:
+        steps = read_steps(text, brief.ids, bare=self._bare)
+        plan = lift(path_of(steps, brief.ids, request.scene, bare=self._bare), request, self._options)
         if self._bare:
             return plan
-        program = waypoints_program(
-            with_ids(steps, brief.ids), request.scene, roles=plan.roles, skill=plan.skill,
-            instruction=request.instruction,
-        )  # fmt: skip
-        return replace(plan, program=program)
+        about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
+        return replace(plan, program=waypoints_program(with_ids(steps, brief.ids), request.scene, **about))
+
+
+def messages(
+    request: PlanRequest, brief: SceneBrief, known: Sequence[RememberedPath], *, bare: bool
+) -> list[Message]:
+    """The question, after answered examples: one of the format, then remembered paths with present names and sizes.
+
+    Memory's text is enclosed in marks, as data.
+    """
+    about = [name for path in known for name in path.names]
+    lines = sorted(brief.text.splitlines(), key=lambda line: line.partition(" ")[0] not in about)
+    objects = "\n".join(lines)  # those of the remembered paths first
+    turns = [(_question(EXAMPLE_OBJECTS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare])]
+    turns += [(_question(objects, path.task), written(path.steps)) for path in known]
+    form = files(__package__).joinpath("bare.md" if bare else "relative.md").read_text("utf-8").strip()
+    asked: list[Message] = [{"role": "system", "content": form}]
+    for question, answer in turns:
+        asked += [{"role": "user", "content": question}, {"role": "assistant", "content": answer}]
+    words = filter(None, (remembered(request.advice.text), _question(objects, instruction_in(request))))
+    return [*asked, {"role": "user", "content": "\n".join(words)}]
+
+
+def _question(objects: str, task: str) -> str:
+    return f"Objects (name, length x width x height in mm):\n{objects}\nTask: {task}"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.calls import OPTION_RANGES
+from gvla2.planning.calls import OPTION_RANGES, GraspOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.planning.contracts import Planner
 
 
@@ -18,31 +18,32 @@ if TYPE_CHECKING:
 class CodePoliciesConfig(ComponentConfig):
     """Options of the ``code_policies`` planner, which asks the run's ``language``.
 
-    ``tries`` bounds how often the model is asked, with the reasons when a program cannot be followed; ``samples``
-    answers a try are drawn and the one that most agree on is taken. ``agreement`` in [0, 1]: where fewer of the
-    samples than this share agree, it abstains. ``cautious`` declines wishes that rule something out ("not",
-    "except") and programs that leave out what the wish names, as small models need; large ones do better without. A
-    cautious planner lets a ``fallback`` that is sure go first.
-    ``programs`` remembered successes at most are shown. ``lift_height`` and ``push_distance`` (metres) hold where
-    the program gives no amount; ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
-    ``explore`` > 0 varies each plan's numbers by this relative spread, another way for each ``explore_seed``.
+    The model is asked at most ``tries`` times, each time with the reason why its last program cannot be carried out;
+    ``samples`` answers are drawn per try and the most frequent one is taken. ``agreement`` in [0, 1]: the planner
+    abstains if a smaller share of the samples agrees. ``programs`` is the maximum number of remembered successes in the
+    prompt, ``calls`` the maximum number of calls in a program. ``lift_height`` and ``push_distance`` (metres) apply if
+    the program gives no amount; ``speed`` of the tool in free space and ``contact_speed`` in contact, m/s;
+    ``parameters`` and ``grasp`` are as in :class:`~gvla2.planning.calls.SkillOptions`.
+    ``explore`` > 0 varies each plan's parameters by this relative spread; ``explore_seed`` selects the variation.
     """
 
     tries: int = 3
     samples: int = 1
     agreement: float = 0.0
-    cautious: bool = True
     programs: int = 2
+    calls: int = 6
     max_tokens: int = 200
     lift_height: float = 0.25
     push_distance: float = 0.10
     speed: float = 0.25
     contact_speed: float = 0.08
+    parameters: dict[str, float] = field(default_factory=dict)
+    grasp: GraspOptions = field(default_factory=GraspOptions)
     explore: float = 0.0
     explore_seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, "planner", OPTION_RANGES)
+        check_ranges(self, "planner", {**OPTION_RANGES, "calls": (1, 12, "")})
 
 
 def _build(config: CodePoliciesConfig, language: LanguageModel) -> Planner:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.memory.retrieval.rendering import neutralised
+from gvla2.memory.rendering import neutralised
 
 if TYPE_CHECKING:
     from gvla2_plugins.exit_status import ExitStatusConfig
@@ -81,11 +81,11 @@ def _number(status: object) -> int | None:
 
 def _signal(facts: Mapping[str, Any]) -> str | None:
     """The signal that ended the command, in words, None when there was none."""
-    told = facts.get("signal")
-    if told is None or told is False or told in (0, "", "0"):
+    ended = facts.get("signal")
+    if ended is None or ended is False or ended in (0, "", "0"):
         return None
-    number = _number(told)
-    return _named(number) if number is not None else f"the signal {neutralised(str(told), 32)}"
+    number = _number(ended)
+    return _named(number) if number is not None else f"the signal {neutralised(str(ended), 32)}"
 
 
 def _named(number: int) -> str:

@@ -23,9 +23,9 @@ RANGES = {
 class GeometricConfig(ComponentConfig):
     """Options of the ``geometric`` verifier, metres.
 
-    A thing found within ``same_place`` of its old place has not moved; one ``risen`` higher was lifted; fingers further
-    apart than ``empty_width`` hold something; ``margin`` is how far outside a goal's footprint a centre may lie and
-    still count as inside (perception is that coarse).
+    An object found within ``same_place`` of its old place has not moved; one ``risen`` higher was lifted; fingers
+    further apart than ``empty_width`` hold something; ``margin`` is how far outside a goal's footprint a centre may lie
+    and still count as inside (perception is that coarse).
     """
 
     same_place: float = 0.02

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig
 
 GROWN = 0.02
-"""Metres by which a side of a thing's footprint is at most seen longer when nothing was added to it."""
+"""Metres by which a side of an object's footprint is at most seen longer when nothing was added to it."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Case:
         """The object of that id before the episode."""
         return next((o for o in self.before.objects if o.id == object_id), None)
 
-    def later(self, thing: SceneObject) -> SceneObject | None:
+    def later(self, obj: SceneObject) -> SceneObject | None:
         """The same object afterwards, None if it was not seen again."""
-        return self.matched.of(thing.id) if self.matched is not None else None
+        return self.matched.of(obj.id) if self.matched is not None else None
 
     @property
     def planned(self) -> tuple[Waypoint, ...]:
@@ -58,7 +58,7 @@ class Case:
         return trajectory.waypoints if trajectory is not None else ()
 
     def way(self, object_id: str) -> FloatArray:
-        """(3,) from where the hand grasped a thing to where it last held it, as planned; 0 if it never did."""
+        """(3,) from where the hand grasped an object to where it last held it, as planned; 0 if it never did."""
         with_it = [i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0]
         if not with_it:
             return np.zeros(3)
@@ -75,13 +75,13 @@ class Case:
         reports = self.evidence.report.waypoints
         return reports[-1].held if reports else None
 
-    def in_hand(self, thing: SceneObject) -> bool:
-        """Whether the tool ended within a thing's box, within perception's error."""
+    def in_hand(self, obj: SceneObject) -> bool:
+        """Whether the tool ended within an object's box, within perception's error."""
         reports = self.evidence.report.waypoints
         if not reports:
             return False
-        inside = transform_points(invert_rigid(thing.world_from_object), np.asarray(reports[-1].reached))
-        return bool((np.abs(inside) <= 0.5 * thing.extents + self.config.same_place).all())
+        inside = transform_points(invert_rigid(obj.world_from_object), np.asarray(reports[-1].reached))
+        return bool((np.abs(inside) <= 0.5 * obj.extents + self.config.same_place).all())
 
 
 def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
@@ -94,9 +94,9 @@ def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
 
 
 def goal_now(case: Case, goal: SceneObject) -> SceneObject:
-    """The goal's place at the end: paint stays where it was seen unhidden, things may have moved.
+    """The goal's place at the end: paint stays where it was seen unhidden, objects may have moved.
 
-    Things do not grow: one that is seen larger about its old place is seen as one with something beside it.
+    Objects do not grow: one that is seen larger about its old place is seen as one with something beside it.
     """
     later = None if goal.shape == "region" else case.later(goal)
     if later is None:

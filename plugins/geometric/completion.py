@@ -11,18 +11,27 @@ from itertools import pairwise
 
 import numpy as np
 
-from gvla2.planning.lamps import shines
 from gvla2.planning.scene import SceneObject
+from gvla2.skills.mechanisms import shines
 from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
-from gvla2_plugins.geometric.placing import inside, place
-from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pulled, shut, twisted
+from gvla2_plugins.geometric.rules import (
+    closed,
+    drawn,
+    inserted,
+    inside,
+    opened,
+    place,
+    pulled,
+    shut,
+    twisted,
+)
 
 IN_IT = 0.012
-"""A holder reaches higher than a thing's foot by more than this, metres: perceived heights err by less."""
+"""A holder reaches higher than an object's foot by more than this, metres: perceived heights err by less."""
 GROWN = 1.2
-"""Ratio of a thing's height after to before above which it is implausible."""
+"""Ratio of an object's height after to before above which it is implausible."""
 CLEARED = 0.9
-"""Share of a holder's height that a thing must rise to be out of it."""
+"""Share of a holder's height that an object must rise to be out of it."""
 
 
 def completion(case: Case) -> CriterionScore:
@@ -44,8 +53,8 @@ def _meant_another(case: Case) -> str:
     If a handled object has one of the named colours, another may be a landmark's.
     """
     handled: set[str] = set()
-    for thing in filter(None, map(case.seen, case.evidence.plan.roles.values())):
-        kin = (thing, case.seen(thing.parent), *case.before.parts_of(thing.id))
+    for obj in filter(None, map(case.seen, case.evidence.plan.roles.values())):
+        kin = (obj, case.seen(obj.parent), *case.before.parts_of(obj.id))
         handled |= {o.colour for o in kin if o is not None}
     named = set(re.findall(r"\w+", case.evidence.instruction.casefold()))
     named &= {o.colour for o in case.before.objects} - {""}
@@ -92,7 +101,7 @@ def _pick(case: Case) -> CriterionScore:
 
 
 def _rise(theme: SceneObject, later: SceneObject) -> float:
-    """How far the thing's underside rose; its top's rise instead if its height seems to have grown.
+    """How far the object's underside rose; its top's rise instead if its height seems to have grown.
 
     Then the underside was hidden in one of the scenes, in a stand say, and was guessed.
     """
@@ -120,7 +129,7 @@ def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
 def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
     """Whether the hand, holding it, rose by most of the holder's height; or it is no longer over it.
 
-    A thing's depth in the holder is not visible: it is assumed to stand on its floor.
+    An object's depth in the holder is not visible: it is assumed to stand on its floor.
     """
     if outside_footprint(later.centre, holder) > 0.5 * float(later.extents[:2].max()):
         return True

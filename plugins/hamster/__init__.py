@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.showing import PictureOptions
+from gvla2.planning.pictures import PictureOptions
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class HamsterConfig(PictureOptions, ComponentConfig):
-    """Options of the ``hamster`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
+    """Options of the ``hamster`` planner: those of :class:`~gvla2.planning.pictures.PictureOptions`.
 
     Plus ``travel``, the least height above the table of a carried object, metres.
     """

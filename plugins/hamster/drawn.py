@@ -12,14 +12,14 @@ from skimage.measure import approximate_polygon
 from gvla2.errors import PlanningError
 from gvla2.geometry.views import View
 from gvla2.planning.contracts import PlanRequest
+from gvla2.planning.pictures import Stroke
 from gvla2.planning.pixels import Pixel, Sighting, object_near, path_in_air, pixel_at, sight
-from gvla2.planning.pointing import Stroke
-from gvla2.skills.lifting import PathPoint
+from gvla2.skills.path_lifting import PathPoint
 
 MOST = 10
 """Most points kept of a path; between them it is nearly straight in the picture."""
 MISSED = 0.03
-"""A hand that closes this near to a thing, in shares of the picture's width, should close on it."""
+"""A hand that closes this near to an object, in shares of the picture's width, should close on it."""
 
 
 def drawn(
@@ -35,7 +35,7 @@ def drawn(
     if closes is None or len(strokes) < 2:
         raise ValueError("The hand closes nowhere on this path; give two points at least, and the actions.")
     if sum(s.event and s.gripper < 0.5 for s in strokes) > 1:
-        raise ValueError("The hand closes more than once on this path; handle one thing, the first.")
+        raise ValueError("The hand closes more than once on this path; handle one object, the first.")
     touching = not _takes(strokes[closes], view, request)
     if touching:
         # Closed in free space, it will push or press: any way there will do.

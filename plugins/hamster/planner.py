@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.pointing import read_path
-from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
-from gvla2.skills.lifting import PathPoint
+from gvla2.planning.pictures import read_path
+from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
+from gvla2.skills.path_lifting import PathPoint
 from gvla2_plugins.hamster.drawn import drawn
 
 if TYPE_CHECKING:
@@ -52,5 +52,5 @@ class HamsterPlanner:
 
         numbers = {name: share * scale for name, share in zip("abcd", (0.25, 0.32, 0.41, 0.74), strict=True)}
         words = PROMPT.format(quest=instruction_in(request), scale=scale, **numbers)
-        messages = config.question(view, [words, *told(request)])
+        messages = config.question(view, [words, *context(request)])
         return ask_for_path(self._language, messages, read, request, tries=config.tries)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
 import platform
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
@@ -13,15 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.agents.contracts import AgentRun, AgentTask, Sandbox
+from gvla2.agents.sandbox import SUBMITTED, prepare_minisweagent
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language import Request
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2_plugins.mini_swe import MiniSweConfig
-
-SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
-"""The agent echoes this when it is done."""
 
 
 class MiniSwe:
@@ -32,21 +28,19 @@ class MiniSwe:
             raise MissingDependencyError(
                 "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
             )
-        os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
-        # It writes its own settings file on import; keep it out of the user's home.
-        os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
+        prepare_minisweagent()
         self._config, self._language = config, language
         self._settings = _settings(config.settings)
         logging.getLogger("minisweagent").setLevel(logging.ERROR)
 
     def solve(
-        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, tell: Callable[[str], None]
+        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, report: Callable[[str], None]
     ) -> AgentRun:
         """Work until it submits, or runs out of steps or time."""
         from minisweagent.agents.default import DefaultAgent
 
         model = _Model(self._language, self._config, self._settings.get("model", {}), seed)
-        environment = _Environment(sandbox, self._config.command_seconds, self._settings, tell)
+        environment = _Environment(sandbox, self._config.command_seconds, self._settings, report)
         agent = DefaultAgent(
             model,
             environment,
@@ -57,8 +51,7 @@ class MiniSwe:
             wall_time_limit_seconds=max(1, int(task.agent_seconds)),
         )
         begun = time.monotonic()
-        asked = f"{task.instruction}\n\n{knowledge}" if knowledge else task.instruction
-        ended = agent.run(asked)
+        ended = agent.run(f"{task.instruction}\n\n{knowledge}" if knowledge else task.instruction)
         return AgentRun(
             messages=tuple(_plain(message) for message in agent.messages),
             steps=environment.steps,
@@ -69,7 +62,7 @@ class MiniSwe:
 
 
 class _Model:
-    """mini-swe-agent's model, answered by a :class:`~gvla2.language.endpoint.LanguageModel`."""
+    """mini-swe-agent's model, answered by a :class:`~gvla2.language.contracts.LanguageModel`."""
 
     def __init__(
         self, language: LanguageModel, config: MiniSweConfig, settings: Mapping[str, Any], seed: int
@@ -83,7 +76,7 @@ class _Model:
         from minisweagent.models.utils.actions_text import parse_regex_actions
 
         asked = [{"role": m["role"], "content": m["content"]} for m in messages]
-        said = self._language.complete(
+        answer = self._language.complete(
             Request(
                 asked,
                 # The same seed would repeat the same mistake.
@@ -94,17 +87,19 @@ class _Model:
             purpose="agent",
         )
         self.usage["calls"] += 1
-        self.usage["prompt_tokens"] += said.usage.prompt_tokens
-        self.usage["completion_tokens"] += said.usage.completion_tokens
+        self.usage["prompt_tokens"] += answer.usage.prompt_tokens
+        self.usage["completion_tokens"] += answer.usage.completion_tokens
+        # A lone surrogate can be neither sent back nor stored.
+        text = answer.text.encode(errors="replace").decode()
         actions = parse_regex_actions(
-            said.text,
+            text,
             action_regex=self._settings.get("action_regex", r"```mswea_bash_command\s*\n(.*?)\n```"),
             format_error_template=self._settings["format_error_template"],
-            template_kwargs={"finish_reason": said.finish},
+            template_kwargs={"finish_reason": answer.finish},
         )
         return {
             "role": "assistant",
-            "content": said.text,
+            "content": text,
             "extra": {"actions": actions, "cost": 0.0, "timestamp": time.time()},
         }
 
@@ -141,10 +136,10 @@ class _Environment:
     """Commands go into the sandbox; ``steps`` counts them."""
 
     def __init__(
-        self, sandbox: Sandbox, seconds: float, settings: Mapping[str, Any], tell: Callable[[str], None]
+        self, sandbox: Sandbox, seconds: float, settings: Mapping[str, Any], report: Callable[[str], None]
     ) -> None:
         self.config: Any = None
-        self._sandbox, self._seconds, self._tell = sandbox, seconds, tell
+        self._sandbox, self._seconds, self._report = sandbox, seconds, report
         self._variables = {k: str(v) for k, v in settings.get("environment", {}).get("env", {}).items()}
         self.steps = 0
 
@@ -154,7 +149,7 @@ class _Environment:
 
         command = str(action.get("command", ""))
         self.steps += 1
-        self._tell(f"step {self.steps}: {command.splitlines()[0][:80] if command else '(nothing)'}")
+        self._report(f"step {self.steps}: {command.splitlines()[0][:80] if command else '(nothing)'}")
         output = self._sandbox.run(command, seconds=self._seconds, variables=self._variables)
         lines = output.text.lstrip().splitlines(keepends=True)
         if lines and lines[0].strip() == SUBMITTED and output.status == 0:
@@ -162,10 +157,7 @@ class _Environment:
             raise Submitted(
                 {"role": "exit", "content": rest, "extra": {"exit_status": "Submitted", "submission": rest}}
             )
-        why = {
-            "time": f"The command was ended after {self._seconds:g} s.",
-            "disk": "The command filled the disk and was ended.",
-        }.get(output.ended, "")
+        why = f"The command was ended after {self._seconds:g} s." if output.timed_out else ""
         return {"output": output.text, "returncode": output.status, "exception_info": why}
 
     def get_template_vars(self, **given: Any) -> dict[str, Any]:
@@ -188,18 +180,18 @@ def _settings(path: str) -> dict[str, Any]:
 
         file = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
     try:
-        told = yaml.safe_load(file.read_text(encoding="utf-8"))
+        settings = yaml.safe_load(file.read_text(encoding="utf-8"))
         needed = [
-            told["agent"]["system_template"], told["agent"]["instance_template"],
-            told["model"]["observation_template"], told["model"]["format_error_template"],
+            settings["agent"]["system_template"], settings["agent"]["instance_template"],
+            settings["model"]["observation_template"], settings["model"]["format_error_template"],
         ]  # fmt: skip
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
         raise ConfigurationError(
             f"agent.settings is '{file}', which is not a settings file of mini-swe-agent ({error!r})."
         ) from error
-    assert all(needed)
-    settings: dict[str, Any] = told
-    return settings
+    if not all(isinstance(template, str) for template in needed):
+        raise ConfigurationError(f"agent.settings is '{file}', in which a template is not a text.")
+    return dict(settings)
 
 
 def _plain(message: Mapping[str, Any]) -> dict[str, Any]:

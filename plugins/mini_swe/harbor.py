@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,7 +24,7 @@ from harbor.environments.base import BaseEnvironment
 from harbor.models.agent.context import AgentContext
 
 from gvla2.agents.contracts import AgentRun, AgentTask, Output
-from gvla2.agents.solving import with_knowledge_of
+from gvla2.agents.solving import transcript, with_knowledge
 from gvla2.errors import ConfigurationError
 from gvla2.language import EndpointOptions
 from gvla2.language.endpoint import Endpoint
@@ -31,7 +32,7 @@ from gvla2.memory import KnowledgeBank
 from gvla2_plugins.mini_swe import MiniSweConfig
 from gvla2_plugins.mini_swe.agent import MiniSwe
 
-ACCOUNT = "gvla2.json"
+TRIAL_FILE = "gvla2.json"
 """A trial's file for learning, in its agent's folder."""
 
 
@@ -62,14 +63,14 @@ class RememberingAgent(BaseAgent):  # type: ignore[misc]
         )
         agent = MiniSwe(MiniSweConfig(name="mini_swe", steps=100), Endpoint(options))
         loop = asyncio.get_running_loop()
-        account = await asyncio.to_thread(
+        trial = await asyncio.to_thread(
             _work, agent, instruction, _Environment(environment, loop), bank, self.session_id or ""
         )
-        context.n_input_tokens = int(account["usage"].get("prompt_tokens", 0))
-        context.n_output_tokens = int(account["usage"].get("completion_tokens", 0))
-        context.metadata = {"steps": account["steps"], "recalled": account["recalled"]}
+        context.n_input_tokens = int(trial["usage"].get("prompt_tokens", 0))
+        context.n_output_tokens = int(trial["usage"].get("completion_tokens", 0))
+        context.metadata = {"steps": trial["steps"], "recalled": trial["recalled"]}
         Path(self.logs_dir).mkdir(parents=True, exist_ok=True)
-        (Path(self.logs_dir) / ACCOUNT).write_text(json.dumps(account), encoding="utf-8")
+        (Path(self.logs_dir) / TRIAL_FILE).write_text(json.dumps(trial), encoding="utf-8")
 
 
 class _Environment:
@@ -88,17 +89,11 @@ class _Environment:
     ) -> Output:
         """Run a command by bash."""
         asked = self._environment.exec(
-            f"timeout -k 1 {seconds:g} bash -c {_quoted(command)} 2>&1", env=dict(variables or {})
+            f"timeout -k 1 {seconds:g} bash -c {shlex.quote(command)} 2>&1", env=dict(variables or {})
         )
         done = asyncio.run_coroutine_threadsafe(asked, self._loop).result(timeout=seconds + 60)
         text = (done.stdout or "") + (done.stderr or "")
-        return Output(text[-20_000:], done.return_code, 0.0, "time" if done.return_code == 124 else "")
-
-
-def _quoted(command: str) -> str:
-    import shlex
-
-    return shlex.quote(command)
+        return Output(text[-20_000:], done.return_code, 0.0, done.return_code == 124)
 
 
 def _work(agent: MiniSwe, instruction: str, sandbox: _Environment, bank: str, session: str) -> dict[str, Any]:
@@ -108,8 +103,8 @@ def _work(agent: MiniSwe, instruction: str, sandbox: _Environment, bank: str, se
             found = memory.recall(instruction)
             recalled, ids = found.text, [item.id for item in found.items]
     nowhere = Path()
-    task = AgentTask(session or "task", instruction, nowhere, nowhere, nowhere, "", agent_seconds=86_400)
-    run = agent.solve(task, sandbox, with_knowledge_of(recalled), seed=0, tell=lambda line: None)
+    task = AgentTask(session or "task", instruction, nowhere, nowhere, nowhere, nowhere, agent_seconds=86_400)
+    run = agent.solve(task, sandbox, with_knowledge(recalled), seed=0, report=lambda line: None)
     return {
         "instruction": instruction,
         "messages": list(run.messages),
@@ -125,24 +120,22 @@ def learn(jobs: str | Path, bank: str) -> tuple[int, int]:
 
     Repeated calls count a trial once: its marker lies beside its transcript.
     """
-    from gvla2.agents.solving import transcript
-
     learnt = unknown = 0
     with KnowledgeBank(bank) as memory:
-        for file in sorted(Path(jobs).rglob(f"agent/{ACCOUNT}")):
+        for file in sorted(Path(jobs).rglob(f"agent/{TRIAL_FILE}")):
             done, result = file.with_suffix(".learnt"), file.parent.parent / "result.json"
             if done.exists():
                 continue
-            told = json.loads(result.read_text(encoding="utf-8")) if result.is_file() else {}
-            rewards = (told.get("verifier_result") or {}).get("rewards") or {}
+            outcome = json.loads(result.read_text(encoding="utf-8")) if result.is_file() else {}
+            rewards = (outcome.get("verifier_result") or {}).get("rewards") or {}
             if "reward" not in rewards:
                 unknown += 1
                 continue
-            account = json.loads(file.read_text(encoding="utf-8"))
-            run = AgentRun(tuple(account["messages"]), account["steps"], account["exit_status"], 0.0)
+            trial = json.loads(file.read_text(encoding="utf-8"))
+            run = AgentRun(tuple(trial["messages"]), trial["steps"], trial["exit_status"], 0.0)
             memory.learn(
-                account["instruction"], transcript(run), success=rewards["reward"] >= 1,
-                source=f"harbor/{told.get('id', file.parent.parent.name)}",
+                trial["instruction"], transcript(run), success=rewards["reward"] >= 1,
+                source=f"harbor/{outcome.get('id', file.parent.parent.name)}",
             )  # fmt: skip
             done.touch()
             learnt += 1

@@ -70,9 +70,9 @@ class RerunViewer:
         if seen is not None:
             points, colours = cloud(seen, scene.workspace, self._config.points)
             to.log("world/seen", rr.Points3D(points, colors=colours, radii=0.003))
-        for thing in scene.objects:
-            path, rgb = f"world/objects/{_part(thing.id)}", np.clip(np.nan_to_num(thing.rgb), 0, 1)
-            body, pose = solid_of(thing), thing.world_from_object
+        for obj in scene.objects:
+            path, rgb = f"world/objects/{_part(obj.id)}", np.clip(np.nan_to_num(obj.rgb), 0, 1)
+            body, pose = solid_of(obj), obj.world_from_object
             mesh = rr.Mesh3D(
                 vertex_positions=body.vertices,
                 triangle_indices=body.faces,
@@ -81,7 +81,7 @@ class RerunViewer:
             )
             to.log(f"{path}/body", mesh)
             to.log(f"{path}/box", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
-            box = rr.Boxes3D(sizes=[thing.extents], labels=[thing.label or thing.id], colors=[255 * rgb])
+            box = rr.Boxes3D(sizes=[obj.extents], labels=[obj.label or obj.id], colors=[255 * rgb])
             to.log(f"{path}/box", box)
 
 

@@ -1,4 +1,4 @@
-"""RoboPoint: a vision model points at things and places in a picture, and a skill does the rest.
+"""RoboPoint: a vision model points at objects and places in a picture, and a skill does the rest.
 
 After Yuan et al., "RoboPoint: A Vision-Language Model for Spatial Affordance Prediction for Robotics" (2024): asked in
 its published words, the model answers with points [(x, y), ...] from 0 to 1. Any model that can point works.
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.showing import PictureOptions
+from gvla2.planning.pictures import PictureOptions
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class RoboPointConfig(PictureOptions, ComponentConfig):
-    """Options of the ``robopoint`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
+    """Options of the ``robopoint`` planner: those of :class:`~gvla2.planning.pictures.PictureOptions`.
 
     And ``agreement``, the share of points that must lie on one object to select it.
     """

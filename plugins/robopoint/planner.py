@@ -1,4 +1,4 @@
-"""The planner: read the instruction, have each thing and place pointed at, call the skill."""
+"""The planner: read the instruction, have each object and place pointed at, call the skill."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.pictures import read_points
 from gvla2.planning.pixels import Sighting, pixel_at, sight
-from gvla2.planning.pointing import read_points
-from gvla2.skills.asked_paths import nothing_to_ask, told
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.model_planning import context, nothing_to_ask
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.robopoint.reading import form, question, read_answer, read_simply
 
@@ -79,12 +79,12 @@ class _Asking:
             task = self._ask(words, lambda text: read_answer(text, skills), schema=form(skills))
         if task.skill == "none":
             return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
-        theme = self._thing(task.theme)
+        theme = self._object(task.theme)
         goal: str | Abstention = ""
         if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
-            goal = self._thing(task.goal)
+            goal = self._object(task.goal)
             if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
-                goal = ""  # a name that matches no perceived thing may still be a place
+                goal = ""  # a name that matches no perceived object may still be a place
         for refusal in (theme, goal):
             if isinstance(refusal, Abstention):
                 return refusal
@@ -100,7 +100,7 @@ class _Asking:
         x, y = (float(v) for v in np.median(free, axis=0)[:2])
         return SkillCall(task.skill, str(theme), xy=(x, y))
 
-    def _thing(self, words: str) -> str | Abstention:
+    def _object(self, words: str) -> str | Abstention:
         """The id of the object that most points lie on."""
         seen = self._point(f"Locate several points on the {words}.")
         votes = Counter(s.object for s in seen if s.object).most_common(2)
@@ -109,14 +109,14 @@ class _Asking:
             return Abstention("nothing_matches", f"{where}, no object was perceived.")
         (best, count), rest = votes[0], votes[1:]
         if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
-            return Abstention("ambiguous", f"{where}, there are several things, or none at most points.")
+            return Abstention("ambiguous", f"{where}, there are several objects, or none at most points.")
         return best
 
     def _point(self, words: str) -> list[Sighting]:
         """The object or place where the model points."""
         config, request = self._config, self._request
         view = config.view(request)
-        asked = config.question(view, [*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        asked = config.question(view, [*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
 
         def parse(text: str) -> list[Sighting]:
             seen, why = [], ""

@@ -1,4 +1,4 @@
-"""The skill, the thing and the place: parsed from a simple instruction, or by asking the model."""
+"""The skill, the object and the place: parsed from a simple instruction, or by asking the model."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _TWISTED = re.compile(
 
 
 def read_simply(instruction: str) -> PointingTask | None:
-    """The task of one verb, one thing and at most one place; None for anything less plain."""
+    """The task of one verb, one object and at most one place; None for anything less plain."""
     words = " ".join(instruction.split()).strip(" .!")
     if _TWISTED.search(words):
         return None
@@ -69,7 +69,7 @@ def question(instruction: str, skills: Mapping[str, Skill]) -> str:
     lines = "\n".join(f"{s.signature()}: {s.description}" for s in skills.values())
     return (
         f"A robot can do this:\n{lines}\n\nThe instruction is: {' '.join(instruction.split())[:500]}\n\nWhich skill "
-        "does it ask for, with what thing, and, where it says so, in which relation to what goal? Name things in the "
+        "does it ask for, with what object, and, where it says so, in which relation to what goal? Name objects in the "
         'instruction\'s words. Where it asks for none of these skills, or for several, the skill is "none". Answer '
         'with JSON alone: {"skill": "...", "theme": "...", "goal": "...", "relation": "..."}; "relation" is one of '
         f'{", ".join(r for r in RELATIONS if r)} or empty, "goal" may be empty.'
@@ -103,5 +103,5 @@ def read_answer(text: str, skills: Mapping[str, Skill]) -> PointingTask:
             f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}."
         )
     if skill != "none" and not theme.strip():
-        raise ValueError("'theme' is empty; name the thing.")
+        raise ValueError("'theme' is empty; name the object.")
     return PointingTask(skill, _bare(theme), _bare(goal), relation)

@@ -17,7 +17,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
-from gvla2.robot.scan import Scan, clustered
+from gvla2.robot.scan import Scan
 
 VERSION = 2
 """Version of the decomposition: changes whenever its pieces would."""
@@ -84,8 +84,7 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
     coarse = mesh
     cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
     while len(coarse.faces) > FACES:
-        vertices, faces, _ = clustered(mesh, cell)
-        coarse, cell = TriangleMesh(vertices, faces), cell * 1.3
+        coarse, cell = mesh.clustered(cell)[0], cell * 1.3
     coacd = _import_coacd()
     coacd.set_log_level("error")
     found = coacd.run_coacd(

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class ScaledConfig(TaskConfig):
-    """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
+    """Options of every task here. ``scale`` multiplies the sizes of the objects on the table, 0.8 to 1.2.
 
     Sizes and distances stay within the hand's span and the arm's reach at any scale.
 
-    ``world`` learnable draws how things behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
+    ``world`` learnable draws how objects behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
     ``families`` how many there are of the task's kind, ``family`` the episodes' family (-1: any).
     """
 
@@ -87,8 +87,18 @@ class OpenBoxConfig(ScaledConfig):
 
 _TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
     ("put_block", ScaledConfig, "PutBlock", "Put a block on a painted square."),
-    ("push_block", PushBlockConfig, "PushBlock", "Push a block onto a square painted on the table."),
-    ("play_jenga", ScaledConfig, "PlayJenga", "Pull the loose brick out of a tower that keeps standing."),
+    (
+        "push_block",
+        PushBlockConfig,
+        "PushBlock",
+        "Push a block onto a square painted on the table.",
+    ),
+    (
+        "play_jenga",
+        ScaledConfig,
+        "PlayJenga",
+        "Pull the loose brick out of a tower that keeps standing.",
+    ),
     ("open_jar", OpenJarConfig, "OpenJar", "Unscrew the lid of the jar of the named colour."),
     ("close_box", ScaledConfig, "CloseBox", "Close the hinged lid of a box."),
     ("open_box", OpenBoxConfig, "OpenBox", "Open the hinged lid of a box by its lip."),
@@ -98,18 +108,41 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
     ("open_wine", ScaledConfig, "OpenWine", "Turn the cap of a wine bottle until it comes off."),
     ("lamp_on", LampOnConfig, "LampOn", "Press the sprung button of a lamp."),
     ("put_knife", ScaledConfig, "PutKnife", "Draw a knife from its block and lay it on the board."),
-    ("pick_and_lift", PickAndLiftConfig, "PickAndLift", "Lift the cube of the named colour, beside others."),
-    ("insert_block", ScaledConfig, "InsertBlock", "Slip a square ring over the pillar of the named colour."),
-    ("move_spray_bottle", ScaledConfig, "MoveSprayBottle", "Move a spray bottle onto a painted square."),
+    (
+        "pick_and_lift",
+        PickAndLiftConfig,
+        "PickAndLift",
+        "Lift the cube of the named colour, beside others.",
+    ),
+    (
+        "insert_block",
+        ScaledConfig,
+        "InsertBlock",
+        "Slip a square ring over the pillar of the named colour.",
+    ),
+    (
+        "move_spray_bottle",
+        ScaledConfig,
+        "MoveSprayBottle",
+        "Move a spray bottle onto a painted square.",
+    ),
     ("open_drawer", ScaledConfig, "OpenDrawer", "Pull a drawer open by its handle."),
-    ("sort_object", ScaledConfig, "SortObject", "Put three things into the bins of their colours."),
+    (
+        "sort_object",
+        ScaledConfig,
+        "SortObject",
+        "Put three objects into the bins of their colours.",
+    ),
 )
-"""Name (and module), configuration, class, summary."""
+"""Name, configuration, class, summary."""
+
+_MODULES = {"open_box": "boxes", "close_box": "boxes"}
+"""Modules with another name than their task."""
 
 
 def _component(name: str, config: type[ScaledConfig], made: str, summary: str) -> Component[Task]:
     def build(config: ScaledConfig) -> Task:
-        task: Any = getattr(import_module(f"{__name__}.{name}"), made)
+        task: Any = getattr(import_module(f"{__name__}.{_MODULES.get(name, name)}"), made)
         if config.world == "plain":
             return task(config)  # type: ignore[no-any-return]
         from gvla2_plugins.tabletop.learnable import Learnable

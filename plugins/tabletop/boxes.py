@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import inside, sample_root
+from gvla2.planning.arm import Arm
+from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
+from gvla2.robot.placing import inside, sample_root, sample_until
 from gvla2.robot.solids import tray
-from gvla2.robot.task import Body, Joint, Primitive, TaskSite
+from gvla2.robot.task import Body, Joint, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
+from gvla2_plugins.tabletop.moves import best_path, through
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
 
 BOX, WALL = (0.25, 0.35, 0.15), 0.01
 LID, LID_MASS = (0.268, 0.35, 0.01), 0.938
@@ -117,7 +124,7 @@ def shut_paths(box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
         for closing in (up, -up, back, -back):
             path = beside_path(box, angles, side, closing)
             behind = rigid(translation=0.02 * box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
-            ways.append([behind @ rigid(translation=(0.0, 0.0, -0.085)), behind, *path])
+            ways.append([behind @ lifted(-0.085), behind, *path])
     return ways
 
 
@@ -159,3 +166,157 @@ def hook_path(box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -
     edges = [box.along_lid(float(angle), box.scale * LID[0]) for angle in angles]
     below = HOOK_BELOW * (1.0 + 2.0 * np.sin(lean))  # a leaning finger slips off sooner
     return [rigid(turned, edge + HOOK_BEHIND * behind + below * approach) for edge in edges]
+
+
+LIP_REACH, STANDOFF = 0.006, 0.06
+"""Of the tool centre point inside the lip's edge: the fingertips end before the box's wall; and before the grasp."""
+
+OPENED, FALLS = 1.8, 1.0
+"""How far the lid is swung open, and from which opening it falls shut by itself; radians."""
+
+_BOX = ("box", "lid", "table")
+
+
+def swing_open(box: LidBox) -> Solution:
+    """Grasp the lip from the front, fingers above and below, and go round the hinge with it."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        paths = [lip_path(box, np.linspace(0.0, OPENED, 9), LIP_REACH, sign) for sign in (1.0, -1.0)]
+        before = [path[0] @ lifted(-STANDOFF) for path in paths]
+        best = best_path(arm, [[first, *path] for first, path in zip(before, paths, strict=True)])
+        grasp, *swing = paths[best]
+        yield [
+            *through("approach", [before[best]], 0.6, free=True, contacts=_BOX),
+            *through("reach", [grasp], 0.6, speed=0.1, contacts=_BOX),
+            *through("grasp", [grasp], 0.0, contacts=_BOX),
+            *through("swing", swing, 0.0, speed=0.12, contacts=_BOX, tolerance=0.02),
+        ]
+
+    return solve
+
+
+def push_shut(box: LidBox) -> Solution:
+    """Hook closed fingers behind the lid's edge and pull it over the hinge; it falls the rest of the way."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        angles = np.linspace(TRAVEL, FALLS, 9)
+        paths = shut_paths(box, angles)
+        above, behind, *push = paths[best_path(arm, paths)]
+        yield [
+            *through("approach", [above], 0.0, free=True, contacts=_BOX),
+            *through("lower", [behind], 0.0, contacts=_BOX),
+            *through("push", push, 0.0, contacts=_BOX, tolerance=0.02),
+            *through("leave", [lifted(0.12) @ push[-1]], 0.0, contacts=_BOX),
+        ]
+
+    return solve
+
+
+OPEN = np.pi / 2
+"""Travel of the lid that counts, radians."""
+
+
+class OpenBox:
+    """Open the box. relaxed: the lid was opened by more than a right angle at some time. strict: it still is."""
+
+    instructions = (
+        "open the box",
+        "open the lid of the {colour} box",
+        "lift the lid of the box until it stays open",
+        "swing the {colour} box's lid open",
+        "please open that box for me",
+    )
+    """Paraphrases; ``{colour}`` is the box's colour."""
+
+    def __init__(self, config: OpenBoxConfig) -> None:
+        if not 0.0 < config.swing <= TRAVEL:
+            raise ConfigurationError(
+                f"task=open_box takes task.swing above 0 and up to {TRAVEL:.2f} rad, got {config.swing}."
+            )
+        self._scale, self._swing = config.factor("open_box"), config.swing
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one box, whatever ``instruction`` says."""
+        angles = np.linspace(0.0, self._swing, 6)
+
+        def draw() -> LidBox | None:
+            box = draw_box(rng, site, self._scale)
+            if box is None:
+                return None
+            for sign in (1.0, -1.0):
+                path = lip_path(box, angles, LIP_REACH, sign)
+                if site.follows([path[0] @ lifted(-STANDOFF), *path]):
+                    return box
+            return None
+
+        box = sample_until(draw, "a box")
+        colour, lid_colour = sample_colours(rng, site, 2)
+        bodies = box.bodies(0.0, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
+
+        return TaskInstance(
+            Layout(bodies, (box.joint(opens=True),)),
+            sentence_of(rng, self.instructions, instruction, colour=colour),
+            {"relaxed": _was_open, "strict": _is_open},
+            "relaxed: the lid was opened by more than 90 degrees; strict: it still is",
+            solution=swing_open(box),
+        )
+
+
+def _was_open(world: WorldState) -> bool:
+    return world.peak("hinge") > OPEN
+
+
+def _is_open(world: WorldState) -> bool:
+    return world.joint("hinge") > OPEN
+
+
+SHUT_RELAXED, SHUT_STRICT = 2.4, 2.6
+"""Travel of the lid that counts, radians out of 2.618."""
+
+
+class CloseBox:
+    """Close the box. relaxed: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
+
+    instructions = (
+        "close the box",
+        "shut the lid of the {colour} box",
+        "close the {colour} box's lid",
+        "swing the lid over so that the box is closed",
+        "please shut the box",
+    )
+    """Paraphrases; ``{colour}`` is the box's colour."""
+
+    def __init__(self, config: ScaledConfig) -> None:
+        self._scale = config.factor("close_box")
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one box, whatever ``instruction`` says."""
+        angles = np.linspace(TRAVEL, FALLS, 5)
+
+        def draw() -> LidBox | None:
+            box = draw_box(rng, site, self._scale)
+            if box is None or not any(site.follows(way) for way in shut_paths(box, angles)):
+                return None
+            return box
+
+        box = sample_until(draw, "an open box")
+        colour, lid_colour = sample_colours(rng, site, 2)
+        bodies = box.bodies(TRAVEL, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
+
+        def relaxed(world: WorldState) -> bool:
+            return world.joint("hinge") > SHUT_RELAXED
+
+        def strict(world: WorldState) -> bool:
+            return world.joint("hinge") > SHUT_STRICT
+
+        return TaskInstance(
+            Layout(bodies, (box.joint(opens=False),)),
+            sentence_of(rng, self.instructions, instruction, colour=colour),
+            {"relaxed": relaxed, "strict": strict},
+            f"relaxed: the lid has come {SHUT_RELAXED} rad of its {TRAVEL:.3f}; strict: {SHUT_STRICT} rad",
+            solution=push_shut(box),
+        )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
 from gvla2.robot.solids import square_ring
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.rings import slip_over
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, UP, best_path, raised, through
+from gvla2_plugins.tabletop.scenes import named_by_colour, sample_colours, sentence_of
 
 PILLAR, PILLARS_AT = (0.025, 0.025, 0.12), (-0.125, 0.0, 0.125)
 RING, HOLE, MASS = (0.05, 0.05, 0.01), 0.03, 0.02
@@ -98,3 +101,55 @@ class InsertBlock:
             return None
         top = k * PILLAR[2]
         return (root, start) if all(in_reach(site, xy, (top - 0.03, top + 0.06)) for xy in ends) else None
+
+
+TIP_ROOM = 0.0015
+"""The fingertips' end stays so far above the table, metres."""
+
+PALM_ROOM = 0.006
+LIFT = 0.18
+
+
+def slip_over(pillar: str, height: float, side: float, thickness: float, others: Sequence[str]) -> Solution:
+    """Put the square body ``ring`` (outer ``side``, metres) over the body ``pillar`` of that ``height``."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        ring, post = world.pose("ring"), world.pose(pillar)
+        near = {"ring", "table", *others}
+        top = post[:3, 3] + UP * height / 2
+        palm = arm.hand.finger_length - arm.hand.tip_beyond_tcp
+        ways = []
+        for hand_closing in (sign * ring[:3, i] for i in (0, 1) for sign in (1.0, -1.0)):
+            lowest = ring[:3, 3] - UP * (thickness / 2 - TIP_ROOM - arm.hand.tip_beyond_tcp)
+            grasp = rigid(grasp_rotation(DOWN, hand_closing), lowest)
+            for over_closing in (sign * post[:3, i] for i in (0, 1) for sign in (1.0, -1.0)):
+                over = rigid(grasp_rotation(DOWN, over_closing), top + UP * (palm + PALM_ROOM))
+                ways.append((grasp, over))
+        grasp, over = ways[best_path(arm, [[raised(g, 0.06), g, raised(g, LIFT)] for g, _ in ways])]
+        reachable = [o for g, o in ways if g is grasp]
+        over = reachable[best_path(arm, [[raised(o, 0.05), o] for o in reachable])]
+        yield [
+            *through("approach", [raised(grasp, 0.06)], 1.0, free=True, contacts=near),
+            *through("reach", [grasp], 1.0, speed=0.08, contacts=near),
+            *through("grasp", [grasp], 0.0, contacts=near),
+            *through("lift", [raised(grasp, LIFT)], 0.0, contacts=near, carries="ring"),
+            *through("carry", [raised(over, 0.05)], 0.0, free=True, contacts=near, carries="ring"),
+        ]
+        # How the ring lies in the hand now: bring its middle, not the hand's, over the pillar.
+        hand = raised(over, 0.05)
+        tool_from_ring = invert_rigid(hand) @ world.pose("ring")
+        over = _centred(over, tool_from_ring, top)
+        yield [
+            *through("align", [raised(over, 0.05)], 0.0, speed=0.05, contacts=near, tolerance=0.003),
+            *through("insert", [over], 0.0, speed=0.05, contacts=near),
+            *through("release", [over], 0.8, contacts=near),
+            *through("leave", [raised(over, 0.06)], 0.8, contacts=near),
+        ]
+
+    return solve
+
+
+def _centred(over: FloatArray, tool_from_ring: FloatArray, axis: FloatArray) -> FloatArray:
+    """The tool pose (4, 4) moved sideways until the ring's middle is on the vertical through ``axis`` (3,)."""
+    off = (over @ tool_from_ring)[:3, 3] - axis
+    return rigid(translation=(-float(off[0]), -float(off[1]), 0.0)) @ over

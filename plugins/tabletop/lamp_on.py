@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
-from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import (
+    Body,
+    Glow,
+    Joint,
+    Layout,
+    Primitive,
+    Solution,
+    TaskInstance,
+    TaskSite,
+    WorldState,
+)
 from gvla2_plugins.tabletop import LampOnConfig
-from gvla2_plugins.tabletop.demonstrations.pressing import press
-from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_closing, stop
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours
 
 EASED_TRAVEL, STRICT_TRAVEL = 0.003, 0.0075
 """Travel of the button that counts, metres."""
@@ -70,16 +83,16 @@ class LampOn:
         lamp = Body(
             "lamp",
             (
-                Primitive("box", BASE, BASE_RGB, _lift(0.0, BASE[2] / 2)),
-                Primitive("cylinder", POST, POST_RGB, _lift(POST_X, BASE[2] + POST[2] / 2)),
-                Primitive("cylinder", SHADE, SHADE_RGB, _lift(POST_X, post_top + SHADE[2] / 2)),
+                Primitive("box", BASE, BASE_RGB, lifted(BASE[2] / 2, 0.0)),
+                Primitive("cylinder", POST, POST_RGB, lifted(BASE[2] + POST[2] / 2, POST_X)),
+                Primitive("cylinder", SHADE, SHADE_RGB, lifted(post_top + SHADE[2] / 2, POST_X)),
             ),
             root,
             mass=0.5,
             fixed=True,
         )
         diameter = self._config.diameter
-        centre = root @ _lift(BUTTON_X, BASE[2] + height / 2)
+        centre = root @ lifted(BASE[2] + height / 2, BUTTON_X)
         plate = Primitive("cylinder", (diameter, diameter, height), COLOURS[colour])
         button = Body("button", (plate,), centre, mass=0.02, label=f"{colour} button")
         slide = Joint(
@@ -119,5 +132,19 @@ class LampOn:
         return root if in_reach(site, button, (0.01, self._config.height + 0.15)) else None
 
 
-def _lift(x: float, z: float) -> FloatArray:
-    return rigid(translation=(x, 0.0, z))
+def press(button: str, beside: str, top: float, travel: float) -> Solution:
+    """Press the body ``button``, whose upper face is ``top`` over its origin, down by ``travel``; metres."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        pose = world.pose(button)
+        face = transform_points(pose, (0.0, 0.0, top)) + UP * arm.hand.tip_beyond_tcp
+        down = face - UP * travel
+        closing = best_closing(arm, [face + 0.06 * UP, down], around(UP, pose[:3, 0], 8))
+        near = {button, beside, "table"}
+        yield [
+            stop("approach", face + 0.06 * UP, 0.0, DOWN, closing, free=True, contacts=near),
+            stop("press", down, 0.0, speed=0.05, contacts=near),
+            stop("leave", face + 0.06 * UP, 0.0, contacts=near),
+        ]
+
+    return solve

@@ -1,26 +1,273 @@
-"""Tasks of the learnable world: a published task whose things behave as their family does."""
+"""The learnable world: published tasks whose objects look and behave as their family does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gvla2.errors import ConfigurationError
-from gvla2.planning.colours import colours_in
-from gvla2.robot.task import Task, TaskInstance, TaskSite
-from gvla2_plugins.tabletop.learnable_ranges import COLOURED, TRAITS, Family, families
-from gvla2_plugins.tabletop.learnable_things import CHANGES, NEEDED
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.task import (
+    Body,
+    Catch,
+    Joint,
+    Primitive,
+    Task,
+    TaskInstance,
+    TaskSite,
+    Thread,
+    WorldState,
+)
+from gvla2_plugins.tabletop.scenes import lifted
 
 if TYPE_CHECKING:
-    from gvla2_plugins.tabletop import ScaledConfig
+    from gvla2_plugins.tabletop.scenes import lifted
+from gvla2_plugins.tabletop import ScaledConfig
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """The ranges of a family's properties, uniform unless noted.
+
+    ``jar`` and ``bottle``: degrees of turn at which a cap comes loose, and the share of bottles whose thread is
+    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``hold``: seconds that it has to be
+    held down. ``catch``: metres that a drawer's handle is lifted before the drawer can be pulled; the share
+    ``no_catch`` of the drawers has none. ``spring``: degrees of opening from which a lid stays open by its weight;
+    short of that its spring shuts it.
+    """
+
+    jar: tuple[float, float] = (80.0, 300.0)
+    bottle: tuple[float, float] = (80.0, 250.0)
+    left_handed: float = 0.5
+    click: tuple[float, float] = (0.004, 0.020)
+    hold: tuple[float, float] = (0.2, 3.0)
+    catch: tuple[float, float] = (0.006, 0.025)
+    no_catch: float = 0.25
+    spring: tuple[float, float] = (98.0, 114.0)
+
+
+RANGES = Ranges()
+
+
+@dataclass(frozen=True)
+class Family:
+    """Objects of one kind that look the same and behave the same: a colour word, and a value in the kind's unit.
+
+    ``value`` of its ``trait``: radians of turn of a ``jar`` or ``bottle`` (negative: with the clock), metres of travel
+    of a ``click``, seconds of a ``hold``, metres of lift of a ``catch`` (0: none), radians of a lid's ``spring``.
+    """
+
+    colour: str
+    trait: str
+    value: float
+
+
+TRAITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "open_jar": ("jar",),
+        "open_wine": ("bottle",),
+        "lamp_on": ("click", "hold"),
+        "open_drawer": ("catch",),
+        "open_box": ("spring",),
+    }
+)
+"""The tasks with something to learn, and their traits: with several, the families take them in turn."""
+
+COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
+"""Colours of families: hues that are distinct in any light."""
+
+
+def families(kind: str, world: int, count: int, ranges: Ranges = RANGES) -> tuple[Family, ...]:
+    """The families of a kind in the world of that seed, each of another colour; the same at each call."""
+    rng = np.random.default_rng([world, zlib.crc32(kind.encode())])
+    colours = [COLOURED[i] for i in rng.permutation(len(COLOURED))[:count]]
+    traits = (TRAITS[kind][i % len(TRAITS[kind])] for i in range(count))
+    return tuple(Family(c, t, _drawn(t, rng, ranges)) for c, t in zip(colours, traits, strict=True))
+
+
+def _drawn(trait: str, rng: np.random.Generator, ranges: Ranges) -> float:
+    value = float(rng.uniform(*getattr(ranges, trait)))
+    if trait in ("jar", "bottle", "spring"):
+        value = float(np.deg2rad(value))
+    if trait == "bottle" and rng.random() < ranges.left_handed:
+        return -value
+    if trait == "catch" and rng.random() < ranges.no_catch:
+        return 0.0
+    return value
+
+
+Change = Callable[[Task, np.random.Generator, TaskSite, Family, Sequence[Family]], TaskInstance]
+
+ROOM, STOPPED = 0.004, 0.00005
+"""Distance from the lamp's switching point to the button's stop, and from the stop at which it counts as rammed,
+metres."""
+PLATE, STANDS = 0.006, 0.030
+"""The thickness of the plate that is pressed, and how far it stands out of its base, metres."""
+HELD_TRAVEL, HELD_AT = 0.012, 0.003
+"""How far a button goes that has to be held down, and beyond where it has to be held, metres."""
+SPRING = 300.0
+"""N/m: at the end of its travel the button presses back with 8 N, less than where a press gives up."""
+HANDLE_ROOM, HANDLE_SPRING, HANDLE_MASS = 0.010, 150.0, 0.08
+"""Travel of a handle beyond what its catch needs, metres; its spring, N/m; its mass, kilograms. At its stop the catch
+holds again."""
+GRAVITY = 9.81
+"""m/s²."""
+WIDEST = 2.0 * np.pi
+"""Radians between the stops of a thread."""
+
+
+def _jar(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """Each jar's lid comes loose where its colour's thread ends."""
+    made = task.sample(rng, site)
+    turns = {one.colour: one.value for one in (family, *others)}
+    threads = tuple(
+        _cut(thread, turns.get(made.layout[thread.parent].label.split()[0], family.value))
+        for thread in made.layout.threads
+    )
+    return replace(made, layout=replace(made.layout, threads=threads))
+
+
+def _cut(thread: Thread, turn: float) -> Thread:
+    """The thread with its end at a turn, radians; a negative one is turned with the clock."""
+    limits = (0.0, WIDEST) if turn > 0 else (-WIDEST, 0.0)
+    return replace(thread, release=abs(turn), limits=limits)
+
+
+def _bottle(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A bottle of the family's colour, whose cap turns one way only."""
+    del others
+    made = task.sample(rng, site)
+    glass = COLOURS[family.colour]
+    bodies = tuple(
+        replace(
+            body,
+            solids=tuple(
+                replace(solid, rgb=glass) if isinstance(solid, Primitive) else solid for solid in body.solids
+            ),
+            label=f"{family.colour} bottle",
+        )
+        if body.name == "bottle"
+        else body
+        for body in made.layout.bodies
+    )
+    threads = tuple(_cut(thread, family.value) for thread in made.layout.threads)
+    return replace(
+        made,
+        layout=replace(made.layout, bodies=bodies, threads=threads),
+        goal=f"the cap is loose (at {abs(np.degrees(family.value)):.0f} degrees) and has left the bottle's mouth",
+    )
+
+
+def _lamp(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A high button: it lights its lamp shortly before its stop, and rammed against that puts it out; or it wants to be
+    held down.
+    """
+    del others
+    made = task.sample(rng, site)
+    (old,), (glow,) = made.layout.joints, made.layout.glows
+    button = made.layout["button"]
+    (cap,) = button.solids
+    assert isinstance(cap, Primitive)
+    base = float(button.world_from_body[2, 3] - 0.5 * cap.size[2])
+    centre = button.world_from_body.copy()
+    centre[2, 3] = base + 0.5 * STANDS
+    stem = replace(cap, size=(0.5 * cap.size[0], 0.5 * cap.size[1], STANDS - PLATE), collides=False)
+    plate = replace(cap, size=(*cap.size[:2], PLATE), body_from_shape=lifted(0.5 * (STANDS - PLATE)))
+    stem = replace(stem, body_from_shape=lifted(-0.5 * PLATE))
+    high = replace(button, solids=(plate, stem), world_from_body=centre, shape="cylinder")
+    if family.trait == "hold":
+        least, stop = HELD_AT, HELD_TRAVEL
+        shines = replace(glow, travel=least, hold=family.value)
+        goal = f"the lamp is on: its button was held down for {family.value:.1f} s"
+    else:
+        least, stop = family.value, family.value + ROOM
+        shines = replace(glow, travel=least, until=stop - STOPPED)
+        goal = "the lamp is on: its button went far enough, and not to its stop"
+    joint = replace(old, origin=centre[:3, 3], limits=(0.0, stop), stiffness=SPRING)
+    bodies = tuple(high if body.name == "button" else body for body in made.layout.bodies)
+    layout = replace(made.layout, bodies=bodies, joints=(joint,), glows=(shines,))
+
+    def lit(world: WorldState) -> bool:
+        return least < world.peak("press") <= shines.until
+
+    return replace(made, layout=layout, succeeded={"relaxed": lit, "strict": lit}, goal=goal)
+
+
+def _drawer(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A drawer whose handle moves up and down, and holds it shut until it has been lifted far enough."""
+    del others
+    made = task.sample(rng, site)
+    drawer = made.layout["drawer"]
+    (slide,) = made.layout.joints
+    numbers = set(drawer.parts[0][1])
+    handle = Body(
+        "handle",
+        tuple(solid for i, solid in enumerate(drawer.solids) if i in numbers),
+        drawer.world_from_body,
+        HANDLE_MASS,
+        label="handle",
+    )
+    front = replace(
+        drawer, solids=tuple(s for i, s in enumerate(drawer.solids) if i not in numbers), parts=()
+    )
+    stop = family.value + HANDLE_ROOM
+    latch = Joint(
+        "latch", "prismatic", "drawer", "handle", axis=np.array([0.0, 0.0, 1.0]), origin=slide.origin,
+        limits=(0.0, stop), rest=-0.01, stiffness=HANDLE_SPRING, damping=4.0,
+    )  # fmt: skip
+    bodies = (*(front if body.name == "drawer" else body for body in made.layout.bodies), handle)
+    catches = (Catch("slide", "latch", family.value, stop - 0.001),) if family.value > 0.0 else ()
+    layout = replace(made.layout, bodies=bodies, joints=(slide, latch), catches=catches)
+    return replace(made, layout=layout)
+
+
+def _lid(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open. Friction would
+    hold it short of that, too.
+    """
+    del others
+    made = task.sample(rng, site)
+    (hinge,) = made.layout.joints
+    lid = made.layout["lid"]
+    lever = float(np.linalg.norm(lid.world_from_body[:2, 3] - hinge.origin[:2]))
+    weight = lid.mass * GRAVITY * lever * -np.cos(family.value)  # Nm, opening it
+    layout = replace(made.layout, joints=(replace(hinge, stiffness=weight / family.value, friction=0.0),))
+    stays = made.succeeded["strict"]
+    return replace(
+        made,
+        layout=layout,
+        succeeded={"relaxed": stays, "strict": stays},
+        goal=f"the lid stays open, as it does from {np.degrees(family.value):.0f} degrees on",
+    )
+
+
+CHANGES: Mapping[str, Change] = MappingProxyType(
+    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer, "open_box": _lid}
+)
+"""How the objects of each kind are made."""
+
+NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
+"""Options of a published task without which its objects may stand where the arm cannot do what is to be learnt."""
 
 
 class Learnable:
     """Implements :class:`gvla2.robot.task.Task` over a published one: its layout, sentence and success check, and
-    things of one family in the colour and with the property that the world's seed gave them.
+    objects of one family in the colour and with the property that the world's seed gave them.
     """
 
     def __init__(self, kind: str, config: ScaledConfig, make: Callable[[ScaledConfig], Task]) -> None:

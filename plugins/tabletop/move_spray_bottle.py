@@ -10,9 +10,8 @@ from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_un
 from gvla2.robot.solids import on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.placing import put_on
-from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import put_on
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of, square
 
 TANK, NECK, HEAD = (0.066, 0.12), (0.028, 0.03), (0.075, 0.026, 0.032)
 MASS = 0.25
@@ -49,24 +48,11 @@ class MoveSprayBottle:
         """One episode; there is one bottle and one square, whatever ``instruction`` says."""
         start, spot = sample_until(lambda: self._draw(rng, site), "a spray bottle and its square")
         colour, target_colour = sample_colours(rng, site, 2, beside=(HEAD_RGB,))
-        bottle = Body(
-            "bottle",
-            self._solids(COLOURS[colour]),
-            start,
-            MASS,
-            label=f"{colour} spray bottle",
-            shape="cylinder",
-        )
-        paint = Primitive("box", (TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
-        target = Body(
-            "target",
-            (paint,),
-            spot @ rigid(translation=(0, 0, PAINT / 2)),
-            fixed=True,
-            label=f"{target_colour} square",
-        )
-        area = on(spot @ rigid(translation=(0, 0, -LOW)), (TARGET, TARGET), 2 * LOW)
-        middle = on(spot @ rigid(translation=(0, 0, -LOW)), (STRICT_AREA, STRICT_AREA), 2 * LOW)
+        words = f"{colour} spray bottle"
+        bottle = Body("bottle", self._solids(COLOURS[colour]), start, MASS, label=words, shape="cylinder")
+        target = square(spot, TARGET, target_colour)
+        area = on(spot @ lifted(-LOW), (TARGET, TARGET), 2 * LOW)
+        middle = on(spot @ lifted(-LOW), (STRICT_AREA, STRICT_AREA), 2 * LOW)
 
         def relaxed(world: WorldState) -> bool:
             pose = world.pose("bottle")
@@ -88,8 +74,8 @@ class MoveSprayBottle:
         k = self._scale
         (tank, high), (neck, middle), head = TANK, NECK, HEAD
         return (
-            Primitive("cylinder", (k * tank, k * tank, k * high), rgb, _up(k * high / 2)),
-            Primitive("cylinder", (k * neck, k * neck, k * middle), rgb, _up(k * (high + middle / 2))),
+            Primitive("cylinder", (k * tank, k * tank, k * high), rgb, lifted(k * high / 2)),
+            Primitive("cylinder", (k * neck, k * neck, k * middle), rgb, lifted(k * (high + middle / 2))),
             Primitive(
                 "box", (k * head[0], k * head[1], k * head[2]), HEAD_RGB,
                 rigid(translation=(k * 0.012, 0.0, k * (high + middle + head[2] / 2))),
@@ -109,7 +95,3 @@ class MoveSprayBottle:
         if not all(in_reach(site, xy, (height, height + 0.18)) for xy in (root[:2, 3], goal)):
             return None
         return root, planar(goal, site.table_height, float(yaw))
-
-
-def _up(z: float) -> FloatArray:
-    return rigid(translation=(0.0, 0.0, z))

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import grasp_rotation
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, inside, sample_root, sample_until
 from gvla2.robot.solids import tray
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Joint, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.handles import pull_handle
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import best_path, through
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
 
 CABINET, BOARD = (0.24, 0.28, 0.16), 0.012
 INNER_GAP = 0.004
@@ -92,7 +94,7 @@ class OpenDrawer:
             rigid(translation=(-x / 2 + BOARD / 2, 0, bottom + inner[2] / 2)),
         )
         tub = tuple(
-            Primitive(s.kind, s.size, s.rgb, rigid(translation=(0.0, 0.0, bottom)) @ s.body_from_shape)
+            Primitive(s.kind, s.size, s.rgb, lifted(bottom) @ s.body_from_shape)
             for s in tray((inner[0], inner[1], 0.7 * inner[2]), 0.006, front)
         )
         out, length, height = -x / 2 - k * BAR_OUT, k * BAR_LENGTH, k * BAR_HEIGHT
@@ -145,3 +147,20 @@ def handle_path(root: FloatArray, k: float, sign: float, lean: float) -> list[Fl
     turned = grasp_rotation(approach, sign * (np.cos(lean) * up - np.sin(lean) * out))
     bar = at(root, -k * (CABINET[0] / 2 + BAR_OUT), 0.0, k * BAR_HEIGHT)[:3, 3]
     return [rigid(turned, spot) for spot in (bar - STANDOFF * approach, bar, bar + PULL * out)]
+
+
+def pull_handle(obj: str, near: Sequence[str], ways: Sequence[Sequence[FloatArray]]) -> Solution:
+    """One of several ways of tool poses (4, 4): before the handle, at it, pulled."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        before, grasp, pulled = ways[best_path(arm, ways)]
+        contacts = {obj, *near, "table"}
+        yield [
+            *through("approach", [before], 0.6, free=True),
+            *through("reach", [grasp], 0.6, speed=0.1, contacts=contacts),
+            *through("grasp", [grasp], 0.0, contacts=contacts),
+            *through("pull", [pulled], 0.0, speed=0.1, contacts=contacts, tolerance=0.02),
+            *through("release", [pulled], 0.6, contacts=contacts),
+        ]
+
+    return solve

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, clear, in_reach, inside, sample_root, sample_until
 from gvla2.robot.solids import Volume, on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
 from gvla2_plugins.tabletop import OpenJarConfig
-from gvla2_plugins.tabletop.demonstrations.screws import unscrew
-from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
+from gvla2_plugins.tabletop.scenes import lifted, named_by_colour, sample_colours, sentence_of, square
+from gvla2_plugins.tabletop.screws import unscrew
 
 LID, LID_MASS = (0.074, 0.021), 0.05
 JAR = (0.066, 0.12)
@@ -82,16 +81,7 @@ class OpenJar:
                 )
             )  # fmt: skip
         place = at(root, *PUT_AT)
-        paint = Primitive("box", (PATCH, PATCH, PAINT), COLOURS[patch], collides=False)
-        bodies.append(
-            Body(
-                "patch",
-                (paint,),
-                place @ rigid(translation=(0, 0, PAINT / 2)),
-                fixed=True,
-                label=f"{patch} square",
-            )
-        )
+        bodies.append(square(place, PATCH, patch, "patch"))
         lid = bodies[2 * target + 1]
         about = Volume(lid.world_from_body, (LEFT, LEFT, LEFT_HEIGHT))
         put = on(place, (PUT, PUT), PUT_HEIGHT)
@@ -144,11 +134,9 @@ class OpenJar:
 
 def _bodies(i: int, spot: FloatArray, colour: str, sizes: _Sizes) -> tuple[Body, Body]:
     (width, height), (lid_width, lid_height) = sizes.jar, sizes.lid
-    glass = Primitive(
-        "cylinder", (width, width, height), COLOURS[colour], rigid(translation=(0, 0, height / 2))
-    )
+    glass = Primitive("cylinder", (width, width, height), COLOURS[colour], lifted(height / 2))
     disc = Primitive("cylinder", (lid_width, lid_width, lid_height), LID_RGB)
-    top = spot @ rigid(translation=(0, 0, height + lid_height / 2))
+    top = spot @ lifted(height + lid_height / 2)
     return (
         Body(f"jar_{i}", (glass,), spot, 0.4, fixed=True, label=f"{colour} jar"),
         Body(f"lid_{i}", (disc,), top, LID_MASS, label="gray lid"),

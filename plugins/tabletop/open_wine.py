@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
 from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.screws import unscrew
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.scenes import lifted, sentence_of
+from gvla2_plugins.tabletop.screws import unscrew
 
 BOTTLE, NECK = (0.074, 0.20), 0.022
 CAP, CAP_AT, CAP_MASS = (0.028, 0.028, 0.008), 0.29, 0.01
@@ -51,7 +51,7 @@ class OpenWine:
         )
         x, y, z = (k * side for side in CAP)
         cap = Body(
-            "cap", (Primitive("box", (x, y, z), GOLD),), root @ rigid(translation=(0, 0, neck_top + z / 2)), CAP_MASS,
+            "cap", (Primitive("box", (x, y, z), GOLD),), root @ lifted(neck_top + z / 2), CAP_MASS,
             label="yellow cap", shape="disc",
         )  # fmt: skip
         bottle = Body("bottle", glass, root, 1.2, fixed=True, label="green wine bottle", shape="cylinder")
@@ -95,5 +95,5 @@ class OpenWine:
 
 
 def _round(diameter: float, low: float, high: float) -> Primitive:
-    middle = rigid(translation=(0.0, 0.0, (low + high) / 2))
+    middle = lifted((low + high) / 2)
     return Primitive("cylinder", (diameter, diameter, high - low), GLASS, middle)

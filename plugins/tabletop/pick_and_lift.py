@@ -13,8 +13,8 @@ from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_un
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig
-from gvla2_plugins.tabletop.demonstrations.placing import hold_up
-from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.moves import hold_up
+from gvla2_plugins.tabletop.scenes import sample_colours
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the relaxed profile, standing on the table about the cube's starting place, metres."""

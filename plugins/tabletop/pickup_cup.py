@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.solids import cup, on
-from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.rims import by_the_rim
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, UP, around, pick
+from gvla2_plugins.tabletop.scenes import named_by_colour, sample_colours, sentence_of
 
 DIAMETER, HEIGHT, WALL, MASS = 0.093, 0.147, 0.004, 0.053
 AREA = (0.40, 0.60)
@@ -83,3 +86,27 @@ class PickupCup:
         if not all(in_reach(site, xy, (self._height - 0.02, self._height + 0.2)) for xy in centres):
             return None
         return [planar(xy, site.table_height, float(yaw)) for xy, yaw in zip(centres, yaws, strict=True)]
+
+
+RIM_DEPTH, LIFT = 0.02, 0.15
+
+
+def by_the_rim(obj: str, diameter: float, height: float, wall: float) -> Solution:
+    """Lift an open cylinder, its origin in the middle of its underside, by the wall."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        pose = world.pose(obj)
+        best = (-1.0, pose[:3, 3], pose[:3, 0])
+        for outward in around(UP, pose[:3, 0], 16):
+            point = pose[:3, 3] + outward * (diameter - wall) / 2 + UP * (height - RIM_DEPTH)
+            for closing in (outward, -outward):
+                margins = [
+                    -1.0 if found is None else found.limit_margin
+                    for z in (0.0, LIFT)
+                    for found in [arm.inverse(rigid(grasp_rotation(DOWN, closing), point + z * UP))]
+                ]
+                best = max(best, (min(margins), point, closing), key=lambda choice: choice[0])
+        _, point, closing = best
+        yield pick(obj, np.asarray(point), np.asarray(closing), LIFT)
+
+    return solve

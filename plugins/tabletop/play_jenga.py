@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, inside, sample_root, sample_until
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.bricks import brick_path, pull_brick
-from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, best_path, through
+from gvla2_plugins.tabletop.scenes import PAINT, sample_colours, sentence_of
 
 BRICK, MASS = (0.2, 0.067, 0.033), 0.448
 LOOSE = 0.9
@@ -111,3 +114,47 @@ class PlayJenga:
         pose = self._loose(root, "red").world_from_body
         ways = [brick_path(root, pose, k) @ rigid(np.diag([s, s, 1.0])) for s in (1.0, -1.0)]
         return root if any(site.follows(list(way)) for way in ways) else None
+
+
+FROM_END = 0.02
+"""Of the grasp from the brick's end, metres: the palm stays clear of the tower."""
+
+DRAWN, CLEAR = 0.20, 0.06
+
+
+def brick_path(root: FloatArray, brick: FloatArray, scale: float) -> FloatArray:
+    """(6, 4, 4) tool poses: above the brick's end, at it, drawn out, aside, set down, above again.
+
+    ``brick`` (4, 4), its x axis pointing out of the tower.
+    """
+    out, across = brick[:3, 0], root[:3, 0]
+    turned = grasp_rotation(DOWN, brick[:3, 1])
+    grasp = brick[:3, 3] + out * (scale * LOOSE * BRICK[0] / 2 - FROM_END)
+    drawn = grasp + out * scale * DRAWN
+    # The brick's middle comes over the goal.
+    goal = root[:3, 3] + root[:3, :2] @ np.asarray(GOAL)
+    aside = drawn + across * float((goal - drawn) @ across)
+    down = goal + (grasp - brick[:3, 3])
+    down[2] = root[2, 3] + scale * LOOSE * BRICK[2] / 2 + 0.003
+    points = [grasp - CLEAR * DOWN, grasp, drawn, aside, down, down - CLEAR * DOWN]
+    return np.stack([rigid(turned, point) for point in points])
+
+
+def pull_brick(path: Callable[[FloatArray], FloatArray]) -> Solution:
+    """Pull the body ``loose`` along the tool path that ``path`` gives for its pose."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        poses = path(world.pose("loose"))
+        ways = [list(poses @ rigid(np.diag([sign, sign, 1.0]))) for sign in (1.0, -1.0)]
+        above, grasp, drawn, aside, down, away = ways[best_path(arm, ways)]
+        near = ["loose", "table", *(f"brick_{layer}_{slot}" for layer in range(5) for slot in range(3))]
+        yield [
+            *through("approach", [above], 0.95, free=True, contacts=near),
+            *through("reach", [grasp], 0.95, contacts=near, speed=0.1),
+            *through("grasp", [grasp], 0.0, contacts=near),
+            *through("pull", [drawn, aside, down], 0.0, contacts=near, carries="loose"),
+            *through("release", [down], 1.0, contacts=near),
+            *through("leave", [away], 1.0, contacts=near),
+        ]
+
+    return solve

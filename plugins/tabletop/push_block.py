@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PushBlockConfig
-from gvla2_plugins.tabletop.demonstrations.pressing import push_to
-from gvla2_plugins.tabletop.painting import PAINT, sample_colours
+from gvla2_plugins.tabletop.moves import DOWN, UP, best_closing, stop
+from gvla2_plugins.tabletop.scenes import PAINT, sample_colours
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""
@@ -103,3 +106,38 @@ class PushBlock:
             planar(start, site.table_height + size / 2, float(block_yaw)),
             planar(goal, site.table_height + PAINT / 2, float(target_yaw)),
         )
+
+
+def push_to(obj: str, goal: str, size: float) -> Solution:
+    """Push the cube ``obj`` of that ``size`` over the table until its middle is on the origin of ``goal``.
+
+    Two pushes: the second corrects the first one's drift from friction.
+    """
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        for share in (0.6, 1.0):
+            block, target = world.pose(obj), world.pose(goal)[:3, 3]
+            way = (target - block[:3, 3]) * (1.0, 1.0, 0.0)
+            ahead = way / np.linalg.norm(way)
+            behind = _half_width(block, ahead, size) + 0.5 * arm.hand.finger_breadth
+            height = UP * (block[2, 3] - 0.2 * size)
+            flat = np.array([1.0, 1.0, 0.0])
+            start = block[:3, 3] * flat - ahead * (behind + 0.025) + height
+            end = (block[:3, 3] + share * way) * flat - ahead * behind + height
+            across = np.cross(UP, ahead)
+            closing = best_closing(arm, [start + 0.08 * UP, start, end], [across, -across])
+            near = {obj, "table"}
+            yield [
+                stop("approach", start + 0.08 * UP, 0.0, DOWN, closing, free=True),
+                stop("lower", start, 0.0, contacts=near),
+                stop("push", end, 0.0, speed=0.1, contacts=near),
+                stop("back", end - 0.04 * ahead, 0.0, contacts=near),
+                stop("leave", end - 0.04 * ahead + 0.1 * UP, 0.0, contacts=near),
+            ]
+
+    return solve
+
+
+def _half_width(block: FloatArray, ahead: FloatArray, size: float) -> float:
+    """From the middle of a square to its edge, against the direction ``ahead`` (3,), metres."""
+    return 0.5 * size / float(np.max(np.abs(block[:3, :2].T @ ahead)))

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
 from gvla2.robot.solids import Volume, on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.placing import put_on
-from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import put_on
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of, square
 
 SIZE, MASS = 0.0608, 0.448
 BLOCK_AT, TARGET_AT = (0.025, -0.025), (0.025, 0.15)
@@ -46,18 +45,11 @@ class PutBlock:
         block_colour, target_colour = sample_colours(rng, site, 2)
         size = self._size
         cube = Primitive("box", (size, size, size), COLOURS[block_colour])
-        paint = Primitive("box", (TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
         block = Body("block", (cube,), at(root, *BLOCK_AT, size / 2), MASS, label=f"{block_colour} cube")
         spot = at(root, *TARGET_AT)
-        target = Body(
-            "target",
-            (paint,),
-            spot @ rigid(translation=(0, 0, PAINT / 2)),
-            fixed=True,
-            label=f"{target_colour} square",
-        )
+        target = square(spot, TARGET, target_colour)
         area = on(spot, (EASED_AREA, EASED_AREA), TOUCHING)
-        centre = Volume(spot @ rigid(translation=(0, 0, size / 2)), (STRICT_AREA, STRICT_AREA, size))
+        centre = Volume(spot @ lifted(size / 2), (STRICT_AREA, STRICT_AREA, size))
 
         def relaxed(world: WorldState) -> bool:
             return area.meets(block, world.pose("block"))

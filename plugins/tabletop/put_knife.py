@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, clear, inside, sample_root, sample_until
 from gvla2.robot.solids import on
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.knives import draw_knife, knife_paths
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, raised, through
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
 
 BLOCK, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
 SLOT = (0.027, 0.006, 0.125)
@@ -53,7 +56,7 @@ class PutKnife:
         k = self._scale
         root, stand = sample_until(lambda: self._draw(rng, site), "a knife block and a board")
         (colour,) = sample_colours(rng, site, 1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
-        board = Primitive("box", BOARD, BOARD_RGB, rigid(translation=(0, 0, BOARD[2] / 2)))
+        board = Primitive("box", BOARD, BOARD_RGB, lifted(BOARD[2] / 2))
         bodies = (
             Body("board", (board,), root, fixed=True, label="white chopping board", shape="plate"),
             Body("block", _block(k), stand, fixed=True, label="brown knife block", shape="box"),
@@ -105,12 +108,12 @@ class PutKnife:
 
 def _in_slot(stand: FloatArray, k: float) -> FloatArray:
     """world_from_knife (4, 4): its grip stands on the block's top, its blade in the slot."""
-    return stand @ rigid(translation=(0.0, 0.0, k * (BLOCK[2] + GRIP[2] / 2) + 0.0005))
+    return stand @ lifted(k * (BLOCK[2] + GRIP[2] / 2) + 0.0005)
 
 
 def _knife(k: float, rgb: tuple[float, float, float]) -> tuple[Primitive, ...]:
     """Grip about the origin, blade below it along -z."""
-    below = rigid(translation=(0.0, 0.0, -k * (GRIP[2] + BLADE[2]) / 2))
+    below = lifted(-k * (GRIP[2] + BLADE[2]) / 2)
     return (
         Primitive("box", (k * GRIP[0], k * GRIP[1], k * GRIP[2]), rgb),
         Primitive("box", (k * BLADE[0], k * BLADE[1], k * BLADE[2]), STEEL, below),
@@ -129,3 +132,65 @@ def _block(k: float) -> tuple[Primitive, ...]:
         ((end, wide, down), (-(deep + end) / 2, 0.0, middle)),
     )
     return tuple(Primitive("box", size, BLOCK_RGB, rigid(translation=place)) for size, place in parts)
+
+
+STANDOFF, ABOVE, ON_GRIP = 0.07, 0.10, 0.010
+"""Metres: before the grip, over the board; how far above the grip's middle the hand takes it."""
+
+
+Paths = list[tuple[list[FloatArray], list[FloatArray]]]
+
+
+def knife_paths(knife: FloatArray, board: FloatArray, scale: float, thickness: float, blade: float) -> Paths:
+    """Ways to do it, each as tool poses (4, 4) out of the block and poses down to the board.
+
+    The hand comes from either side of the grip, flat, and lays the knife along any of eight directions.
+    """
+    ways: Paths = []
+    axis, middle = knife[:3, 2], knife[:3, 3] + scale * ON_GRIP * knife[:3, 2]
+    for approach in (knife[:3, 0], -knife[:3, 0]):
+        for sign in (1.0, -1.0):
+            turned = grasp_rotation(approach, sign * knife[:3, 1])
+            grasp = rigid(turned, middle)
+            out = rigid(turned, middle + axis * (scale * blade + 0.03))
+            # The blade lies along -axis in the hand: about the hand's x, one way or the other.
+            blade_in_hand = turned.T @ -axis
+            for along in around(UP, board[:3, 0], 8):
+                # Pointing down, the hand is turned so that the blade points `along`.
+                laid = _pointing_down(along, blade_in_hand[0] > 0)
+                grip_at = board[:3, 3] - along * scale * blade / 3
+                down = rigid(laid, grip_at + UP * (thickness + scale * GRIP[0] / 2 + 0.003))
+                before = rigid(turned, middle - STANDOFF * approach)
+                ways.append(([before, grasp, out], [raised(down, ABOVE), down]))
+    return ways
+
+
+def draw_knife(board: FloatArray, scale: float, thickness: float, blade: float) -> Solution:
+    """Draw the body ``knife`` out of the body ``block`` and lay it on the body ``board``."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        ways = knife_paths(world.pose("knife"), board, scale, thickness, blade)
+        outs = [out for out, _ in ways[::8]]
+        chosen = best_path(arm, outs)
+        before, grasp, out = outs[chosen]
+        lays = [lay for _, lay in ways[8 * chosen : 8 * chosen + 8]]
+        above, down = lays[best_path(arm, lays)]
+        near = {"knife", "block", "table"}
+        yield [
+            *through("approach", [before], 0.6, free=True),
+            *through("reach", [grasp], 0.6, speed=0.1, contacts=near),
+            *through("grasp", [grasp], 0.0, contacts=near),
+            *through("draw", [out], 0.0, speed=0.1, contacts=near, carries="knife"),
+            *through("carry", [above], 0.0, free=True, carries="knife"),
+            *through("lower", [down], 0.0, speed=0.1, contacts={"board", "knife"}, carries="knife"),
+            *through("release", [down], 0.6, contacts={"board", "knife"}),
+            *through("leave", [above], 0.6, contacts={"board", "knife"}),
+        ]
+
+    return solve
+
+
+def _pointing_down(blade: FloatArray, along_x: bool) -> FloatArray:
+    """(3, 3) of a hand that points down and whose x axis is ``blade``, or its opposite."""
+    x = blade if along_x else -blade
+    return np.asarray(grasp_rotation(DOWN, np.cross(DOWN, x)))

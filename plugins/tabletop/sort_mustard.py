@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.solids import on, tray
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.placing import put_on
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import put_on
+from gvla2_plugins.tabletop.scenes import lifted, sentence_of
 
 TRAY, TRAY_WALL = (0.318, 0.318, 0.05), 0.008
 VOLUME = (0.325, 0.325, 0.10)
@@ -62,11 +62,11 @@ class SortMustard:
         )  # fmt: skip
         container = Body("tray", tray(TRAY, TRAY_WALL, GREY), poses[0], fixed=True, label="gray tray")
         can = Body(
-            "can", (Primitive("cylinder", CAN, BLUE, _up(CAN[2] / 2)),), poses[2], 0.2, label="blue can"
+            "can", (Primitive("cylinder", CAN, BLUE, lifted(CAN[2] / 2)),), poses[2], 0.2, label="blue can"
         )
         carton = Body(
             "carton",
-            (Primitive("box", CARTON, GREEN, _up(CARTON[2] / 2)),),
+            (Primitive("box", CARTON, GREEN, lifted(CARTON[2] / 2)),),
             poses[3],
             0.2,
             label="green carton",
@@ -119,11 +119,7 @@ def _bottle(size: tuple[float, float, float], shoulders: float) -> tuple[Primiti
     step = (height - shoulders) / 2
     cap, nozzle = 0.6 * width, 0.3 * width
     return (
-        Primitive("box", (length, width, shoulders), YELLOW, _up(shoulders / 2)),
-        Primitive("cylinder", (cap, cap, step), YELLOW, _up(shoulders + step / 2)),
-        Primitive("cylinder", (nozzle, nozzle, step), RED, _up(shoulders + 1.5 * step)),
+        Primitive("box", (length, width, shoulders), YELLOW, lifted(shoulders / 2)),
+        Primitive("cylinder", (cap, cap, step), YELLOW, lifted(shoulders + step / 2)),
+        Primitive("cylinder", (nozzle, nozzle, step), RED, lifted(shoulders + 1.5 * step)),
     )
-
-
-def _up(z: float) -> FloatArray:
-    return rigid(translation=(0.0, 0.0, z))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
 from gvla2.robot.solids import Volume, tray
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.demonstrations.pulling import pull_up
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.wording import sentence_of
+from gvla2_plugins.tabletop.moves import UP, around, best_closing, pick
+from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
 
 STAND, WALL = (0.10, 0.10, 0.20), 0.005
 HANDLE_AT, HANDLE = 0.257, (0.024, 0.024, 0.060)
@@ -58,13 +61,13 @@ class TakeUmbrella:
         umbrella = Body(
             "umbrella",
             _umbrella(k, COLOURS[colour]),
-            root @ rigid(translation=(0, 0, WALL)),
+            root @ lifted(WALL),
             MASS,
             label=f"{colour} umbrella",
             shape="cylinder",
             parts=(("handle", (2,)),),
         )
-        volume = Volume(root @ rigid(translation=(0, 0, 0.75 * z)), (k * VOLUME[0], k * VOLUME[1], z / 2))
+        volume = Volume(root @ lifted(0.75 * z), (k * VOLUME[0], k * VOLUME[1], z / 2))
 
         def done(world: WorldState) -> bool:
             return not volume.meets(umbrella, world.pose("umbrella"))
@@ -74,7 +77,7 @@ class TakeUmbrella:
             sentence_of(rng, self.instructions, instruction, colour=colour),
             {"relaxed": done, "strict": done},
             f"the {colour} umbrella has left the stand",
-            solution=pull_up("umbrella", k * HANDLE_AT + 0.01, z + 0.01, contacts=("stand",)),
+            solution=pulllifted("umbrella", k * HANDLE_AT + 0.01, z + 0.01, contacts=("stand",)),
         )
 
     def _draw(self, rng: np.random.Generator, site: TaskSite) -> FloatArray | None:
@@ -89,11 +92,19 @@ def _umbrella(k: float, rgb: tuple[float, float, float]) -> tuple[Primitive, ...
     low, high = k * (HANDLE_AT - HANDLE[2] / 2) - WALL, k * (HANDLE_AT + HANDLE[2] / 2) - WALL
     folds = 0.85 * low
     return (
-        Primitive("cylinder", (k * FOLDS, k * FOLDS, folds), rgb, _up(folds / 2)),
-        Primitive("cylinder", (k * SHAFT, k * SHAFT, low - folds), SHAFT_RGB, _up((folds + low) / 2)),
-        Primitive("cylinder", (k * HANDLE[0], k * HANDLE[1], high - low), rgb, _up((low + high) / 2)),
+        Primitive("cylinder", (k * FOLDS, k * FOLDS, folds), rgb, lifted(folds / 2)),
+        Primitive("cylinder", (k * SHAFT, k * SHAFT, low - folds), SHAFT_RGB, lifted((folds + low) / 2)),
+        Primitive("cylinder", (k * HANDLE[0], k * HANDLE[1], high - low), rgb, lifted((low + high) / 2)),
     )
 
 
-def _up(z: float) -> FloatArray:
-    return rigid(translation=(0.0, 0.0, z))
+def pulllifted(obj: str, height: float, lift: float, contacts: Sequence[str] = ()) -> Solution:
+    """Grasp an upright ``obj`` from above at ``height`` over its origin and lift it by ``lift``; metres."""
+
+    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        pose = world.pose(obj)
+        grasp = transform_points(pose, (0.0, 0.0, height))
+        closing = best_closing(arm, [grasp, grasp + UP * lift], around(UP, pose[:3, 0], 8))
+        yield pick(obj, grasp, closing, lift, contacts=contacts, standoff=0.08)
+
+    return solve

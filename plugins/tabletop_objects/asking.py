@@ -13,10 +13,10 @@ from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Profile, WorldState
 
 LIFTED, LIFTED_WELL = 0.03, 0.08
-"""Metres between a lifted thing's lowest point and the table: relaxed and strict."""
+"""Metres between a lifted object's lowest point and the table: relaxed and strict."""
 
 BESIDE, IN_LINE = 0.40, 0.15
-"""Largest distance, metres, of a thing to the left of another, and largest offset to the front or back."""
+"""Largest distance, metres, of an object to the left of another, and largest offset to the front or back."""
 
 WORDINGS = {
     "lift": (
@@ -45,13 +45,13 @@ WORDINGS = {
         "move all {x} into the {y}",
     ),
 }
-"""Templates of each kind; ``{x}`` is the thing or what all are called, ``{y}`` the other thing."""
+"""Templates of each kind; ``{x}`` is the object or what all are called, ``{y}`` the other object."""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """The request: the kind, the things ``themes``, the other thing ``goal`` (a body's name, or "") and ``word``, what
-    all themes are called together.
+    """The request: its kind, the objects ``themes``, the other object ``goal`` (a body's name, or "") and ``word``, the
+    name of all themes together.
     """
 
     kind: str

@@ -11,32 +11,29 @@ from scipy.spatial import ConvexHull, QhullError
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.mesh_body import Mesh
-from gvla2.robot.mesh_library import chosen, mesh_library, spoken
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.scan import Scan
+from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
 from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, success_check, understood, wording
-from gvla2_plugins.tabletop_objects.resting import fallen
-from gvla2_plugins.tabletop_objects.vessels import mouth
+from gvla2_plugins.tabletop_objects.meshes import fallen, mouth
 
 MOST = 8
 GAP = 0.03
-"""Metres between things, at least."""
+"""Metres between objects, at least."""
 
 SPOTS = 60
-"""Places that are tried for a thing, those before it lying where they lie, until all are drawn anew."""
+"""Places that are tried for an object, those before it lying where they lie, until all are drawn anew."""
 
 LIFT = 0.20
-"""Heights above the table that the hand must reach at a thing's place, metres."""
+"""Heights above the table that the hand must reach at an object's place, metres."""
 
 DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
-"""Kilograms a cubic metre of a thing's hull, and bounds in kilograms: household things are hollow or light."""
+"""Kilograms a cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
 
 DROP = 0.001
-"""Metres above the table from which things settle."""
+"""Metres above the table from which objects settle."""
 
 TRAY, WALL, TRAY_LABEL = (0.30, 0.22, 0.05), 0.008, "gray tray"
 
@@ -95,17 +92,17 @@ class TabletopObjects:
         if instruction is not None:
             sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
         succeeded, goal = success_check(asked, bodies, site.table_height)
-        told = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
+        notes = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
         return TaskInstance(
             Layout(tuple(bodies)),
             sentence,
             succeeded,
-            f"{goal}{aside}{''.join(told)}",
+            f"{goal}{aside}{''.join(notes)}",
             keep_clear=_beside(asked, bodies),
         )
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
-        """The thing at the origin, in its final orientation."""
+        """The object at the origin, in its final orientation."""
         objects = self._objects
         mesh = Mesh(self._library[name], objects.scale, friction=objects.friction)
         scan = _scan(mesh.body(name, np.eye(4)))
@@ -117,7 +114,7 @@ class TabletopObjects:
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
     def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Wish:
-        """The request for these things; for "any", one of the kinds that they allow."""
+        """The request for these objects; for "any", one of the kinds that they allow."""
         kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
         offers: dict[str, Callable[[], list[Wish]]] = {
             "lift": lambda: [Wish("lift", (body.name,)) for body in bodies],
@@ -141,17 +138,17 @@ class TabletopObjects:
             f"{', '.join(body.label for body in bodies)}. Choose other names or a larger task.objects.count."
         )
 
-    def _undone(self, asked: Wish, things: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
-        """Whether there is still something to do: a thing to put left lies on the right."""
+    def _undone(self, asked: Wish, objects: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
+        """Whether there is still something to do: an object to put left lies on the right."""
         if asked.kind != "left_of":
             return True
-        place = {body.name: root[:2, 3] for body, root in zip(things, roots, strict=True)}
+        place = {body.name: root[:2, 3] for body, root in zip(objects, roots, strict=True)}
         theme, goal = place[asked.themes[0]], place[asked.goal]
-        wide = sum(_radius(body) for body in things if body.name in (asked.themes[0], asked.goal))
+        wide = sum(_radius(body) for body in objects if body.name in (asked.themes[0], asked.goal))
         beside = goal + np.array([0.0, wide + GAP])
         room = all(
             np.linalg.norm(root[:2, 3] - beside) > _radius(body) + 0.5 * wide
-            for body, root in zip(things, roots, strict=True)
+            for body, root in zip(objects, roots, strict=True)
             if body.name not in (asked.themes[0], asked.goal)
         )
         return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
@@ -159,7 +156,7 @@ class TabletopObjects:
     def _placed(
         self, turned: list[Body], asked: Wish, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
-        """The things in place, and the tray if needed."""
+        """The objects in place, and the tray if needed."""
         bins = [
             Body(
                 "tray",
@@ -170,11 +167,11 @@ class TabletopObjects:
                 shape="box",
             )
         ]
-        things = [*turned, *(bins if asked.kind == "sort" else [])]
-        radii = [_radius(body) for body in things]
+        objects = [*turned, *(bins if asked.kind == "sort" else [])]
+        radii = [_radius(body) for body in objects]
         handled = {*asked.themes, asked.goal}
 
-        widest_first = sorted(range(len(things)), key=lambda k: -radii[k])
+        widest_first = sorted(range(len(objects)), key=lambda k: -radii[k])
 
         def draw() -> list[FloatArray] | None:
             roots: dict[int, FloatArray] = {}
@@ -189,21 +186,21 @@ class TabletopObjects:
                             [*(radii[j] for j in roots), radii[k]],
                             GAP,
                         )
-                        and (things[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
+                        and (objects[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
                     ):
                         roots[k] = root
                         break
                 else:
                     return None
-            placed = [roots[k] for k in range(len(things))]
-            return placed if self._undone(asked, things, placed, site) else None
+            placed = [roots[k] for k in range(len(objects))]
+            return placed if self._undone(asked, objects, placed, site) else None
 
-        roots = sample_until(draw, f"{len(things)} objects", tries=150)
-        return [_set_down(body, root, site) for body, root in zip(things, roots, strict=True)]
+        roots = sample_until(draw, f"{len(objects)} objects", tries=150)
+        return [_set_down(body, root, site) for body, root in zip(objects, roots, strict=True)]
 
 
 def _beside(asked: Wish, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
-    """The target circle on the table to the left of a thing."""
+    """The target circle on the table to the left of an object."""
     if asked.kind != "left_of":
         return ()
     near = {body.name: body for body in bodies}
@@ -224,7 +221,7 @@ def _put_in(bodies: list[Body]) -> list[Wish]:
 
 
 def _sort(bodies: list[Body]) -> list[Wish]:
-    """Things that share the last word of their names, or all of them."""
+    """Objects that share the last word of their names, or all of them."""
     nouns: dict[str, list[str]] = {}
     for body in bodies:
         if max(sorted(_scan(body).size)[:2]) < min(TRAY[:2]) - 2 * WALL:
@@ -279,7 +276,7 @@ def _mass(scan: Scan) -> float:
 
 
 def _middle(scan: Scan) -> FloatArray:
-    """(3,) the mean of its surface: where the weight of a thing of even walls is."""
+    """(3,) the mean of its surface: where the weight of an object of even walls is."""
     mesh = scan.textured.mesh
     return np.asarray(np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.areas))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,29 +51,35 @@ class TensorBoardConfig(ComponentConfig):
 
 def _mlflow(config: MLflowConfig) -> Tracker:
     """Reports to MLflow: configuration, numbers of each episode, pages."""
-    try:
-        from gvla2_plugins.trackers.mlflow import MLflowTracker
-    except ImportError as error:
-        raise MissingDependencyError("mlflow", "tracker=mlflow", INSTALL, "Apache-2.0") from error
-    return MLflowTracker(config)
+    from gvla2_plugins.trackers.services import MLflowTracker
+
+    with _needing("mlflow", "Apache-2.0"):
+        return MLflowTracker(config)
 
 
 def _wandb(config: WandbConfig) -> Tracker:
     """Reports to Weights & Biases: configuration, numbers of each episode, pages."""
-    try:
-        from gvla2_plugins.trackers.wandb import WandbTracker
-    except ImportError as error:
-        raise MissingDependencyError("wandb", "tracker=wandb", INSTALL, "MIT") from error
-    return WandbTracker(config)
+    from gvla2_plugins.trackers.services import WandbTracker
+
+    with _needing("wandb", "MIT"):
+        return WandbTracker(config)
 
 
 def _tensorboard(config: TensorBoardConfig) -> Tracker:
     """Writes TensorBoard's events: configuration, numbers of each episode, the last picture."""
+    from gvla2_plugins.trackers.services import TensorBoardTracker
+
+    with _needing("tensorboardX", "MIT"):
+        return TensorBoardTracker(config)
+
+
+@contextmanager
+def _needing(package: str, licence: str) -> Iterator[None]:
     try:
-        from gvla2_plugins.trackers.tensorboard import TensorBoardTracker
+        yield
     except ImportError as error:
-        raise MissingDependencyError("tensorboardX", "tracker=tensorboard", INSTALL, "MIT") from error
-    return TensorBoardTracker(config)
+        name = package.removesuffix("X")
+        raise MissingDependencyError(package, f"tracker={name}", INSTALL, licence) from error
 
 
 @hookimpl

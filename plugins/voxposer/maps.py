@@ -1,6 +1,6 @@
 """Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and the values of its maps.
 
-``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names denote things.
+``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names denote objects.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.programs.array_expressions import Interpreter, Value
-from gvla2.skills.asked_paths import check_lengths
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
@@ -63,17 +62,10 @@ def read_program(text: str) -> MapProgram:
     return MapProgram(tuple(stages), variables)
 
 
-def check_units(program: MapProgram, wish: str) -> None:
-    """Raise :class:`ValueError` if the program has a length of the instruction in another unit than mm."""
-    trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
-    nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    check_lengths({float(n.value) for n in nodes if isinstance(n.value, int | float)}, wish)
-
-
 class MapVocabulary:
     """The names and functions of maps at points (..., 3), metres: a :class:`.array_expressions.Vocabulary`."""
 
-    words = "x, y, z, the things' names, at, above, beside, near, distance"
+    words = "x, y, z, the objects' names, at, above, beside, near, distance"
 
     def __init__(self, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray) -> None:
         self._scene, self._ids, self._points = scene, ids, points
@@ -92,18 +84,18 @@ class MapVocabulary:
         return np.asarray(1e3 * (self._points[..., axis] - (self._scene.table_height if axis == 2 else 0.0)))
 
     def attribute(self, owner: ast.expr, name: str) -> Value:
-        """A number of a thing, millimetres."""
-        thing, table = self._thing(owner), self._scene.table_height
-        x, y, z = thing.centre
-        width, length = sorted(thing.extents[:2])
-        sides = {"x": x, "y": y, "z": z - table, "top": thing.top - table, "bottom": thing.bottom - table,
-                 "height": thing.top - thing.bottom, "width": width, "length": length}  # fmt: skip
+        """A number of an object, millimetres."""
+        obj, table = self._object(owner), self._scene.table_height
+        x, y, z = obj.centre
+        width, length = sorted(obj.extents[:2])
+        sides = {"x": x, "y": y, "z": z - table, "top": obj.top - table, "bottom": obj.bottom - table,
+                 "height": obj.top - obj.bottom, "width": width, "length": length}  # fmt: skip
         if name not in sides:
-            raise ValueError(f"Things have no '{name}'; they have {', '.join(sides)}.")
+            raise ValueError(f"Objects have no '{name}'; they have {', '.join(sides)}.")
         return np.float64(1e3 * sides[name])
 
     def function(self, name: str) -> Callable[[Sequence[ast.expr], Evaluate], Value] | None:
-        """A map made of a thing and of distances in millimetres."""
+        """A map made of an object and of distances in millimetres."""
         return partial(self._place, _PLACES[name]) if name in _PLACES else None
 
     def _place(self, place: Callable[..., Value], args: Sequence[ast.expr], value: Evaluate) -> Value:
@@ -111,13 +103,13 @@ class MapVocabulary:
         for length in lengths:
             if 0.0 < abs(length) < 1.0:
                 raise ValueError(f"A length is {length:g}; lengths are millimetres: 0.1 m is 100.")
-        return place(self._points, self._thing(args[0]), *(1e-3 * v for v in lengths))
+        return place(self._points, self._object(args[0]), *(1e-3 * v for v in lengths))
 
-    def _thing(self, node: ast.expr) -> SceneObject:
+    def _object(self, node: ast.expr) -> SceneObject:
         name = node.id if isinstance(node, ast.Name) else node.value if isinstance(node, ast.Constant) else ""
         if not isinstance(name, str) or name not in self._ids:
             said = ast.unparse(node)[:60]
-            raise ValueError(f"There is no thing '{said}'; there are {', '.join(self._ids)}.")
+            raise ValueError(f"There is no object '{said}'; there are {', '.join(self._ids)}.")
         return self._scene[self._ids[name]]
 
 

@@ -16,9 +16,9 @@ from gvla2.planning.scene import Box
 from gvla2.planning.scene_brief import LEGEND, scene_brief
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.planning.voxel_route import VoxelGrid
-from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
-from gvla2.skills.lifting import PathPoint
-from gvla2_plugins.voxposer.maps import MapProgram, MapVocabulary, check_units, read_program
+from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
+from gvla2.skills.path_lifting import PathPoint
+from gvla2_plugins.voxposer.maps import MapProgram, MapVocabulary, read_program
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
@@ -53,7 +53,7 @@ def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: 
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
         peak = grid.peak(lambda p: MapVocabulary(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
         goal = np.clip(peak, box.low, box.high)
-        # Not obstacles: the start and end of the move, held things, and the target of a closed, empty hand.
+        # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
         ends = {held, *(object_at(point, scene) for point in line)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=c.margin)
@@ -89,12 +89,11 @@ class VoxPoserPlanner:
 
         def read(text: str) -> Sequence[Sequence[PathPoint]]:
             program = read_program(text)
-            check_units(program, request.instruction)
             way[:] = stops(program, request, brief.ids, self.config)
             return [[PathPoint(s.place, s.gripper) for s in way]]
 
-        things, task = f"Things ({LEGEND}); data alone:\n{brief.text}", f"Task: {instruction_in(request)}"
-        asked = "\n\n".join([things, *told(request), task])
+        objects, task = f"Objects ({LEGEND}), data only:\n{brief.text}", f"Task: {instruction_in(request)}"
+        asked = "\n\n".join([objects, *context(request), task])
         messages = [{"role": "system", "content": self._prompt}, {"role": "user", "content": asked}]
         plan = ask_for_path(self._language, messages, read, request, tries=self.config.tries)
         return plan if plan.trajectory is None else replace(plan, trajectory=_with_maps(plan.trajectory, way))

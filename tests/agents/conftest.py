@@ -1,7 +1,6 @@
 """A sandbox for each test, where this machine can have one."""
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,23 +8,13 @@ import pytest
 from gvla2.agents.sandbox import BubblewrapSandbox, SandboxLimits
 
 
-def why_no_sandbox() -> str:
-    if shutil.which("bwrap") is None:
-        return "bubblewrap is not installed (apt install bubblewrap)"
-    tried = subprocess.run(
-        ["bwrap", "--ro-bind", "/", "/", "--unshare-all", "true"], capture_output=True, check=False
-    )
-    return (
-        ""
-        if tried.returncode == 0
-        else f"bubblewrap cannot make namespaces here: {tried.stderr.decode()[:80]}"
-    )
-
-
 @pytest.fixture
-def sandboxed() -> None:
-    if reason := why_no_sandbox():
-        pytest.skip(reason)
+def sandboxed(tmp_path: Path) -> None:
+    if shutil.which("bwrap") is None:
+        pytest.skip("bubblewrap is not installed (apt install bubblewrap)")
+    tried = BubblewrapSandbox(tmp_path / "tried").run("true")
+    if tried.status != 0:
+        pytest.skip(f"bubblewrap cannot make namespaces here: {tried.text[:80]}")
 
 
 @pytest.fixture

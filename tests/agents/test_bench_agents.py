@@ -62,7 +62,7 @@ def test_an_interrupted_sequence_goes_on_with_the_memory_that_it_had(
     def lost_in_the_second(request):
         asked = request["messages"][1]["content"]
         first = failing[0] if failing else failing.append(asked.split("folder ")[1][:12]) or failing[0]
-        return answer(request) if first in asked.split("What earlier")[0] else refused(401, "gone")
+        return answer(request) if first in asked.split("Lessons from earlier")[0] else refused(401, "gone")
 
     with LocalModel(lost_in_the_second) as model:
         run_bench(compose_agents(model.url, "arms=[governed]"), registry, tmp_path / "out")

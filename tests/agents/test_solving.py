@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
 from gvla2.agents.solving import attempt, transcript
-from gvla2.agents.task_folder import read_tasks
 from gvla2.errors import ConfigurationError
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
 from gvla2.testing.language import LocalModel, refused, said
@@ -28,7 +28,7 @@ def tried(name: str, url: str, bank: KnowledgeBank, **options):
     with bubblewrap(task) as box:
         return attempt(
             task, agent, box, bank, ExitStatusVerifier(ExitStatusConfig(name="exit_status")),
-            source=name, tests_told=True,
+            source=name, show_tests=True,
         )  # fmt: skip
 
 
@@ -79,6 +79,16 @@ def test_a_model_that_is_not_there_is_nobodys_failure(sandboxed, tmp_path: Path)
         pytest.raises(LanguageModelError),
     ):
         tried("deposit-photos", model.url, bank)
+
+
+@pytest.mark.parametrize(
+    "command", ["echo a\0b", "echo \ud800", "cat > f <<'EOF'\n" + "line\n" * 30_000 + "EOF"]
+)
+def test_one_answer_that_cannot_be_run_is_told_the_model_and_ends_nothing(sandboxed, tmp_path, command):
+    script = {"photos": [command, "bash bin/deposit photos --commit"]}
+    with LocalModel(giving(script)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        made = tried("deposit-photos", model.url, bank)
+    assert (made.run.exit_status, made.solved) == ("Submitted", True)
 
 
 def test_the_account_is_a_shell_session_without_prose(sandboxed, tmp_path: Path):

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.textured_mesh import read_textured_mesh
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.perception.clusters import clusters

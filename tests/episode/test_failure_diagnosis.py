@@ -15,7 +15,7 @@ from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import rigid
 from gvla2.planning.contracts import Candidate, Done, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Order
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -112,7 +112,7 @@ def test_letting_go_before_putting_down_teaches_the_order() -> None:
     wrong = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.5, 0, 0.02), 1.0))
     (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
     assert signal.kind == "opened_early"
-    assert signal.effect == Effect("order", "lower before drop", skill="place", object="red")
+    assert signal.effect == Order("lower", "drop", skill="place", object="red")
     assert told(episode("place", CUBE, None, PLACE, {})) == []
     elsewhere = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.2, 0, 0.02), 1.0))
     assert told(episode("place", CUBE, None, elsewhere, {})) == []
@@ -261,7 +261,7 @@ def test_an_approach_is_forbidden_when_another_one_is_left() -> None:
     ):
         record = episode("pick", CUBE, None, PLACE[:3], {}, changes=stuck, candidates=candidates)
         (signal,) = diagnose(record)
-        assert (signal.effect.parameter if signal.effect else None) == expected
+        assert (signal.effect.approach if signal.effect else None) == expected
 
 
 def test_what_the_mechanism_held_back_is_no_slip() -> None:

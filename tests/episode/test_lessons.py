@@ -11,7 +11,7 @@ from gvla2.episode.failure_diagnosis import approach_of
 from gvla2.episode.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.planning.contracts import Abstention, Candidate, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Ban, Bound, effect_from_json
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from tests.picking import (
@@ -83,8 +83,11 @@ def test_success_without_parameters_tells_the_stages() -> None:
 def bounds(record: EpisodeRecord) -> list[tuple[str, str, str, float]]:
     lessons = memory_episode(record, FAIL).lessons
     assert all(lesson.type == "failure_avoidance" for lesson in lessons)
-    found = [Effect.from_json(lesson.effect) for lesson in lessons if lesson.effect]
-    return [(e.kind, e.parameter, e.op, pytest.approx(e.value, abs=1e-9)) for e in found]
+    found = [effect_from_json(lesson.effect) for lesson in lessons if lesson.effect]
+    return [
+        (e.kind, e.parameter, e.op, pytest.approx(e.value, abs=1e-9)) if isinstance(e, Bound) else e
+        for e in found
+    ]
 
 
 def test_a_slip_asks_for_a_deeper_grasp_within_the_object() -> None:
@@ -137,7 +140,7 @@ def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list
 def test_an_unreachable_approach_is_forbidden_only_where_another_remains() -> None:
     stuck = {0: {"abort": "unreachable", "message": "no IK"}}
     two = (Candidate("top", 1.0), Candidate("side", 0.8), Candidate("below", 0.1, "out of reach"))
-    assert bounds(episode(stuck, candidates=two)) == [("forbid", "approach:top", ">=", 0.0)]
+    assert bounds(episode(stuck, candidates=two)) == [Ban("approach:top", skill="pick", object="red")]
     assert bounds(episode(stuck, candidates=two[1:])) == []
     assert kinds(episode(stuck, candidates=two[1:])) == ["unreachable"]
 

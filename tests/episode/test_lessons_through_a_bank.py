@@ -10,10 +10,10 @@ from gvla2.episode.lessons import memory_episode, memory_task
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.retrieval import HybridRetriever
 from gvla2.planning.contracts import Advice
-from gvla2.planning.effects import Effect, apply_effects
+from gvla2.planning.effects import apply_effects, effect_from_json
 from gvla2_plugins.hybrid import HybridConfig
 from tests.picking import (
     FAIL,
@@ -82,7 +82,7 @@ def test_what_goes_with_the_size_is_learnt_as_a_share_of_it() -> None:
         "standoff": (0.05, ""),
     }
     slipped = sized(episode({4: {"held": False, "abort": "slipped"}}))
-    (bound,) = (Effect.from_json(x.effect) for x in memory_episode(slipped, FAIL).lessons if x.effect)
+    (bound,) = (effect_from_json(x.effect) for x in memory_episode(slipped, FAIL).lessons if x.effect)
     assert (bound.kind, bound.value, bound.scale) == ("bound", pytest.approx(0.6), "height")
 
 

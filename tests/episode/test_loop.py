@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from gvla2.commands.hydra_job import explain
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
 
@@ -201,7 +201,7 @@ def test_a_crashing_planner_is_recorded_and_raised(parts_of):
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
     parts = parts_of()
-    effects = ({"kind": "bound", "parameter": "lift_height"}, Effect("bound", "lift_height", 0.3).to_json())
+    effects = ({"kind": "bound", "parameter": "lift_height"}, Bound("lift_height", 0.3).to_json())
     item, sound = (
         MemoryItem(name, "failure_avoidance", "Lift higher.", 0.9, 0.9, {}, True, effect=effect)
         for name, effect in zip(("r1", "r2"), effects, strict=True)
@@ -242,7 +242,9 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
 
 def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
     out = tmp_path / "out"
-    share = run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
+    share = success_rate(
+        run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
+    )
     told = json.loads((out / "result.json").read_text())
     assert (told["episodes"], told["success_share"]) == (2, share)
     assert [row["seed"] for row in told["rows"]] == [0, 1]

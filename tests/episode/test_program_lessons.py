@@ -8,7 +8,7 @@ from gvla2.episode.lessons import memory_episode, memory_task
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.calls import SkillCall
-from gvla2.planning.programs import Program, told
+from gvla2.planning.programs import Program, adapted
 from gvla2.planning.scene_brief import unique_names
 from tests.episode.test_lessons_through_a_bank import open_bank
 from tests.picking import (
@@ -70,7 +70,7 @@ def test_programs_come_back_with_other_names_and_sizes_through_a_bank(tmp_path: 
     assert notes == ()
     names = unique_names(later)
     given = advice_for(replace(asked, recalled=context)).programs
-    said = {p.language: told(p, later, names, asked.instruction) for p in given}
+    said = {p.language: adapted(p, later, names, asked.instruction) for p in given}
     assert said["calls"] == ("place(blue_cube, red_square, on)",)
     steps = said["waypoints"]
     assert steps is not None

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from gvla2.commands.run import run_episodes
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import (
     ABOVE_SUPPORT,
@@ -23,7 +24,8 @@ from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
-from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor
+from gvla2_plugins.nothing import NoPrior, NoReconstructor
+from tests.quick import QUICK
 
 SIZE = np.array([0.06, 0.04, 0.05])
 POSE = rigid(translation=(0.3, 0.1, 0.025))
@@ -106,6 +108,19 @@ def test_without_a_reconstructor_nothing_changes(observation):
     after, sentence = refine_scene(before, observation, "lift it", parts(NoReconstructor()))
     assert after is before
     assert "No geometry was refined" in sentence
+
+
+def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
+    extents = []
+    for name, overrides in (
+        ("default", ()),
+        ("shrunk", ("branch=paper", "branch.tau=1", "branch.lambda_max=.5")),
+    ):
+        records: list[EpisodeRecord] = []
+        config = compose_run(*QUICK, "robot.image_size=96", "memory=none", "reconstructor=hull", *overrides)
+        run_episodes(config, registry, tmp_path / name, records=records)
+        extents.append(np.array([each.extents for each in records[0].scene.objects]))
+    assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()
 
 
 def test_a_failed_reconstruction_is_told_and_the_object_left_as_perceived(observation):

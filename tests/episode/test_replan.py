@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.advice import advice_for
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.episode.replan import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Prior
 from gvla2.planning.trajectory import Trajectory
 from tests.quick import QUICK
 
@@ -130,7 +130,7 @@ def test_an_attempt_that_comes_to_nothing_leaves_the_one_before_standing(parts_o
 
 def misled(parts, overshoot):
     """Memory that recalls a push overshoot that is wrong."""
-    effect = Effect("prior", "push_overshoot", overshoot, count=1000, skill="push")
+    effect = Prior("push_overshoot", overshoot, count=1000, skill="push")
     item = MemoryItem("r1", "procedural_hint", "Push on.", 0.9, 0.9, {}, True, effect=effect.to_json())
     return MemoryContext((item,), "Push on.")
 
@@ -185,7 +185,8 @@ def test_the_folder_keeps_every_attempt(registry, compose_run, tmp_path, monkeyp
 
     monkeypatch.setattr(SkillPlanner, "plan", first_beside)
     out = tmp_path / "out"
-    assert run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out) == 1.0
+    records = run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out)
+    assert success_rate(records) == 1.0
     told = json.loads((out / "result.json").read_text())
     assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
     (kept,) = json.loads((out / "attempts.json").read_text())

@@ -6,8 +6,7 @@ import pytest
 from PIL import Image
 
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.datasets import open_dataset, roots
-from gvla2.evaluation.gso_truth import true_mesh
+from gvla2.evaluation.datasets import open_dataset, roots, true_mesh
 from gvla2.evaluation.protocol import object_views
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 
@@ -72,9 +71,8 @@ def test_a_fingerprint_changes_with_the_files(tree):
 
 def write_gso(folder: Path, source: Path) -> None:
     """A GSO-30 object as its renderer would have written it: OpenGL cameras, RGBA pictures."""
-    from gvla2.evaluation.protocol import protocol_cameras
-    from gvla2.evaluation.textured_views import textured_view
-    from gvla2.geometry.textured_mesh import read_textured_mesh
+    from gvla2.evaluation.protocol import protocol_cameras, textured_view
+    from gvla2.geometry.mesh_files import read_textured_mesh
 
     model = folder / "render_mvs_25" / "model"
     model.mkdir(parents=True)

@@ -11,10 +11,10 @@ import torch
 from torch.nn import functional
 
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
-from gvla2.evaluation.lpips import Lpips
-from gvla2.evaluation.lpips_weights import (
+from gvla2.evaluation.lpips import (
     ARCHIVE,
     MEMBER,
+    Lpips,
     Weights,
     keep_weights,
     read_weights,

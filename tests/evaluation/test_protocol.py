@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 
 from gvla2.errors import GeometryError
-from gvla2.evaluation.protocol import FOCAL, TARGETS, object_views, protocol_cameras
-from gvla2.evaluation.textured_views import textured_view
+from gvla2.evaluation.protocol import FOCAL, TARGETS, object_views, protocol_cameras, textured_view
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.textured_mesh import read_textured_mesh
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import look_along
 
 

@@ -3,7 +3,7 @@ import sqlite3
 import pytest
 
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.results import Cell, Results, Run, cell_key, file_of, now
+from gvla2.evaluation.results import Cell, Results, cell_key, file_of
 
 
 def cell(key: str, **factors) -> Cell:
@@ -16,7 +16,7 @@ def open_at(tmp_path) -> Results:
 
 def test_cells_come_back_as_they_were(tmp_path):
     with open_at(tmp_path) as results:
-        run = results.begin(Run(suite="s", started=now()))
+        run = results.begin("s", tmp_path, "")
         results.add(run, "s", [cell("a", seed=0), cell("b", seed=1)])
     with open_at(tmp_path) as results:
         cells = results.cells("s")
@@ -32,7 +32,7 @@ def test_cells_come_back_as_they_were(tmp_path):
 
 def test_the_same_key_is_replaced(tmp_path):
     with open_at(tmp_path) as results:
-        first, second = (results.begin(Run(suite="s", started=now())) for _ in range(2))
+        first, second = (results.begin("s", tmp_path, "") for _ in range(2))
         results.add(first, "s", [cell("a")])
         results.add(second, "s", [cell("a")])
         assert [c.run for c in results.cells("s")] == [second]
@@ -41,7 +41,7 @@ def test_the_same_key_is_replaced(tmp_path):
 def test_all_cells_of_one_call_or_none(tmp_path):
     broken = Cell("b", {"object": object()}, {}, {})
     with open_at(tmp_path) as results:
-        run = results.begin(Run(suite="s", started=now()))
+        run = results.begin("s", tmp_path, "")
         with pytest.raises(TypeError):
             results.add(run, "s", [cell("a"), broken])
         assert results.cells("s") == []
@@ -72,7 +72,7 @@ def test_a_file_that_is_no_database(tmp_path):
 
 def test_a_damaged_row_is_named(tmp_path):
     with open_at(tmp_path) as results:
-        results.add(results.begin(Run(suite="s", started=now())), "s", [cell("a")])
+        results.add(results.begin("s", tmp_path, ""), "s", [cell("a")])
     with sqlite3.connect(tmp_path / "deep" / "results.sqlite") as connection:
         connection.execute("UPDATE bench_row SET measures = '{'")
     connection.close()
@@ -80,9 +80,9 @@ def test_a_damaged_row_is_named(tmp_path):
         results.cells("s")
 
 
-def test_several_machines_share_a_database_of_postgresql(postgres_url):
+def test_several_machines_share_a_database_of_postgresql(postgres_url, tmp_path):
     with Results.open(postgres_url) as results:
-        run = results.begin(Run(suite="s", started=now()))
+        run = results.begin("s", tmp_path, "")
         results.add(run, "s", [cell("a", seed=0)])
         results.add(run, "s", [cell("a", seed=1)])
     with Results.open(postgres_url) as results:

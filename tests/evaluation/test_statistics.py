@@ -4,7 +4,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from gvla2.evaluation.statistics import mean_and_deviation, paired_change, wilson_interval
+from gvla2.evaluation.statistics import (
+    exact_mcnemar,
+    holm,
+    mean_and_deviation,
+    pooled_difference,
+    relative_change,
+    wilson_interval,
+    won_and_lost,
+)
+
+WON, LOST, BOTH, NEITHER = (False, True), (True, False), (True, True), (False, False)
 
 
 def test_known_value():
@@ -28,17 +38,17 @@ def test_nonsense_is_refused(successes, trials):
         wilson_interval(successes, trials)
 
 
-def test_paired_change_of_a_uniform_gain_has_no_spread():
-    change = paired_change([1.0, 20.0, 300.0], [0.5, 10.0, 150.0])
-    assert (change.percent, change.low, change.high, change.count) == pytest.approx((-50, -50, -50, 3))
+def test_relative_change_of_a_uniform_gain_has_no_spread():
+    change = relative_change([1.0, 20.0, 300.0], [0.5, 10.0, 150.0])
+    assert (change.value, change.low, change.high, change.count) == pytest.approx((-50, -50, -50, 3))
 
 
-def test_paired_change_covers_what_it_should():
+def test_relative_change_covers_what_it_should():
     rng = np.random.default_rng(0)
     covered = 0
-    for trial in range(100):
+    for _ in range(100):
         before = rng.uniform(10, 20, 30)
-        change = paired_change(before, before * rng.normal(0.9, 0.1, 30), draws=400, seed=trial)
+        change = relative_change(before, before * rng.normal(0.9, 0.1, 30), draws=400)
         covered += change.low <= -10 <= change.high
     assert 85 <= covered <= 100
 
@@ -48,7 +58,7 @@ def test_paired_change_covers_what_it_should():
 )
 def test_pairs_that_have_no_change(before, after):
     with pytest.raises(ValueError, match=r"Pairs are needed|must be finite"):
-        paired_change(before, after)
+        relative_change(before, after)
 
 
 def test_mean_and_deviation():
@@ -56,3 +66,30 @@ def test_mean_and_deviation():
     assert mean_and_deviation([4.0]) == (4.0, 0.0)
     with pytest.raises(ValueError, match="No values"):
         mean_and_deviation([])
+
+
+def test_mcnemar_counts_discordant_pairs_alone():
+    assert won_and_lost([WON, WON, LOST, BOTH, NEITHER]) == (2, 1)
+    assert exact_mcnemar([BOTH, NEITHER] * 9) == 1.0
+    assert exact_mcnemar([WON] * 6 + [BOTH] * 50) == pytest.approx(2 / 2**6), "equal pairs say nothing"
+    assert exact_mcnemar([WON] * 5 + [LOST] * 5) == pytest.approx(1.0)
+
+
+@given(st.dictionaries(st.text(max_size=3), st.floats(0, 1), max_size=8))
+def test_holm_steps_down_and_never_lowers_a_p_value(values):
+    assert holm({"a": 0.01, "b": 0.04, "c": 0.03}) == pytest.approx({"a": 0.03, "c": 0.06, "b": 0.06})
+    adjusted = holm(values)
+    assert adjusted.keys() == values.keys()
+    assert all(values[name] <= adjusted[name] <= 1 for name in values)
+
+
+def test_a_pooled_difference_weighs_tasks_alike_and_widens_with_their_disagreement():
+    even = pooled_difference({"a": [WON] * 10 + [BOTH] * 10, "b": [WON] * 50 + [BOTH] * 50})
+    assert even.value == pytest.approx(50)
+    assert even.low < 50 < even.high
+    assert even.count == 120
+    torn = pooled_difference({"a": [WON] * 20, "b": [BOTH] * 100})
+    assert torn.value == pytest.approx(50), "the larger task does not count for more"
+    assert torn.high - torn.low > even.high - even.low
+    with pytest.raises(ValueError, match="No pairs"):
+        pooled_difference({"a": []})

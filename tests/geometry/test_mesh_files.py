@@ -5,11 +5,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, OutputError
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import read_mesh, write_mesh
+from gvla2.geometry.mesh_files import (
+    map_glb,
+    read_mesh,
+    read_textured_mesh,
+    to_y_up,
+    to_z_up,
+    write_mesh,
+)
+from gvla2.geometry.transform import rigid, transform_points
+
+
+@given(arrays(float, (4, 3), elements=st.floats(-10, 10)))
+def test_axes_there_and_back(points: np.ndarray) -> None:
+    assert np.array_equal(to_z_up(to_y_up(points)), points)
+    assert to_y_up([1, 2, 3]).tolist() == [1, 3, -2]
 
 
 def wedge(coloured: bool) -> TriangleMesh:
@@ -25,18 +43,11 @@ def test_what_is_written_is_read(tmp_path: Path, suffix: str, coloured: bool) ->
     mesh = wedge(coloured)
     write_mesh(tmp_path / f"m{suffix}", mesh)
     back = read_mesh(tmp_path / f"m{suffix}")
-    assert np.allclose(back.vertices, mesh.vertices, atol=1e-6)
-    assert np.array_equal(back.faces, mesh.faces)
+    assert np.allclose(back.vertices[back.faces], mesh.vertices[mesh.faces], atol=1e-6)
     if coloured:
-        assert np.allclose(back.colours, mesh.colours, atol=1e-3)
-
-
-def test_glb_is_y_up_on_disk(tmp_path: Path) -> None:
-    mesh = wedge(False)
-    write_mesh(tmp_path / "m.glb", mesh)
-    raw = trimesh.load_scene(tmp_path / "m.glb", process=False).to_mesh().vertices
-    x, y, z = mesh.vertices.T
-    assert np.allclose(raw, np.stack([x, z, -y], axis=1), atol=1e-6)
+        assert np.allclose(back.colours[back.faces], mesh.colours[mesh.faces], atol=1e-3)
+    else:
+        assert back.colours is None
 
 
 def test_several_meshes_are_placed_by_the_scene(tmp_path: Path) -> None:
@@ -54,31 +65,155 @@ def test_texture_gives_vertex_colours(tmp_path: Path) -> None:
     image = Image.new("RGB", (2, 1), (255, 0, 0))
     image.putpixel((1, 0), (0, 0, 255))
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    visual = trimesh.visual.TextureVisuals(uv=square[:, :2] * 0.98 + 0.01, image=image)
-    faces = [[0, 1, 2], [0, 2, 3]]
-    trimesh.Trimesh(square, faces, visual=visual, process=False).export(tmp_path / "t.glb")
-    colours = read_mesh(tmp_path / "t.glb").colours
-    assert colours is not None
-    assert np.allclose(colours[[0, 3]], [1, 0, 0])
-    assert np.allclose(colours[[1, 2]], [0, 0, 1])
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image)
+    visual = trimesh.visual.TextureVisuals(uv=square[:, :2], material=material)
+    trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False).export(tmp_path / "t.glb")
+    mesh = read_mesh(tmp_path / "t.glb")
+    left = mesh.vertices[:, 0] < 0.5
+    assert np.allclose(mesh.colours[left], [1, 0, 0])
+    assert np.allclose(mesh.colours[~left], [0, 0, 1])
+
+
+OBJ = "mtllib kd.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+MTL = "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
+
+
+def test_materials_that_have_a_colour_alone(tmp_path: Path) -> None:
+    (tmp_path / "kd.mtl").write_text(MTL)
+    (tmp_path / "m.obj").write_text(OBJ + "usemtl red\nf 1 2 3\nusemtl blue\nf 1 3 4\n")
+    textured = read_textured_mesh(tmp_path / "m.obj")
+    assert sorted(textured.rgb[:, 0].tolist()) == [[0, 0, 1], [1, 0, 0]]
+    assert not textured.images
+    box = trimesh.creation.box((0.06, 0.08, 0.1))
+    box.visual = trimesh.visual.TextureVisuals(
+        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[1.0, 0.0, 0.0, 1.0])
+    )
+    box.export(tmp_path / "m.glb")
+    assert np.allclose(read_mesh(tmp_path / "m.glb").colours, [1, 0, 0])
+
+
+def test_polygons_with_negative_indices_and_stray_vertices(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("v 9 9 9\n" + OBJ.partition("\n")[2] + "f -4 -3 -2 -1\n")
+    mesh = read_mesh(tmp_path / "m.obj")
+    assert len(mesh.faces) == 2
+    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
+
+
+CORNERS = [(x, y, z) for z in (0, 0.3) for x, y in ((0, 0), (0.1, 0), (0.1, 0.2), (0, 0.2))]
+SIDES = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+FANS = " ".join(f"{a} {b} {c} {a} {c} {d}" for a, b, c, d in SIDES)
+INPUT = '<input semantic="VERTEX" source="#v" offset="0"/>'
+TRIANGLES = f'<triangles count="12" material="paint">{INPUT}<p>{FANS}</p></triangles>'
+EACH = "".join("<p>" + " ".join(map(str, side)) + "</p>" for side in SIDES)
+POLYGONS = f'<polygons count="6">{INPUT}{EACH}</polygons>'
+STRIP = f'<tristrips count="1">{INPUT}<p>0 1 3 2</p></tristrips>'
+BOUND = (
+    '<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="paint" '
+    'target="#red"/></technique_common></bind_material></instance_geometry>'
+)
+RED = (
+    '<library_effects><effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>1 0 0 1</color>'
+    "</diffuse></lambert></technique></profile_COMMON></effect></library_effects><library_materials><material "
+    'id="red"><instance_effect url="#e"/></material></library_materials>'
+)
+
+
+def collada(
+    path: Path, node: str = "", up: str = "Z_UP", unit: str = "1", shape: str = TRIANGLES, **more: str
+) -> Path:
+    """A box of 0.1 x 0.2 x 0.3 units; ``node`` are the transforms of its node."""
+    numbers = " ".join(str(value) for corner in CORNERS for value in corner)
+    namespace = more.get("namespace", ' xmlns="http://www.collada.org/2005/11/COLLADASchema"')
+    instance = more.get("instance", BOUND)
+    axes = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    path.write_text(
+        f'<?xml version="1.0"?><COLLADA{namespace} version="1.4.1"><asset><unit name="u" meter="{unit}"/>'
+        f'<up_axis>{up}</up_axis></asset>{RED}<library_geometries><geometry id="g"><mesh><source id="p"><float_array '
+        f'id="a" count="24">{numbers}</float_array><technique_common><accessor source="#a" count="8" stride="3">{axes}'
+        f'</accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>'
+        f"{shape}</mesh></geometry></library_geometries>{more.get('library', '')}<library_visual_scenes>"
+        f'<visual_scene id="S"><node>{node}{instance}</node></visual_scene></library_visual_scenes>'
+        '<scene><instance_visual_scene url="#S"/></scene></COLLADA>'
+    )
+    return path
+
+
+def scaled(factor: float, x: float) -> str:
+    return f"<matrix>{factor} 0 0 {x} 0 {factor} 0 0 0 0 {factor} 0 0 0 0 1</matrix>"
+
+
+@pytest.mark.parametrize(
+    ("options", "low", "high", "faces"),
+    [
+        ({}, [0, 0, 0], [0.1, 0.2, 0.3], 12),
+        ({"node": "<translate>1 0 0</translate><scale>2 2 2</scale>"}, [1, 0, 0], [1.2, 0.4, 0.6], 12),
+        ({"node": "<rotate>1 0 0 90</rotate>"}, [0, -0.3, 0], [0.1, 0, 0.2], 12),
+        ({"node": scaled(2, 0) + scaled(1, 1)}, [2, 0, 0], [2.2, 0.4, 0.6], 12),
+        (
+            {"node": scaled(0.1, 0), "instance": f"<node>{scaled(1, 5)}{BOUND}</node>"},
+            [0.5, 0, 0],
+            [0.51, 0.02, 0.03],
+            12,
+        ),
+        ({"up": "Y_UP"}, [0, -0.3, 0], [0.1, 0, 0.2], 12),
+        ({"unit": "0.001"}, [0, 0, 0], [1e-4, 2e-4, 3e-4], 12),
+        ({"shape": POLYGONS}, [0, 0, 0], [0.1, 0.2, 0.3], 12),
+        ({"shape": STRIP + POLYGONS}, [0, 0, 0], [0.1, 0.2, 0.3], 14),
+        (
+            {
+                "instance": '<instance_node url="#n"/>',
+                "library": f'<library_nodes><node id="n">{BOUND}</node></library_nodes>',
+            },
+            [0, 0, 0],
+            [0.1, 0.2, 0.3],
+            12,
+        ),
+        ({"namespace": ""}, [0, 0, 0], [0.1, 0.2, 0.3], 12),
+    ],
+)
+def test_collada_nodes_units_and_axes(
+    tmp_path: Path, options: dict[str, str], low: list[float], high: list[float], faces: int
+) -> None:
+    mesh = read_mesh(collada(tmp_path / "box.dae", **options))
+    np.testing.assert_allclose(mesh.bounds, [low, high], atol=1e-6)
+    assert len(mesh.faces) == faces
+    if "shape" not in options:
+        np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (8, 1)))
+
+
+def test_a_robots_tools_ignore_the_up_axis_of_collada(tmp_path: Path) -> None:
+    mesh = read_mesh(collada(tmp_path / "box.dae", up="Y_UP"), up="z")
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)
+
+
+def compressed(path: Path) -> None:
+    def require(tree: dict[str, object]) -> None:
+        tree["extensionsUsed"] = ["EXT_meshopt_compression"]
+
+    path.write_bytes(
+        trimesh.creation.box((1, 1, 1)).scene().export(file_type="glb", tree_postprocessor=require)
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("m.stl", b"", "'.stl'"),
+        ("m.blend", b"", "'.blend'"),
         ("m.obj", None, "no such file"),
         ("m.glb", b"junk", "m.glb"),
         ("m.ply", b"ply\nformat", "m.ply"),
+        ("m.dae", b"<COLLADA/>", "m.dae"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\n", "no triangles"),
         ("m.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("m.obj", b"", "m.obj"),
+        ("m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n", "m.off"),
+        ("m.glb", compressed, "EXT_meshopt_compression"),
     ],
 )
-def test_broken_files_are_named_and_explained(
-    tmp_path: Path, name: str, content: bytes | None, words: str
-) -> None:
-    if content is not None:
+def test_broken_files_are_named_and_explained(tmp_path: Path, name: str, content: object, words: str) -> None:
+    if callable(content):
+        content(tmp_path / name)
+    elif content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(GeometryError, match=words):
         read_mesh(tmp_path / name)
@@ -89,3 +224,68 @@ def test_writing_into_nowhere_is_an_output_error(tmp_path: Path) -> None:
         write_mesh(tmp_path / "nowhere" / "m.obj", wedge(False))
     with pytest.raises(GeometryError, match=r"'\.stl'"):
         write_mesh(tmp_path / "m.stl", wedge(False))
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """Two textured, named parts under nodes with a rotation, a shift and a scale."""
+    scene = trimesh.Scene()
+    for i, name in enumerate(("body", "lid")):
+        part = trimesh.creation.icosphere(subdivisions=2, radius=0.1 * (i + 1))
+        image = Image.fromarray(np.full((4, 4, 3), 60 * (i + 1), dtype=np.uint8))
+        part.visual = trimesh.visual.TextureVisuals(
+            uv=np.random.default_rng(i).random((len(part.vertices), 2)),
+            material=trimesh.visual.material.PBRMaterial(
+                baseColorTexture=image, roughnessFactor=0.3, name=name
+            ),
+        )
+        pose = rigid(Rotation.from_euler("xyz", [0.3, -0.5, i]).as_matrix(), (0.1, 0.2, 0.3 * i))
+        pose[:3, :3] *= 1 + i
+        scene.add_geometry(part, node_name=f"node_{name}", geom_name=name, transform=pose)
+    path = tmp_path / "scene.glb"
+    path.write_bytes(scene.export(file_type="glb", include_normals=True))
+    return path
+
+
+def test_a_moved_glb_keeps_materials_textures_and_scene(scene_file: Path) -> None:
+    motion = rigid(Rotation.from_euler("zyx", [0.7, 0.2, -0.4]).as_matrix(), (1.0, -2.0, 0.5))
+    out = scene_file.with_name("out.glb")
+    map_glb(scene_file, out, lambda points: transform_points(motion, points))
+    before, scene = (trimesh.load_scene(path, process=False) for path in (scene_file, out))
+    assert set(scene.graph.nodes_geometry) == {"node_body", "node_lid"}
+    for node in scene.graph.nodes_geometry:
+        (old, name), (new, _) = before.graph[node], scene.graph[node]
+        was, part = before.geometry[name], scene.geometry[name]
+        placed = (to_z_up(transform_points(old, was.vertices)), to_z_up(transform_points(new, part.vertices)))
+        np.testing.assert_allclose(placed[1], transform_points(motion, placed[0]), atol=1e-6)
+        np.testing.assert_array_equal(part.visual.uv, was.visual.uv)
+    lid = scene.geometry["lid"]
+    assert lid.visual.material.name == "lid"
+    assert lid.visual.material.roughnessFactor == pytest.approx(0.3)
+    assert lid.visual.material.baseColorTexture.getpixel((0, 0))[:3] == (120, 120, 120)
+    for part in scene.geometry.values():  # on a sphere the normal is the direction from the centre
+        radial = part.vertices - part.vertices.mean(axis=0)
+        radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+        assert np.einsum("ij,ij->i", part.vertex_normals, radial).min() > 0.99
+
+
+def test_a_mesh_placed_twice_moves_only_if_its_copies_agree(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    scene.add_geometry(trimesh.creation.box((1, 1, 1)), geom_name="box", node_name="one")
+    scene.graph.update("two", geometry="box", matrix=trimesh.transformations.translation_matrix([5, 0, 0]))
+    path = tmp_path / "twice.glb"
+    scene.export(path)
+    map_glb(path, tmp_path / "out.glb", lambda points: points + np.array([0, 0.1, 0]))
+    assert np.allclose(read_mesh(tmp_path / "out.glb").bounds - read_mesh(path).bounds, [0, 0.1, 0])
+    with pytest.raises(GeometryError, match="finite positions"):
+        map_glb(path, tmp_path / "out.glb", lambda points: points[:1])
+    with pytest.raises(GeometryError, match="several times"):
+        map_glb(path, tmp_path / "out.glb", lambda points: points * 2)
+
+
+def test_a_mesh_squeezed_flat_cannot_be_moved(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    scene.add_geometry(trimesh.creation.box((1, 1, 1)), transform=np.diag([1.0, 1.0, 0.0, 1.0]))
+    scene.export(tmp_path / "t.glb")
+    with pytest.raises(GeometryError, match="flat"):
+        map_glb(tmp_path / "t.glb", tmp_path / "out.glb", lambda points: points)

@@ -3,10 +3,8 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh import Texture, TexturedMesh, TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.texture import Texture
-from gvla2.geometry.textured_mesh import TexturedMesh
 from gvla2.geometry.transform import look_along
 
 SIDE = 0.4

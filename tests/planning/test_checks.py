@@ -11,12 +11,12 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import width_along
-from gvla2.planning.effects import Effect
-from gvla2.planning.findings import CheckReport
+from gvla2.planning.effects import Bound, Order
+from gvla2.planning.findings import TABLE_MARGIN, CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
-from gvla2.testing.gantry import Gantry
+from gvla2.testing.inputs import Gantry
 
 TABLE = 0.5
 SPACE = Box(np.array([-0.3, -0.5, TABLE]), np.array([0.7, 0.5, TABLE + 0.8]))
@@ -134,7 +134,7 @@ def test_all_faults_are_reported_at_once_and_every_check_speaks():
         replace(GOOD[1], gripper=1.5, xyz=(0.9, 0.0, 0.505)),
         replace(GOOD[3], carries="wall"),
     )
-    report = check(*worst, effects=[Effect("bound", "lift_height", 0.2)], parameters={"lift_height": 0.1})
+    report = check(*worst, effects=[Bound("lift_height", 0.2)], parameters={"lift_height": 0.1})
     found = kinds(report)
     assert {("schema", "wrong_frame"), ("workspace", "too_fast"), ("workspace", "outside_workspace"),
             ("gripper", "opening_range"), ("memory", "bound_broken"),
@@ -197,14 +197,14 @@ def test_a_held_object_is_swept_along():
 
 
 def test_memory_bounds_hold_for_their_own_skill():
-    bound = Effect("bound", "lift_height", 0.2, ">=", skill="pick", source="r7")
+    bound = Bound("lift_height", 0.2, ">=", skill="pick", source="r7")
     parameters = {"lift_height": 0.1}
     report = check(*GOOD, effects=[bound], parameters=parameters, skill="pick")
     assert kinds(report) == {("memory", "bound_broken")}
     assert "r7" in report.reasons[0]
     assert check(*GOOD, effects=[bound], parameters=parameters, skill="push").passed
     assert check(*GOOD, effects=[bound], parameters={"lift_height": 0.25}, skill="pick").passed
-    upper = Effect("bound", "lift_height", 0.05, "<=")
+    upper = Bound("lift_height", 0.05, "<=")
     assert not check(*GOOD, effects=[upper], parameters=parameters).passed
 
 
@@ -216,7 +216,7 @@ def test_the_width_of_a_thing_is_that_of_its_outline(shape):
 
 
 def repaired(*waypoints: Waypoint) -> tuple[Trajectory, tuple[str, ...]]:
-    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM)
+    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM, ARM.forward(ARM.home))
 
 
 @pytest.mark.parametrize(
@@ -245,6 +245,16 @@ def test_repair_leaves_alone_what_it_cannot_mend():
         assert len(mended) == len(waypoints)
 
 
+def test_repair_moves_a_waypoint_by_a_few_centimetres_at_most_and_only_as_far_as_needed():
+    below_and_behind = changed(0, xyz=(-0.6, 0.0, TABLE - 0.65))
+    assert repaired(*below_and_behind) == (Trajectory(below_and_behind), ())
+    slightly = changed(1, xyz=(0.3, 0.0, TABLE - 0.02))  # outside the workspace and below the table's margin
+    mended, notes = repaired(*slightly)
+    assert len(notes) == 1
+    tip = mended.waypoints[1].xyz[2] - ARM.hand.tip_beyond_tcp - TABLE
+    assert TABLE_MARGIN < tip < TABLE_MARGIN + 0.001
+
+
 def test_repair_never_makes_a_trajectory_too_long():
     ends = [at(-0.25, -0.4, 0.2, 1.0), at(0.4, -0.4, 0.2, 1.0, motion="linear")]
     mended, _ = repaired(*(ends * (MAX_WAYPOINTS // 2)))
@@ -252,7 +262,7 @@ def test_repair_never_makes_a_trajectory_too_long():
 
 
 def test_bounds_in_shares_bind_by_the_handled_objects_sides():
-    bound = Effect("bound", "grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
+    bound = Bound("grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
     for height, passes in ((0.04, True), (0.05, False)):
         report = check(*GOOD, effects=[bound], parameters={"grasp_depth": 0.022}, skill="pick",
                        lengths={"height": height})  # fmt: skip
@@ -265,9 +275,9 @@ def test_bounds_in_shares_bind_by_the_handled_objects_sides():
 
 
 def test_a_remembered_order_rejects_stages_the_other_way_round():
-    order = Effect("order", "lift before close", skill="pick", source="r9")
+    order = Order("lift", "close", skill="pick", source="r9")
     report = check(*GOOD, effects=[order], skill="pick")
     assert kinds(report) == {("memory", "order_broken")}
     assert "r9" in report.reasons[0]
     assert check(*GOOD, effects=[order], skill="push").passed
-    assert check(*GOOD, effects=[replace(order, parameter="close before lift")], skill="pick").passed
+    assert check(*GOOD, effects=[Order("close", "lift")], skill="pick").passed

@@ -7,7 +7,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.checks_gripper import check_gripper
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
-from gvla2.testing.gantry import Gantry
+from gvla2.testing.inputs import Gantry
 
 TABLE = 0.5
 SPACE = Box(np.array([-0.3, -0.5, TABLE]), np.array([0.7, 0.5, TABLE + 0.8]))

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from gvla2.planning.deadline import DeadlineError, within
+from gvla2.planning.asking import DeadlineError, within
 
 
 def busy():

@@ -1,18 +1,32 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2.errors import PlanningError
-from gvla2.planning.effects import Effect, apply_effects, disordered, reconciled
+from gvla2.geometry.transform import rigid
+from gvla2.planning.effects import (
+    Ban,
+    Bound,
+    Order,
+    Prior,
+    apply_effects,
+    as_shares,
+    effect_from_json,
+    look_of,
+    own_first,
+    reconciled,
+)
+from gvla2.planning.scene import Box, Scene, SceneObject
 
 THETA = {"lift_height": 0.25, "grasp_depth": 0.02}
 
 
 def test_a_prior_pulls_by_its_count_and_a_bound_clamps_after_it():
-    prior = Effect("prior", "lift_height", 0.35, count=2, source="r1")
-    bound = Effect("bound", "lift_height", 0.28, "<=", source="r2")
+    prior = Prior("lift_height", 0.35, count=2, source="r1")
+    bound = Bound("lift_height", 0.28, "<=", source="r2")
     changed, notes = apply_effects(THETA, [bound, prior], "pick")
     assert changed["lift_height"] == pytest.approx(0.28)  # 0.25 -> 0.30 by the prior, then bounded
     assert ["r1" in notes[0], "r2" in notes[1]] == [True, True]
@@ -20,22 +34,28 @@ def test_a_prior_pulls_by_its_count_and_a_bound_clamps_after_it():
 
 
 def test_effects_of_other_skills_or_unknown_parameters_change_nothing():
-    others = [Effect("bound", "lift_height", 0.5, skill="push"), Effect("bound", "twist_angle", 1.0),
-              Effect("prior", "lift_height", 0.5, count=0), Effect("forbid", "lift_height")]  # fmt: skip
+    others = [Bound("lift_height", 0.5, skill="push"), Bound("twist_angle", 1.0),
+              Prior("lift_height", 0.5, count=0), Ban("lift_height")]  # fmt: skip
     assert apply_effects(THETA, others, "pick") == (THETA, [])
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.sampled_from([">=", "<="]), st.integers(0, 50))
 def test_a_bound_holds_whatever_experience_says(limit, mean, op, count):
-    effects = [Effect("bound", "lift_height", limit, op), Effect("prior", "lift_height", mean, count=count)]
+    effects = [Bound("lift_height", limit, op), Prior("lift_height", mean, count=count)]
     value = apply_effects(THETA, effects, "pick")[0]["lift_height"]
     assert value >= limit if op == ">=" else value <= limit
 
 
 def test_effects_survive_json_and_bad_ones_are_refused():
-    effect = Effect("bound", "grasp_depth", 0.03, ">=", skill="pick", source="r9")
-    assert Effect.from_json(effect.to_json()) == effect
-    assert Effect.from_json(effect.to_json(), source="other").source == "other"
+    effect = Bound("grasp_depth", 0.03, ">=", skill="pick", source="r9")
+    others = (
+        Prior("x", 0.5, 3, 0.1, scale="height", object="red"),
+        Ban("approach:top"),
+        Order("lower", "release"),
+    )
+    for one in (effect, *others):
+        assert effect_from_json(one.to_json()) == one
+    assert effect_from_json(effect.to_json(), source="other").source == "other"
     for bad in (
         {"kind": "bound"},
         {"kind": "wish", "parameter": "x"},
@@ -49,19 +69,17 @@ def test_effects_survive_json_and_bad_ones_are_refused():
         {"kind": "prior", "parameter": "x", "count": 2},
     ):
         with pytest.raises(PlanningError, match="Not a parameter effect"):
-            Effect.from_json(bad)
-    assert Effect.from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"
+            effect_from_json(bad)
 
 
 def test_a_share_of_a_side_holds_for_other_sizes():
-    learnt = Effect("prior", "grasp_depth", 0.025, sd=0.002, count=2).shared(
-        {"grasp_depth": ("height", 0.05)}
-    )
+    learnt = as_shares(Prior("grasp_depth", 0.025, sd=0.002, count=2), {"grasp_depth": ("height", 0.05)})
+    assert isinstance(learnt, Prior)
     assert (learnt.value, learnt.sd, learnt.scale) == (pytest.approx(0.5), pytest.approx(0.04), "height")
     for height in (0.04, 0.05, 0.08):
         changed, _ = apply_effects(THETA, [learnt], "pick", lengths={"height": height})
         assert changed["grasp_depth"] == pytest.approx(0.02 + 0.5 * (0.5 * height - 0.02))
-    tight = Effect("bound", "grasp_depth", 0.6, ">=", scale="height", source="r3")
+    tight = Bound("grasp_depth", 0.6, ">=", scale="height", source="r3")
     changed, notes = apply_effects(THETA, [tight], "pick", lengths={"height": 0.1})
     assert changed["grasp_depth"] == pytest.approx(0.06)
     assert "r3" in notes[0]
@@ -69,32 +87,32 @@ def test_a_share_of_a_side_holds_for_other_sizes():
 
 @given(st.floats(0.005, 0.5), st.floats(-2, 2), st.floats(0, 1))
 def test_shares_go_there_and_back(length, value, sd):
-    effect = Effect("prior", "grasp_depth", value, sd=sd, count=3)
-    share = effect.shared({"grasp_depth": ("height", length)})
+    effect = Prior("grasp_depth", value, sd=sd, count=3)
+    share = as_shares(effect, {"grasp_depth": ("height", length)})
     back = share.absolute({"height": length})
     assert back is not None
     assert (back.value, back.sd, back.scale) == (pytest.approx(value), pytest.approx(sd), "")
-    assert share.shared({"grasp_depth": ("height", length)}) == share  # once is enough
+    assert as_shares(share, {"grasp_depth": ("height", length)}) == share  # once is enough
 
 
 def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
-    share = Effect("bound", "grasp_depth", 0.6, scale="width", source="r4")
+    share = Bound("grasp_depth", 0.6, scale="width", source="r4")
     assert share.absolute({"height": 0.1}) is None
     changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
     assert changed == THETA
     assert "r4 was ignored" in notes[0]
-    hand = Effect("bound", "standoff", 0.1)
-    assert hand.shared({"grasp_depth": ("height", 0.1)}) == hand
+    hand = Bound("standoff", 0.1)
+    assert as_shares(hand, {"grasp_depth": ("height", 0.1)}) == hand
 
 
-def test_records_without_a_scale_read_and_write_as_before():
+def test_records_without_a_scale_are_still_read():
     old = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
            "skill": "pick", "source": ""}  # fmt: skip
-    assert Effect.from_json(old).to_json() == old
-    share = Effect("bound", "grasp_depth", 0.6, scale="height")
-    assert Effect.from_json(share.to_json()) == share
+    assert effect_from_json(old) == Prior("grasp_depth", 0.02, count=1, skill="pick")
+    share = Bound("grasp_depth", 0.6, scale="height")
+    assert effect_from_json(share.to_json()) == share
     with pytest.raises(PlanningError, match="height"):
-        Effect.from_json({**old, "scale": "depth"})
+        effect_from_json({**old, "scale": "depth"})
 
 
 @pytest.mark.parametrize(
@@ -108,22 +126,22 @@ def test_records_without_a_scale_read_and_write_as_before():
     ],
 )
 def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
-    order = Effect.from_json({"kind": "order", "parameter": "lower before release"})
-    assert order.stages == ("lower", "release")
-    assert disordered(order, stages) is wrong
+    order = effect_from_json({"kind": "order", "parameter": "lower before release"})
+    assert order == Order("lower", "release")
+    assert order.broken_by(stages) is wrong
 
 
 @pytest.mark.parametrize("said", ["lower", " before release", "lower before", ""])
 def test_an_order_names_two_stages(said):
     with pytest.raises(PlanningError, match="before"):
-        Effect.from_json({"kind": "order", "parameter": said})
+        effect_from_json({"kind": "order", "parameter": said})
 
 
 def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
     def bound(op, value, **rest):
-        return Effect("bound", "press_depth", value, op, skill="press", **rest)
+        return Bound("press_depth", value, op, skill="press", **rest)
 
-    success = Effect("prior", "press_depth", 0.67, count=1, skill="press")
+    success = Prior("press_depth", 0.67, count=1, skill="press")
     assert reconciled([bound(">=", 0.70), bound("<=", 0.50), success]) == (
         bound(">=", 0.67), bound("<=", 0.67), success,
     )  # fmt: skip
@@ -135,3 +153,49 @@ def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
     assert reconciled([bound(">=", 0.70), bound("<=", 0.50), bound("<=", 0.90), other]) == (
         bound("<=", 0.90), other,
     )  # fmt: skip
+
+
+def thing(id_: str, colour: str, parent: str = "") -> SceneObject:
+    return SceneObject(
+        id_, f"{colour} thing", "box", colour, rigid(), np.ones(3), np.zeros((0, 3)), parent=parent
+    )
+
+
+def scene(*things: SceneObject) -> Scene:
+    return Scene(things, 0.75, Box(-np.ones(3), np.ones(3)))
+
+
+def turn(value: float, thing: str = "", skill: str = "twist", parameter: str = "turn") -> Bound:
+    return Bound(parameter, value, ">=", skill=skill, object=thing)
+
+
+def test_a_part_looks_like_itself_on_its_whole():
+    jar, lid = thing("jar", "red"), thing("lid", "gray", parent="jar")
+    assert look_of(jar, scene(jar, lid)) == "red"
+    assert look_of(lid, scene(jar, lid)) == "gray on red"
+    assert look_of(None, scene()) == ""
+    assert look_of(thing("x", ""), scene()) == "", "unsure of the colour: it looks like nothing in particular"
+    knob = thing("knob", "blue", parent="lid")
+    assert look_of(knob, scene(jar, lid, knob)) == "blue on red", "the whole, however deep the part"
+    one, other = thing("a", "red", parent="b"), thing("b", "blue", parent="a")
+    assert look_of(one, scene(one, other)) == "red on blue", "parents in a ring come to an end"
+
+
+def test_what_was_learnt_on_its_like_replaces_what_was_learnt_on_others():
+    own, other, any_ = turn(3.0, "gray on red"), turn(5.0, "gray on blue"), turn(1.0)
+    assert own_first([other, own, any_], "gray on red") == (own, any_)
+    assert own_first([other, own, any_], "gray on lime") == (other, own, any_), (
+        "nothing of its own: all count"
+    )
+    assert own_first([other, own], "") == (other, own), "it looks like nothing in particular"
+
+
+def test_other_parameters_and_skills_of_others_stay():
+    own = turn(3.0, "red")
+    depth, push = turn(0.1, "blue", parameter="grasp_depth"), turn(0.2, "blue", skill="push")
+    assert own_first([own, depth, push], "red") == (own, depth, push)
+
+
+def test_the_look_survives_json_and_is_left_out_where_there_is_none():
+    assert effect_from_json(turn(3.0, "red").to_json()).object == "red"
+    assert "object" not in turn(3.0).to_json()

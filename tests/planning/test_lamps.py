@@ -3,8 +3,8 @@
 import numpy as np
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.lamps import shines
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.skills.mechanisms import shines
 
 
 def part(id_: str, label: str, x: float, grey: float, parent: str = "base") -> SceneObject:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.lids import hinged, opening_angle
 from gvla2.planning.scene import SceneObject
+from gvla2.skills.mechanisms import hinged, opening_angle
 
 BOX = SceneObject("b", "box", "box", "", rigid(translation=(0.3, 0.1, 0.075)), np.array([0.25, 0.35, 0.15]),
                   np.zeros((0, 3)))  # fmt: skip

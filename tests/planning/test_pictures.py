@@ -5,8 +5,7 @@ import pytest
 from PIL import Image
 
 from gvla2.errors import ConfigurationError
-from gvla2.planning.pictures import shown
-from gvla2.planning.showing import PictureOptions
+from gvla2.planning.pictures import PictureOptions, encoded
 from gvla2.testing import inputs
 
 
@@ -20,7 +19,7 @@ def decoded(png):
 
 
 def test_a_picture_keeps_its_shares_when_it_shrinks(view):
-    small = decoded(shown(view, 80))
+    small = decoded(encoded(view, 80))
     assert small.shape == (80, 80, 3)
     red = [
         np.argwhere(a[..., 0] - a[..., 2] > 100).mean(axis=0) / len(a)
@@ -30,12 +29,12 @@ def test_a_picture_keeps_its_shares_when_it_shrinks(view):
 
 
 def test_a_small_picture_is_sent_as_it_is(view):
-    np.testing.assert_array_equal(decoded(shown(view, 1024)), view.image)
+    np.testing.assert_array_equal(decoded(encoded(view, 1024)), view.image)
 
 
 def test_a_grid_draws_on_the_copy_alone(view):
     before = view.image.copy()
-    drawn = decoded(shown(view, 1024, grid=True, scale=1000))
+    drawn = decoded(encoded(view, 1024, grid=True, scale=1000))
     np.testing.assert_array_equal(view.image, before)
     changed = (drawn != before).any(axis=-1)
     assert changed[:, 16].mean() > 0.9, "a line stands at a tenth"

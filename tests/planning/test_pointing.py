@@ -5,8 +5,7 @@ import time
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.planning.pointing import LONGEST, MOST, Stroke, read_path, read_points
-from gvla2.planning.showing import PictureOptions
+from gvla2.planning.pictures import MAX_CHARACTERS, MAX_POINTS, PictureOptions, Stroke, read_path, read_points
 
 PATH = (
     "<ans>[(0.25, 0.32), (0.3, 0.5), <action>Close Gripper</action>, (0.7, 0.2), "
@@ -63,7 +62,7 @@ def test_models_count_to_what_they_were_taught():
         ("[]", "no list of points"),
         ("<ans>[]</ans>", "no point"),
         ("<ans>[<action>Open Gripper</action>]</ans>", "no point"),
-        ("[(0.2, 0.3), (1.2, 0.3)]", "outside the picture; coordinates go from 0 to 1"),
+        ("[(0.2, 0.3), (1.2, 0.3)]", "outside the picture; coordinates are 0 to 1"),
         ("[(nan, 0.3)]", "outside the picture"),
         ("[(-inf, 0.3)]", "outside the picture"),
         ("[(0.2, -0.3)]", "outside the picture"),
@@ -73,7 +72,7 @@ def test_models_count_to_what_they_were_taught():
         ("<ans>[(0.2, 0.3)]</ans> <ans>[(0.3, 0.3)]</ans>", "several answers"),
         ("<ans>[(0.2, 0.3), <action>Explode</action>]</ans>", "'<action>Explode</action>' is neither"),
         ("<ans>[__import__('os').system('true'), (0.1, 0.2)]</ans>", "is neither a point"),
-        (f"[{', '.join(['(0.5, 0.5)'] * (MOST + 1))}]", f"more than {MOST} points"),
+        (f"[{', '.join(['(0.5, 0.5)'] * (MAX_POINTS + 1))}]", f"more than {MAX_POINTS} points"),
         (f"[{', '.join(['(0.5, 0.5)'] * 10_000)}]", "characters; give the list alone"),
     ],
 )
@@ -86,7 +85,7 @@ def test_everything_else_is_refused_with_its_reason(text, said):
     "piece", ["[", "(", " ", "1", "[(1,1)" + " " * 50, "(0.1, 0.1), ", "<ans>", "<action>"]
 )
 def test_no_answer_takes_long_to_read(piece):
-    text = (piece * LONGEST)[:LONGEST]
+    text = (piece * MAX_CHARACTERS)[:MAX_CHARACTERS]
     began = time.perf_counter()
     with pytest.raises(ValueError, match=r"."):
         read_path(text)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.errors import PlanningError
-from gvla2.planning.programs import Program, bind, calls_program, remembered, told, waypoints_program
+from gvla2.planning.programs import Program, adapted, bind, calls_program, remembered, waypoints_program
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -33,8 +33,8 @@ def test_names_become_roles_and_lengths_shares():
 def test_a_program_is_told_with_the_names_and_sizes_of_another_scene():
     scene = larger(2.0)
     names = {o.id: o.id for o in scene.objects}
-    assert told(CALLS, scene, names, "put red on blue") == ("place(new_red_cube, new_blue_cube, on)",)
-    steps = told(WAYPOINTS, scene, names, "put red on blue")
+    assert adapted(CALLS, scene, names, "put red on blue") == ("place(new_red_cube, new_blue_cube, on)",)
+    steps = adapted(WAYPOINTS, scene, names, "put red on blue")
     assert steps[1] == ("new_red_cube", 26, 0, -52, 0)
     assert steps[2] == ("new_red_cube", "new_blue_cube", 200, 120, 0)
 
@@ -42,9 +42,9 @@ def test_a_program_is_told_with_the_names_and_sizes_of_another_scene():
 def test_a_role_that_nothing_plays_leaves_the_program_untold():
     alone = replace(SCENE, objects=SCENE.objects[:1])
     assert set(bind(CALLS, alone, "")) == {"theme"}
-    assert told(CALLS, alone, NAMES, "") is None
+    assert adapted(CALLS, alone, NAMES, "") is None
     patch = replace(SCENE, objects=tuple(replace(o, shape="region") for o in SCENE.objects))
-    assert told(CALLS, patch, NAMES, "") is None
+    assert adapted(CALLS, patch, NAMES, "") is None
 
 
 def test_words_of_the_instruction_choose_among_equals():
@@ -81,7 +81,7 @@ def test_shares_survive_a_thing_without_height():
     flat = replace(SCENE.objects[0], extents=np.array([0.1, 0.1, 0.0]))
     scene = replace(SCENE, objects=(flat,))
     program = waypoints_program([["red_cube", 5, 0, -5, 0]], scene, roles={"theme": "red_cube"})
-    assert told(program, scene, NAMES, "") == (("red_cube", 5, 0, -5, 0),)
+    assert adapted(program, scene, NAMES, "") == (("red_cube", 5, 0, -5, 0),)
 
 
 def test_what_memory_says_stands_between_marks_that_it_cannot_end():

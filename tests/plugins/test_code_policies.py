@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.errors import ConfigurationError
-from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
 from gvla2.testing import check_component, check_planner
-from gvla2.testing.language import LocalModel, refused, said
+from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
@@ -23,17 +21,11 @@ SCRIPTED = ScriptedPlanner(gvla2_planners, CodePoliciesConfig)
 planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
-def recoloured(colour, label):
-    things = (RED, replace(BLUE, colour=colour, label=label))
-    return replace(REQUEST.scene, objects=things)
-
-
 def test_it_is_a_planner_as_any_other():
     (component,) = gvla2_planners()
     check_component(component)
-    for cautious in (True, False):
-        with LocalModel(lambda _: said("pick(red_cube)")) as model:
-            check_planner(planner(model, cautious=cautious))
+    with LocalModel(lambda _: said("pick(red_cube)")) as model:
+        check_planner(planner(model))
 
 
 def test_a_call_is_carried_out():
@@ -45,13 +37,11 @@ def test_a_call_is_carried_out():
 
 
 def test_a_program_in_a_fence_is_read_and_kept_without_its_comments():
-    answer = (
-        "Sure:\n```python\n# the red one\nif height(red_cube) > 20:\n    place(red_cube, blue_cube, on)\n```"
-    )
+    answer = "Sure:\n```python\n# the red one\nplace(red_cube, goal=blue_cube, relation='on')\n```"
     plan = planned(answer, STACK)
     assert plan.roles == {"theme": "red_cube", "goal": "blue_cube"}
     passes(plan, STACK)
-    assert plan.program.steps == ("if height({theme}) > 20:", "    place({theme}, {goal}, on)")
+    assert plan.program.steps == ("place({theme}, {goal}, on)",)
 
 
 @pytest.mark.parametrize(
@@ -68,48 +58,14 @@ def test_a_program_may_decline(answer, kind):
     assert len(plan.transcript) == 1
 
 
-def test_what_the_wish_names_and_the_program_leaves_out_goes_back():
-    answers = iter(["pick(blue_cube)", "pick(red_cube)"])
+def test_what_cannot_be_carried_out_goes_back_with_its_reason():
+    answers = iter(["pull(red_cube)", "pick(red_cube)"])
     with LocalModel(lambda _: said(next(answers))) as model:
         plan = planner(model).plan(REQUEST)
         asked = model.requests[-1]["messages"][-1]["content"]
-    assert "names something red: red_cube" in asked
+    assert "The red_cube has no visible handle" in asked
     assert plan.roles == {"theme": "red_cube"}
     passes(plan)
-
-
-def test_a_cautious_planner_declines_what_the_model_insists_on():
-    plan = planned("pick(blue_cube)")
-    assert plan.trajectory is None
-    assert "do not follow the wish" in plan.abstention.message
-    free = planned("pick(blue_cube)", cautious=False)
-    assert free.roles == {"theme": "blue_cube"}
-
-
-@pytest.mark.parametrize("wish", ["lift the red cube, but not the blue one", "don't lift the red cube"])
-def test_what_small_models_read_past_is_declined_unasked(wish):
-    plan = planned("pick(red_cube)", replace(REQUEST, instruction=wish))
-    assert (plan.abstention.kind, plan.transcript) == ("other", ())
-    passes(planned("pick(red_cube)", replace(REQUEST, instruction=wish), cautious=False))
-
-
-def test_a_colour_that_nothing_can_mean_is_declined_unasked():
-    plan = planned("pick(red_cube)", replace(REQUEST, instruction="lift the green cube"))
-    assert (plan.abstention.kind, plan.transcript) == ("nothing_matches", ())
-    assert "green" in plan.abstention.message
-
-
-def test_blue_is_the_azure_thing_where_none_is_blue():
-    asked = replace(REQUEST, scene=recoloured("azure", "azure cube"), instruction="lift the blue cube")
-    plan = planned("pick(azure_cube)", asked)
-    assert plan.roles == {"theme": "blue_cube"}
-    passes(plan, asked)
-    assert planned("pick(red_cube)", asked).trajectory is None
-
-
-def test_of_several_that_a_wish_may_mean_none_is_taken():
-    plan = planned("pick(red_cube)", replace(REQUEST, instruction="lift the cube"))
-    assert plan.abstention.kind == "ambiguous"
 
 
 def test_samples_that_do_not_agree_decline():
@@ -132,7 +88,7 @@ def test_samples_that_do_not_agree_decline():
     ],
 )  # fmt: skip
 def test_bad_answers_move_nothing(answer):
-    plan = planned(answer, tries=2, cautious=False)
+    plan = planned(answer, tries=2)
     assert plan.trajectory is None
     assert plan.abstention.kind == "other"
     assert len(plan.transcript) == 2
@@ -177,27 +133,3 @@ def test_remembered_programs_come_with_the_names_of_now():
         with_memory, without = (r["messages"][1]["content"] for r in model.requests)
     assert with_memory.count("- raise the cube: pick(blue_cube) succeeded") == 2
     assert "<memory>" not in without
-
-
-def test_nothing_is_asked_about_nothing():
-    with LocalModel(lambda _: said("pick(red_cube)")) as model:
-        assert planner(model).plan(replace(REQUEST, instruction=" ")).abstention.kind == "unknown_skill"
-        empty = replace(REQUEST.scene, objects=())
-        assert planner(model).plan(replace(REQUEST, scene=empty)).abstention.kind == "nothing_matches"
-        assert not model.requests
-
-
-@pytest.mark.parametrize("answering", [lambda _: refused(503, "busy"), lambda _: refused(401, "no key")])
-def test_a_server_that_fails_is_a_failure_of_the_model(answering):
-    with LocalModel(answering) as model:
-        asking = planner(model)
-        with pytest.raises(LanguageModelError):
-            asking.plan(REQUEST)
-    with pytest.raises(LanguageModelError, match="cannot be reached"):  # nobody is there any more
-        asking.plan(REQUEST)
-
-
-@pytest.mark.parametrize("options", [{"tries": 0}, {"agreement": 2.0}, {"programs": -1}, {"samples": 0}])
-def test_options_that_cannot_be_are_refused(options):
-    with pytest.raises(ConfigurationError):
-        CodePoliciesConfig(**options)

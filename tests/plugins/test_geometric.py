@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.episode.evidence import RobotEvidence
@@ -20,7 +18,6 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.testing.component import check_component
 from gvla2_plugins.geometric import GeometricConfig, gvla2_verifiers
-from gvla2_plugins.geometric.completion import outside_footprint
 
 TABLE = 0.75
 RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2), "white": (0.9, 0.9, 0.9)}
@@ -344,20 +341,6 @@ def test_roles_that_name_nothing_are_unknown() -> None:
             judge(evidence(BEFORE, BEFORE, skill, {"theme": "ghost"}, PICK, width=0.05)).outcome
             == "uncertain"
         )
-
-
-@given(
-    st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-3, 3), st.floats(0.02, 0.2), st.floats(0.02, 0.2)
-)
-@settings(max_examples=40, deadline=None)
-def test_outside_footprint_is_zero_inside_and_the_distance_outside(
-    x: float, y: float, yaw: float, length: float, width: float
-) -> None:
-    goal = thing("g", 0.1, -0.2, size=(length, width, 0.01), yaw=yaw)
-    point = goal.world_from_object @ np.array([x, y, 0.3, 1.0])
-    nearest = np.clip([x, y], [-length / 2, -width / 2], [length / 2, width / 2])
-    expected = float(np.hypot(x - nearest[0], y - nearest[1]))
-    assert outside_footprint(point[:3], goal) == pytest.approx(expected, abs=1e-9)
 
 
 def test_conformance() -> None:

@@ -12,7 +12,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite
 from gvla2_plugins.tabletop import gvla2_tasks
-from gvla2_plugins.tabletop.learnable_ranges import RANGES, TRAITS, families
+from gvla2_plugins.tabletop.learnable import RANGES, TRAITS, families
 
 LEARNABLE = {"world": "learnable", "world_seed": 4}
 
@@ -136,7 +136,7 @@ class Slide:
 
 
 def caught(until: float = float("inf")):
-    catches = pytest.importorskip("gvla2_plugins.sapien.catches")
+    catches = pytest.importorskip("gvla2_plugins.sapien.threads")
     held = Joint("slide", "prismatic", "a", "b", np.eye(3)[0], np.zeros(3), (0.0, 0.2))
     slide = Slide()
     one = catches.Caught(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gvla2.commands.tracking import Tracking
+from gvla2.commands.run import Tracking
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem

@@ -12,7 +12,7 @@ import pytest
 
 import gvla2
 from gvla2 import Component, ComponentConfig, cli, hookimpl
-from gvla2.commands.tracking import Tracking, measures_of
+from gvla2.commands.run import Tracking, measures_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
 from gvla2.plugins.registry import Registry, load_plugins

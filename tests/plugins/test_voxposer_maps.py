@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.testing import inputs
-from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapVocabulary, check_units, read_program
+from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapVocabulary, read_program
 
 SCENE = inputs.scene()
 IDS = {o.id: o.id for o in SCENE.objects}
@@ -129,24 +129,6 @@ def test_what_is_no_expression(expression, said):
     lines = "q = q + 1"
     with pytest.raises(ValueError, match=said):
         value(expression, lines=lines)
-
-
-@pytest.mark.parametrize(
-    ("wish", "number", "right"),
-    [
-        ("push it 10 cm to the left", "100", True), ("push it 10 cm to the left", "10", False),
-        ("push it 10cm to the left", "0.1", False), ("lift it by 0.2 m", "0.2", False),
-        ("lift it by 0.2 m", "200", True),
-        ("lift it", "10", True), ("lift it 40 millimetres", "40", True),
-    ],
-)  # fmt: skip
-def test_lengths_in_another_unit_than_the_millimetre_are_sent_back(wish, number, right):
-    program = read_program(f"up = {number}\nmove('m', affordance=z - up)")
-    if right:
-        check_units(program, wish)
-    else:
-        with pytest.raises(ValueError, match="mm"):
-            check_units(program, wish)
 
 
 def test_metres_are_no_lengths():

@@ -8,10 +8,9 @@ import pytest
 
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Advice
-from gvla2.planning.programs import Program, waypoints_program
-from gvla2.planning.relative import relative_steps
+from gvla2.planning.programs import Program, relative_steps, waypoints_program
 from gvla2.planning.scene_brief import scene_brief
-from gvla2.programs.remembered import remembered_paths
+from gvla2.programs.waypoint_programs import remembered_paths
 from gvla2.skills.carry_out import carry_out
 from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, request, sound, thing
 

@@ -5,15 +5,16 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
+from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.reconstruction.things import points_of
-from gvla2.reconstruction.visual_hull import object_centre
+from gvla2.reconstruction.support import object_centre
+from gvla2.reconstruction.view_set import points_of
 from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 from gvla2_plugins.fusions.strategies import Residual
-from gvla2_plugins.nothing.choices import NoPrior
+from gvla2_plugins.nothing import NoPrior
 
 SCALE, SHIFT = np.array([1.06, 0.95, 1.04]), np.array([0.02, -0.015, 0.01])
 

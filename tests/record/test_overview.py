@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.episode.record import EpisodeRecord
-from gvla2.record.overview import episode_folder, write_summary
+from gvla2.record.page import episode_folder, write_summary
 from gvla2.record.recorder import RunRecorder, write_index
 
 
@@ -56,9 +56,3 @@ def test_the_summary_counts_and_has_a_row_for_every_episode(
     assert told["rows"][2]["success"] is None
     assert told["rows"][1]["failure"]["kind"]
     assert json.loads(write_summary(tmp_path, []).read_text())["success_share"] is None
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_few_episodes_are_fine(tmp_path: Path, episode: Callable[..., EpisodeRecord], count: int) -> None:
-    page = write_index(tmp_path, [episode()] * count)
-    assert f"{count} episode" in page.read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -16,24 +15,25 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import plain
-from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
-from gvla2.record.placement import Rect
-from gvla2.record.reconstruction import maps, sections
-from gvla2.record.reconstruction.contents import ReconstructionRecord
-from gvla2.record.reconstruction.measures import Measures, fit, measure, on_white
-from gvla2.record.reconstruction.pictures import (
-    MOST_VIEWS,
+from gvla2.record import reconstruction
+from gvla2.record import reconstruction_pictures as pictured
+from gvla2.record.drawing import Rect
+from gvla2.record.reconstruction import (
+    ReconstructionRecord,
+    ReconstructionRecorder,
+    compared,
+    render_reconstruction,
+)
+from gvla2.record.reconstruction_measures import Measures, fit, measure
+from gvla2.record.reconstruction_pictures import (
     ReconstructionPictures,
     ring,
-    shown_views,
-    side_by_side,
     turntables,
     view_pictures,
 )
-from gvla2.record.reconstruction.recorder import ReconstructionRecorder, render_reconstruction
-from gvla2.record.reconstruction.sections import compared
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
@@ -122,13 +122,6 @@ def test_an_empty_mask_is_left_out_of_the_means(record, views, renderer):
     assert np.isfinite(numbers["psnr"])
 
 
-def test_what_is_outside_the_mask_is_white(views):
-    cut = on_white(views[0])
-    assert (cut[views[0].mask == 0] == 1).all()
-    inside = views[0].mask > 0.5
-    np.testing.assert_allclose(cut[inside], views[0].image[inside] / 255, atol=1e-6)
-
-
 def test_against_the_truth_the_smaller_cube_is_nearer(record, views, renderer):
     groups = measure(record.result, views, renderer, truth=carve(views, 24).mesh).groups
     before, after = groups["truth"]
@@ -150,32 +143,11 @@ def test_the_residual_shows_each_kind_of_pixel():
     mask, silhouette = np.zeros((60, 60), np.float32), np.zeros((60, 60), np.bool_)
     mask[20:40, 20:40], silhouette[20:40, 25:45] = 1, True
     view = View(camera, np.full((60, 60, 3), 128, np.uint8), mask=mask)
-    picture = np.asarray(maps.residual_picture(silhouette, view, Rect(0, 0, 60, 60), width=60))
-    assert tuple(picture[30, 22]) == maps.MISSED
-    assert tuple(picture[30, 42]) == maps.EXCESS
-    assert (picture[5, 5] == maps.PAPER).all()
+    picture = np.asarray(pictured.residual_picture(silhouette, view, Rect(0, 0, 60, 60), width=60))
+    assert tuple(picture[30, 22]) == pictured.MISSED
+    assert tuple(picture[30, 42]) == pictured.EXCESS
+    assert (picture[5, 5] == pictured.PAPER).all()
     assert len({tuple(p) for p in picture.reshape(-1, 3)}) == 4
-
-
-def test_the_part_shown_holds_mask_and_silhouette():
-    camera = Camera.from_fov(0.8, np.eye(4), 200, 120, "wide")
-    mask, silhouette = np.zeros((120, 200), np.float32), np.zeros((120, 200), np.bool_)
-    mask[100:118, 5:20], silhouette[90:110, 10:30] = 1, True
-    view = View(camera, np.zeros((120, 200, 3), np.uint8), mask=mask)
-    x0, y0, x1, y1 = maps.part_of(view, [silhouette])
-    assert x0 == 0
-    assert y1 == 120
-    assert x1 >= 30
-    assert y0 <= 90
-    assert x1 - x0 == y1 - y0 >= 48
-    empty = replace(view, mask=np.zeros_like(mask))
-    assert maps.part_of(empty, []) == (0, 0, 200, 120)
-
-
-def test_support_has_its_own_colours():
-    low, high = 255 * maps.support_colours(np.array([0.0, 1.0]))
-    assert tuple(np.rint(low)) == maps.SUPPORT_SCALE[0][1]
-    assert tuple(np.rint(high)) == maps.SUPPORT_SCALE[-1][1]
 
 
 def test_every_view_has_all_its_pictures(pictures, views):
@@ -189,13 +161,6 @@ def test_every_view_has_all_its_pictures(pictures, views):
         assert (decoded(shown.renders[0]) != decoded(shown.renders[1])).any()
 
 
-def test_few_of_many_views_are_shown():
-    assert shown_views(3) == [0, 1, 2]
-    many = shown_views(100)
-    assert len(many) == MOST_VIEWS
-    assert (many[0], many[-1]) == (0, 99)
-
-
 def test_the_ring_keeps_the_object_in_the_picture():
     points = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * [0.02, 0.3, 0.1] + [5, -3, 0.7]
     cameras = ring(points, 6, 64, first=np.array([5.0, 2.0, 1.0]))
@@ -205,14 +170,6 @@ def test_the_ring_keeps_the_object_in_the_picture():
         assert (depth > 0).all()
     begin = cameras[0].position - points.mean(axis=0)
     assert begin[1] > abs(begin[0])  # it starts on the first view's side
-
-
-def test_the_turntable_turns(pictures):
-    both = Image.open(io.BytesIO(pictures.turntable))
-    assert both.n_frames == 4
-    assert both.width > 2 * Image.open(io.BytesIO(pictures.hero)).width
-    pair = side_by_side(np.zeros((40, 40, 3), np.uint8), np.full((40, 40, 3), 9, np.uint8))
-    assert pair.shape == (82, 104, 3)
 
 
 # -- the page ---------------------------------------------------------------------------------------------------
@@ -327,30 +284,13 @@ def test_a_change_is_toned_by_what_is_better(record, group, name, before, after,
 def test_an_unchanged_object_says_so(record):
     still = replace(record, result=replace(record.result, out=record.result.g0))
     assert not still.changed
-    assert sections.headline(still)[0] == "Kept as first made"
+    assert reconstruction.headline(still)[0] == "Kept as first made"
     nudged = record.result.g0.gaussians.centres + np.float32(1e-7)
     out = replace(record.result.g0, gaussians=record.result.g0.gaussians.with_centres(nudged))
-    assert sections.headline(replace(record, result=replace(record.result, out=out)))[0] == "Hardly changed"
-
-
-def test_what_was_not_taken_over_is_named(record):
-    stages = (StageReport("axis", "rejected", "no"), StageReport("fusion", "fallback", "no"))
-    told = replace(record, result=replace(record.result, stages=stages))
-    assert "Rejected: axis, fusion;" in Page(render_reconstruction(told, ReconstructionPictures())).text
-    idle = BranchResult(*(record.result.g0,) * 4, (StageReport("prior", "skipped", "none"),))
-    page = Page(render_reconstruction(replace(record, result=idle), ReconstructionPictures()))
-    assert "No stage had anything to do." in page.text
-
-
-def test_only_unusual_options_are_told(record):
-    told = sections.unusual_options(replace(record, options={"mode": "paper", "axis": False, "tau": 0.45}))
-    assert told == {"mode": "paper", "axis": "false"}
-
-
-def test_shares_of_time_add_up(record):
-    shares = re.findall(r'style="width:([0-9.]+)%"', render_reconstruction(record, ReconstructionPictures()))
-    assert len(shares) >= 4
-    assert sum(map(float, shares)) == pytest.approx(100, abs=0.1)
+    assert (
+        reconstruction.headline(replace(record, result=replace(record.result, out=out)))[0]
+        == "Hardly changed"
+    )
 
 
 def test_a_new_surface_of_other_points_is_told_as_a_change(registry, renderer, views):

@@ -7,10 +7,9 @@ from markupsafe import Markup
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
-from gvla2.record import sections
 from gvla2.record.page import templates
-from gvla2.record.text import one_line
-from gvla2.record.wording import STAGES, finding, headline, number, seconds, state
+from gvla2.record.text import one_line, printable
+from gvla2.record.wording import STAGES, finding, headline, number, ranked_candidates, state
 
 
 def said(macro: str, *given: object) -> str:
@@ -70,21 +69,6 @@ def test_numbers_read_well(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_times_read_well() -> None:
-    assert [seconds(v) for v in (0.0123, 0.31, 12.34, 120.4, None)] == [
-        "12 ms",
-        "0.3 s",
-        "12.3 s",
-        "120 s",
-        "–",
-    ]
-
-
-def test_one_line_takes_terminal_controls_away() -> None:
-    assert one_line("a\x1b[31m b\n c\u202e\u2028d", 20) == "a [31m b c d"
-    assert len(one_line("x" * 500, 50)) == 50
-
-
 @pytest.mark.parametrize(
     ("orientation", "words"),
     [
@@ -104,16 +88,15 @@ def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(
 ) -> None:
     plan = episode().plan
     assert plan is not None
-    ranked = sections.ranked_candidates(plan)
+    ranked = ranked_candidates(plan)
     assert [chosen for _, _, chosen in ranked] == [True, False, False]
     assert ranked[0][0].score == 0.91
     assert ranked[-1][0].rejected
 
 
-def test_effects_in_words() -> None:
-    assert said("effect", {"kind": "prior", "parameter": "lift", "value": 0.2, "sd": 0.01, "count": 4}) == (
-        "lift ≈ 0.2 ± 0.01, 4 successes"
-    )
-    assert said("effect", {"kind": "forbid", "parameter": "approach:top", "skill": "pick"}) == (
-        "never approach:top, for the skill “pick”"
-    )
+def test_escapes_and_changes_of_direction_go() -> None:
+    assert printable("a\x1b[0m\u202eb\nc") == "a [0m b\nc"
+
+
+def test_one_line_is_cut_at_its_width() -> None:
+    assert one_line("a\n\n b" * 100, 10) == "a ba ba b…"

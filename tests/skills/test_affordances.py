@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.skills.affordances import goals, themes
+from gvla2.skills.grounding import goals, themes
 from gvla2.skills.table import STANDARD
 from tests.skills import scenes
 

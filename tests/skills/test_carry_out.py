@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import gvla2.skills.carry_out as carry_out_module
-from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.errors import ConfigurationError
+from gvla2.planning.calls import GraspOptions, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Advice, Done, Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Ban, Bound
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 from tests.skills.scenes import (
@@ -92,7 +93,7 @@ def test_a_lift_height_that_is_raised_is_told_and_an_amount_is_kept():
 
 
 def test_an_amount_and_theta_override_the_defaults_and_memory_bounds_them():
-    asked = request(A, effects=[Effect("bound", "standoff", 0.06, ">=", "pick", "r1")])
+    asked = request(A, effects=[Bound("standoff", 0.06, ">=", skill="pick", source="r1")])
     plan = carry_out([SkillCall("pick", "a", amount=0.1, theta={"standoff": 0.02})], asked)
     assert plan.parameters["lift_height"] == pytest.approx(0.1)
     assert plan.parameters["standoff"] == pytest.approx(0.06)
@@ -101,6 +102,18 @@ def test_an_amount_and_theta_override_the_defaults_and_memory_bounds_them():
     ] == pytest.approx(0.15)
     pulled = carry_out([SkillCall("open", "drawer", amount=0.08)], request(*drawer()))
     assert pulled.parameters["pull_distance"] == pytest.approx(0.08)
+
+
+def test_options_replace_defaults_of_parameters_and_say_how_grasps_are_chosen():
+    pick = [SkillCall("pick", "a")]
+    plan = carry_out(pick, request(A), SkillOptions(parameters={"standoff": 0.08, "turn": 1.0}))
+    assert plan.parameters["standoff"] == pytest.approx(0.08)
+    wrong = carry_out(pick, request(A), SkillOptions(parameters={"standof": 0.08}))
+    assert "there are standoff, approach_tilt" in wrong.abstention.message
+    careful = SkillOptions(grasp=GraspOptions(clearance=0.04))
+    assert "40 mm of clearance" in carry_out(pick, request(A), careful).abstention.message
+    with pytest.raises(ConfigurationError, match=r"planner\.grasp\.clearance"):
+        GraspOptions(clearance=-0.1)
 
 
 def test_exploring_leaves_what_the_call_said():
@@ -121,9 +134,7 @@ def turned(plan) -> float:
 def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
     jars, twist = jar(), SkillCall("twist", "cap")
     place = tuple(jars[1].centre)
-    advice = Advice(
-        "", (Effect("bound", "turn", 3.6, ">=", skill="twist"),), (), (Done("twist", "turn", 2.8, place),)
-    )
+    advice = Advice("", (Bound("turn", 3.6, ">=", skill="twist"),), (), (Done("twist", "turn", 2.8, place),))
     asked = request(*jars)
     assert turned(carry_out([twist], asked)) == pytest.approx(2.88)
     again = replace(asked, advice=advice)
@@ -132,7 +143,7 @@ def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
     whole = carry_out([twist], again)
     assert (whole.parameters["turn"], turned(whole)) == (pytest.approx(6.4), pytest.approx(3.6))
     more = (*advice.done, Done("twist", "turn", 6.4, place))
-    effects = (Effect("bound", "turn", 7.2, ">=", skill="twist"),)
+    effects = (Bound("turn", 7.2, ">=", skill="twist"),)
     third = carry_out([twist], replace(asked, advice=replace(advice, effects=effects, done=more)))
     assert (third.parameters["turn"], turned(third)) == (pytest.approx(10.0), pytest.approx(3.6))
     elsewhere = Done("twist", "turn", 2.8, (0.0, 0.0, 0.0))
@@ -263,6 +274,6 @@ def test_a_rejected_way_is_not_proposed_again():
     first = carry_out([SkillCall("pick", "a")], request(A))
     second = carry_out([SkillCall("pick", "a")], request(A, rejections=("The hand hits the wall.",)))
     assert first.trajectory != second.trajectory
-    forbidden = [Effect("forbid", "approach:top", skill="press")]
+    forbidden = [Ban("approach:top", skill="press")]
     refused = carry_out([SkillCall("press", "knob")], request(*LAMP, effects=forbidden))
     assert refused.abstention.kind == "other"

@@ -13,7 +13,7 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.workcell import make_cell
-from gvla2.skills.joined import joined
+from gvla2.skills.part_hierarchy import joined
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig

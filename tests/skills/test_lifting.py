@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.errors import PlanningError
 from gvla2.planning.checks import check_trajectory
-from gvla2.skills.lifting import PathPoint, lift
+from gvla2.skills.path_lifting import PathPoint, lift
 from gvla2.testing import inputs
 
 REQUEST = inputs.plan_request()

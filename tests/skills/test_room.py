@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gvla2.skills.room import no_room
+from gvla2.skills.validation import no_room
 from tests.skills.scenes import TRAY, cube, jar, request, stuck_brick, thing
 
 CUBE = cube("a", (0.3, 0.1))

@@ -1,4 +1,4 @@
-"""Push: closed or spread fingers against a face, a straight stroke, back off.
+"""Push an object along the table with a straight stroke against a face, or press a button straight down.
 
 Two contacts on one face push the object stably (Lynch and Mason, "Stable pushing", 1996): it sticks to the fingers,
 even if the stroke is not square to the face, as long as the line through its middle along the stroke meets the face
@@ -17,8 +17,9 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
-from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.schemas.place import goal_spots
+from gvla2.planning.trajectory import Guard
+from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.schemas.pick_place import goal_spots
 
 EDGE = 0.006
 """The line of the push meets the face at least this far from its edge, metres: perceived boxes are inexact."""
@@ -196,3 +197,32 @@ def _in_the_way(job: Job, strokes: list[PushStroke]) -> SceneObject | None:
                 if (np.abs((outline[:, :2] - centre[:2]) @ axes) < half + 0.005).all(axis=1).any():
                     return other
     return None
+
+
+YAWS = 8
+
+STOP = Guard(force=25.0)
+"""A press ends at a button's stop: buttons yield to a few newtons, their stops do not."""
+
+
+def propose_press(job: Job) -> list[Proposal]:
+    """One proposal for each yaw of the closed hand, with and without contact with what the button stands on."""
+    proposals = [_press(job, np.pi * k / YAWS, False) for k in range(2 * YAWS)]
+    if job.theme.parent:
+        proposals += [_press(job, np.pi * k / YAWS, True) for k in range(2 * YAWS)]
+    return proposals
+
+
+def _press(job: Job, yaw: float, touching: bool) -> Proposal:
+    theta, theme = job.theta, job.theme
+    contact = theme.top + job.hand.tip_beyond_tcp
+    above = np.array([*theme.centre[:2], contact + theta["standoff"]])
+    down = np.array([*theme.centre[:2], max(contact - theta["press_depth"], job.lowest_tcp())])
+    allowed = frozenset({theme.id, theme.parent} if touching else {theme.id})
+    path = Path(theta["speed"], theta["contact_speed"], pointing(horizontal(yaw)), gripper=0.0)
+    path.go("approach", above, allowed=frozenset({theme.parent}) if touching else frozenset())
+    path.line("press", down, allowed=allowed, slow=True, guard=STOP)
+    path.line("stay", down, allowed=allowed, slow=True, guard=STOP, dwell=theta["press_seconds"])
+    path.line("retreat", above, allowed=allowed)
+    how = f"press from above, yaw {np.degrees(yaw):.0f}°" + (", its base may be touched" if touching else "")
+    return Proposal(how, ("approach:top",), 0.4 if touching else 0.8, path.trajectory())

@@ -1,11 +1,10 @@
-"""The slow measurements of memory: what is lost under load, kills and damage, a flood, and the examinations.
+"""The slow measurements of memory: what is lost under load, kills and damage, and a flood.
 
     python tests/benchmarks/memory                              # all but the flood
     python tests/benchmarks/memory kills writers --scale 0.1    # some, smaller
     python tests/benchmarks/memory flood --folder /scratch      # a million admits
 
-One line a figure: what it is, its value, its goal, its peer's value, a note. What a user of the package can measure
-is in ``gvla2 bench suite=memory``.
+One line a figure: what it is, its value, its goal, its peer's value, a note.
 """
 
 from __future__ import annotations
@@ -15,15 +14,12 @@ import tempfile
 from pathlib import Path
 
 import concurrency
-import contradictions
 import damage
-import examinations
 import flood
+from figure import NotMeasuredError, Test, passed
+from setting import Setting
 
-from gvla2.evaluation.memory.figure import NotMeasuredError, Test, passed
-from gvla2.evaluation.memory.setting import Setting
-
-PARTS = (concurrency, damage, contradictions, examinations, flood)
+PARTS = (concurrency, damage, flood)
 
 
 def show(test: Test, setting: Setting) -> None:

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 
 import numpy as np
 from crash_harness import BANK, SHARED, in_processes, lesson, whole_lines
+from figure import Figure, FigureRow, Test
+from plain_peer import FILE
 from postgres_server import postgres
+from setting import NOW, Setting
 
-from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
-from gvla2.evaluation.memory.plain_peer import FILE
-from gvla2.evaluation.memory.setting import NOW, Setting
+from gvla2.memory.audit import audit
 from gvla2.memory.records import Record
-from gvla2.memory.storage.audit import audit
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 PROCESSES = 8
 PEER_EACH = 100

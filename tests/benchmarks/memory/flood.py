@@ -16,12 +16,13 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from corpus import lessons
+from figure import Figure, FigureRow, NotMeasuredError, Test
+from setting import NOW, Setting, admission
+
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.figure import Figure, FigureRow, NotMeasuredError, Test
-from gvla2.evaluation.memory.setting import NOW, Setting, admission
 from gvla2.memory.bank import BankOptions, KnowledgeBank
-from gvla2.memory.indexing.candidates import SERVED
+from gvla2.memory.index import SERVED
 
 BUDGET = 10_000
 ADMITS = 1_000_000

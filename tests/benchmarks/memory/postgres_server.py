@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
-from gvla2.evaluation.memory.figure import NotMeasuredError
+from figure import NotMeasuredError
 
 
 @contextmanager

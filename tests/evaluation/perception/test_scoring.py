@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from gvla2.evaluation.perception.masks import object_masks
-from gvla2.evaluation.perception.overlay import overlay_sheet
-from gvla2.evaluation.perception.scoring import extent_errors, score
-from gvla2.evaluation.perception.truth import true_things
+from gvla2.evaluation.perception_overlay import overlay_sheet
+from gvla2.evaluation.perception_scoring import LabelMatch, extent_errors, object_masks, score
+from gvla2.evaluation.perception_truth import true_objects
 from gvla2.geometry.transform import rigid
 
 
 def scored(lab, scene):
-    return score(true_things(lab, lab.observation, lab.layout), scene, lab.observation)
+    return score(true_objects(lab, lab.observation, lab.layout), scene, lab.observation)
 
 
 @pytest.mark.parametrize("every", [1, 3, 10])
@@ -20,9 +19,9 @@ def test_the_truth_scores_best_however_few_points_are_kept(world, body, perceive
     lab = world(one, other)
     seen = [perceived(b, lab.points(b.name, every=every), id=f"o{k}") for k, b in enumerate((other, one))]
     result = scored(lab, scene_of(*seen))
-    assert [thing.thing.name for thing in result.things] == ["near", "far"]
-    assert [thing.match.index for thing in result.things] == [1, 0]
-    for thing in result.things:
+    assert [thing.true.name for thing in result.truths] == ["near", "far"]
+    assert [thing.match.index for thing in result.truths] == [1, 0]
+    for thing in result.truths:
         assert thing.match.iou > (0.98 if every == 1 else 0.85)
         assert thing.words.label
         assert thing.centre_mm == pytest.approx(0, abs=1e-6)
@@ -36,7 +35,7 @@ def test_errors_are_measured(world, body, perceived, scene_of):
     lab = world(one)
     off = rigid(translation=(0.203, 0.004, 0.05))
     thing = perceived(one, lab.points("near"), world_from_object=off, extents=np.array([0.1, 0.09, 0.107]))
-    (result,) = scored(lab, scene_of(thing)).things
+    (result,) = scored(lab, scene_of(thing)).truths
     assert result.centre_mm == pytest.approx(5)
     assert result.extents_mm == pytest.approx((0, -10, 7))
     assert result.extent_mm == pytest.approx(10)
@@ -54,10 +53,10 @@ def test_a_miss_and_a_phantom(world, body, perceived, scene_of):
     ghost = perceived(body("ghost", -0.3), np.array([[-0.3, 0.01 * k, 0.0] for k in range(9)]))
     result = scored(lab, scene_of(ghost))
     assert result.found == 0
-    assert result.things[0].centre_mm is None
+    assert result.truths[0].centre_mm is None
     assert [(stray.index, stray.piece_of) for stray in result.strays] == [(0, "")]
     empty = scored(lab, scene_of())
-    assert (empty.found, empty.strays, empty.things[0].match.index) == (0, (), -1)
+    assert (empty.found, empty.strays, empty.truths[0].match.index) == (0, (), -1)
 
 
 def test_a_thing_in_two_is_found_once_and_has_a_piece_too_many(world, body, perceived, scene_of):
@@ -67,12 +66,12 @@ def test_a_thing_in_two_is_found_once_and_has_a_piece_too_many(world, body, perc
     low = points[:, 1] < 0.02
     halves = [perceived(one, points[low], id="large"), perceived(one, points[~low], id="small")]
     result = scored(lab, scene_of(*halves))
-    assert result.things[0].match.index == 0
+    assert result.truths[0].match.index == 0
     assert [(stray.index, stray.piece_of) for stray in result.strays] == [(1, "near")]
     part = [halves[0], perceived(one, points[~low], id="small", parent="large")]
     told = scored(lab, scene_of(*part))
     assert not told.strays, "a part of the right thing is no error"
-    assert told.things[0].match.iou > 0.98 > result.things[0].match.iou
+    assert told.truths[0].match.iou > 0.98 > result.truths[0].match.iou
 
 
 def test_two_things_taken_for_one(world, body, perceived, scene_of):
@@ -80,7 +79,7 @@ def test_two_things_taken_for_one(world, body, perceived, scene_of):
     both = perceived(body("both", 0.1), lab.points("a", "b"))
     result = scored(lab, scene_of(both))
     assert result.found <= 0.5
-    assert sum(thing.match.index == 0 for thing in result.things) == 1
+    assert sum(thing.match.index == 0 for thing in result.truths) == 1
 
 
 @pytest.mark.parametrize("cut", [True, False])
@@ -92,7 +91,7 @@ def test_how_finely_a_pile_is_cut_is_no_error(world, body, perceived, scene_of, 
     else:
         scene = scene_of(perceived(bodies[0], lab.points("a", "b", "c"), label="red tower"))
     result = scored(lab, scene)
-    (pile,) = result.things
+    (pile,) = result.truths
     assert pile.match.iou > 0.97
     assert not result.strays
     assert pile.words.colour
@@ -125,3 +124,22 @@ def test_the_picture_shows_all_views(world, body, perceived, scene_of):
     bare = Image.open(BytesIO(overlay_sheet(lab.observation, scored(lab, scene_of()), scene_of(), width=200)))
     red = np.asarray(bare.convert("RGB")).astype(int)
     assert ((red[..., 0] > 220) & (red[..., 1] < 80)).sum() > 50, "what is missed is outlined in red"
+
+
+@pytest.mark.parametrize(
+    ("true", "perceived", "judged"),
+    [
+        ("red cube", "red cube", (True, True, True)),
+        ("red cube", "maroon cube", (False, False, True)),
+        ("rose cup", "pink cup", (True, True, True)),
+        ("yellow mustard bottle", "yellow bottle", (True, True, True)),
+        ("gray umbrella stand", "gray umbrella", (False, True, False)),
+        ("box lid", "teal lid", (True, None, True)),
+        ("handle", "", (False, None, False)),
+        ("white pile", "white tower", (True, True, True)),
+        ("", "red cube", (None, None, None)),
+    ],
+)
+def test_a_label_is_right_by_its_colour_and_its_head_noun(true, perceived, judged):
+    found = LabelMatch.of(true, perceived)
+    assert (found.label, found.colour, found.noun) == judged

@@ -1,11 +1,8 @@
 """Tables of perception: medians, tails, shares, and rows of things that are there no more."""
 
-from gvla2.evaluation.perception.suite import object_key
-from gvla2.evaluation.perception.table import perception_sheets
-from gvla2.evaluation.reports import REPORTS
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.sheets import Sheet
-from gvla2.evaluation.table_formats import to_latex, to_markdown
+from gvla2.evaluation.suites.perception import PerceptionSuite
+from gvla2.evaluation.tables import Sheet, to_latex, to_markdown
 
 GROUP = {"robot": "r", "perceiver": "p", "depth_noise": "none", "scale": "1"}
 
@@ -17,7 +14,7 @@ def layout(seed: int, *things: dict, run: int = 1, task: str = "t", **scene) -> 
     for thing in things:
         own = {**factors, "object": thing["name"], "kind": thing.get("kind", "cube")}
         numbers = {name: value for name, value in thing.items() if name not in ("name", "kind")}
-        cells.append(Cell(object_key(key, thing["name"]), own, numbers, {"status": "ok"}, run))
+        cells.append(Cell(f"{key}/{thing['name']}", own, numbers, {"status": "ok"}, run))
     notes = {"status": "ok", "objects": [cell.key for cell in cells], **scene.pop("notes", {})}
     return [Cell(key, {**factors, "object": "scene", "kind": "scene"}, scene, notes, run), *cells]
 
@@ -39,9 +36,9 @@ def test_medians_tails_and_shares():
             "label": found,
             "centre_mm": float(seed),
         }
-        cells += layout(seed, thing, false=0.5, seconds=1.0, abstained=1.0 if seed % 2 else 0.0)
+        cells += layout(seed, thing, false=0.5, seconds=1.0)
     cells += layout(0, {"name": "b", "kind": "cup", "found": 1.0, "iou": 0.8}, task="u", false=0.0)
-    by_task, by_kind = perception_sheets(cells)
+    by_task, by_kind = PerceptionSuite.sheets(cells)
     rows = rows_of(by_task)
     assert list(rows) == ["t", "u", "all"]
     row = rows["t"]
@@ -49,10 +46,9 @@ def test_medians_tails_and_shares():
     assert row["mask IoU ↑"] == ("0.90", "p95 0.86"), "the worst of twenty is near the least"
     assert row["centre mm ↓"] == ("9.5", "p95 18.1")
     assert row["false a scene ↓"] == ("0.50",)
-    assert row["abstained ↑"] == ("50 %", "10 of 20")
     assert row["missed most"] == ("cube: 1 of 20",)
     assert rows["u"]["label ↑"] == ("",)
-    assert rows["all"]["things"] == ("21",)
+    assert rows["all"]["objects"] == ("21",)
     kinds = rows_of(by_kind)
     assert list(kinds) == ["cube", "cup", "all"]
     assert "seconds ↓" not in kinds["cup"]
@@ -61,7 +57,7 @@ def test_medians_tails_and_shares():
 def test_what_a_newer_run_saw_replaces_the_old():
     old = layout(0, {"name": "a", "found": 1.0}, {"name": "gone", "found": 0.0}, run=1)
     new = layout(0, {"name": "a", "found": 0.0}, run=2)
-    (table, _) = perception_sheets([*new, *old])
+    (table, _) = PerceptionSuite.sheets([*new, *old])
     assert rows_of(table)["t"]["found ↑"] == ("0 %", "0 of 1")
     assert table.runs == (2,)
 
@@ -69,7 +65,7 @@ def test_what_a_newer_run_saw_replaces_the_old():
 def test_it_is_a_suite_like_the_others(tmp_path):
     failed = layout(1, notes={"status": "failed: no room"}, task="u")
     pictured = layout(0, {"name": "a", "found": 1.0}, notes={"picture": str(tmp_path / "a.png")})
-    tables = REPORTS["perception"].sheets([*pictured, *failed])
+    tables = PerceptionSuite.sheets([*pictured, *failed])
     assert tables[0].gallery is not None
     assert [one.caption for one in tables[0].gallery.exhibits] == ["t"]
     assert tables[1].gallery is None

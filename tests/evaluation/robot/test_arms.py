@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.evaluation.robot.arms import CERTAIN, BestTheta, Frozen, Shuffled
-from gvla2.evaluation.robot.experience import Experience, teach
+from gvla2.evaluation.arms import CERTAIN, BestTheta, Experience, Frozen, Shuffled, teach
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.planning.effects import Effect, apply_effects
+from gvla2.planning.effects import apply_effects, effect_from_json
 from gvla2.plugins.registry import load_plugins
 
 GOOD = Verdict.from_criteria({"completion": 1.0}, verifier="test")
@@ -24,7 +23,7 @@ def experience(
     lesson = Lesson(
         "procedural_hint" if verdict is GOOD else "failure_avoidance",
         f"{skill} a small box: this grasp depth {'succeeded' if verdict is GOOD else 'failed'}.",
-        Effect.from_json(effect).to_json(),
+        effect_from_json(effect).to_json(),
     )
     task = MemoryTask(query, {"objects": 2.0}, skill, ("red cube box",))
     return Experience(skill, seed, MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict)
@@ -40,7 +39,7 @@ def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default()
         "kind": "program",
         "skill": "pick",
         "language": "calls",
-        "roles": {},
+        "roles": {"theme": "red cube box"},
         "steps": ["pick({theme})"],
     }
     told = experience(3, 0.5, GOOD)
@@ -50,7 +49,7 @@ def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default()
     arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), told])
     context = arm.recall(MemoryTask("lift the red cube"))
     (item,) = context.items
-    effect = Effect.from_json(item.effect, source=item.id)
+    effect = effect_from_json(item.effect, source=item.id)
     assert (effect.value, effect.count) == (pytest.approx(0.03), CERTAIN)
     theta, _ = apply_effects({"grasp_depth": 0.01}, [effect], "pick")
     assert theta["grasp_depth"] == pytest.approx(0.03, rel=1e-4)

@@ -5,29 +5,10 @@ from dataclasses import replace
 import pytest
 
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.errors import ConfigurationError
-from gvla2.evaluation.robot.design import (
-    PAPER,
-    STRIDE,
-    check_seeds,
-    failure_class,
-    layout_seed,
-    ordered,
-    stand_in,
-)
+from gvla2.evaluation.suites.robot_design import PAPER, ordered, others_of
+from gvla2.evaluation.suites.robot_episodes import failure_class
 
 RECORD = EpisodeRecord("e", "lift it", "pick_and_lift", 0, {})
-
-
-def test_no_test_layout_is_met_in_exploration_or_by_another_seed():
-    layouts = {layout_seed(seed, episode) for seed in range(3) for episode in (0, 1, STRIDE - 1)}
-    assert len(layouts) == 9
-    assert min(layouts) >= STRIDE
-    check_seeds(25, [0, STRIDE - 1])
-    with pytest.raises(ConfigurationError, match="exploration_seeds"):
-        check_seeds(25, [STRIDE])
-    with pytest.raises(ConfigurationError, match="episodes"):
-        check_seeds(STRIDE + 1, [])
 
 
 def test_the_papers_tasks_come_first_and_in_its_order():
@@ -39,12 +20,10 @@ def test_the_papers_tasks_come_first_and_in_its_order():
 
 
 @pytest.mark.parametrize("tasks", [["lamp_on"], ["mine"], ["a", "b"], list(PAPER)])
-def test_nobody_stands_in_for_itself(tasks):
-    pairs = {task: stand_in(task, tasks) for task in tasks}
-    assert all(task != other for task, other in pairs.items())
-    assert len(set(pairs.values())) == len(tasks)
-    if len(tasks) > 1:
-        assert set(pairs.values()) == set(tasks)
+def test_no_row_stands_in_for_itself(tasks):
+    first = {task: others_of(task, tasks)[0] for task in tasks}
+    assert all(task != other for task, other in first.items())
+    assert len(set(first.values())) == len(tasks)
 
 
 @pytest.mark.parametrize(

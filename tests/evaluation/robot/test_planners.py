@@ -1,16 +1,15 @@
 """The planners' table from made-up cells."""
 
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.tables import robot_sheets
-from gvla2.evaluation.sheets import Sheet
-from gvla2.evaluation.table_formats import to_latex, to_markdown
+from gvla2.evaluation.suites.robot_tables import robot_sheets
+from gvla2.evaluation.tables import Sheet, to_latex, to_markdown
 
 
 def cell(planner: str, task: str, episode: int, done: bool | None, arm: str = "off", **more) -> Cell:
     asks = planner != "skill"
     factors = {
         "task": task, "arm": arm, "seed": "layouts", "episode": episode, "planner": planner, "profile": "relaxed",
-        "model": more.pop("model", "small" if asks else ""), "teacher": more.pop("teacher", ""),
+        "model": more.pop("model", "small" if asks else ""),
         "robot": "sapien_panda", "perceiver": "classical", "verifier": "geometric", "depth_noise": "none",
         "scale": "1.0",
     }  # fmt: skip
@@ -50,7 +49,7 @@ def test_tasks_stand_below_one_another_and_planners_side_by_side_with_what_they_
         "300 + 12 tokens",
     )
     assert text(relaxed, "put_block", "skill") == ("100.0", "[44, 100] 3/3", "0.1 s")
-    assert text(relaxed, "mean over tasks", "agent3d") == ("16.7", "named layouts", "1 of 2 tasks above 0")
+    assert text(relaxed, "mean over tasks", "agent3d") == ("16.7", "named layouts; 1 of 2 tasks above 0")
     assert text(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
     assert text(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
     assert "language model small" in relaxed.footnote
@@ -98,33 +97,19 @@ def test_cached_answers_fallbacks_and_uncounted_tokens_are_no_savings():
     assert text(relaxed, "insert_block", "skill") == ("not measured",)
 
 
-def test_models_arms_and_teachers_are_columns_of_their_own():
+def test_models_and_arms_are_columns_of_their_own():
     by_two = [*BOTH, cell("agent3d", "lamp_on", 0, True, model="large")]
     assert sheets(*by_two)[0].headings == ("skill", "agent3d by small", "agent3d by large")
-    taught = [cell("agent3d", "lamp_on", place, True, "on", teacher="skill") for place in range(3)]
-    own = [cell("agent3d", "lamp_on", place, False, "on") for place in range(3)]
-    other = cell("agent3d", "lamp_on", 0, False, "shuffled", teacher="skill")
-    relaxed, _, failures, success, _, effects = sheets(*BOTH, *taught, *own, other)
-    assert relaxed.headings == (
-        "skill, memory off", "agent3d, memory off", "agent3d, memory on", "agent3d, memory on (taught by skill)",
-        "agent3d, memory shuffled (taught by skill)",
-    )  # fmt: skip
-    assert text(relaxed, "lamp_on", "agent3d, memory on (taught by skill)")[0] == "100.0"
-    assert text(relaxed, "lamp_on", "agent3d, memory on")[0] == "0.0"
+    learnt = [cell("agent3d", "lamp_on", place, place == 0, "on") for place in range(3)]
+    relaxed, _, effects, failures = sheets(*BOTH, *learnt)
+    assert relaxed.headings == ("skill, memory off", "agent3d, memory off", "agent3d, memory on")
+    assert text(relaxed, "lamp_on", "agent3d, memory on")[0] == "33.3"
     assert failures.headings == relaxed.headings
-    assert "planner agent3d, model small" in success.title
-    named = [row.label for row in effects.rows]
-    assert "on (taught by skill) against off" in named
-    assert "on (taught by skill) against shuffled (taught by skill)" in named
-    assert "on against shuffled (taught by skill)" not in named, (
-        "what another explored is never mixed with one's own"
-    )
+    assert "planner agent3d, model small" in effects.title
+    assert [row.label for row in effects.rows] == ["on against off"]
 
 
-def test_one_planner_that_asks_nobody_has_the_tables_of_before():
-    titles = [sheet.title for sheet in sheets(*BOTH[:6])]
-    assert [title.rpartition(": ")[2] for title in titles] == [
-        "success, relaxed",
-        "success, strict",
-        "failures",
-    ]
+def test_one_planner_that_asks_no_model_has_no_costs():
+    titles = [sheet.title.rpartition(": ")[2] for sheet in sheets(*BOTH[:6])]
+    assert titles == ["success, relaxed", "success, strict", "failures"]
+    assert not any("tokens" in row.label for row in sheets(*BOTH[:6])[0].rows)

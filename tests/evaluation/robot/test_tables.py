@@ -3,10 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.evaluation.report_page import render_report
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.robot.tables import robot_sheets
-from gvla2.evaluation.table_formats import to_latex, to_markdown
+from gvla2.evaluation.suites.robot_tables import robot_sheets
+from gvla2.evaluation.tables import render_report, to_latex, to_markdown
 
 
 def cell(
@@ -50,7 +49,7 @@ def test_success_is_shown_with_its_interval_beside_the_papers_row():
     assert "strict" in strict.title
     assert text_of(relaxed, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
     assert text_of(relaxed, "lamp_on", "memory on")[0] == "80.0 *"
-    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "1 seed")
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "1 seed; 2 of 2 tasks above 0")
     assert text_of(relaxed, "lamp_on", "paper, with memory") == ("78.7",)
     assert "another simulator" in relaxed.explanation
     assert text_of(effects, "on against off", "relaxed")[0] == "+30.0 points"
@@ -78,8 +77,6 @@ def test_only_a_sure_difference_is_coloured():
 
 
 def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_run_counts():
-    from dataclasses import replace
-
     again = [replace(c, run=2, measures={**c.measures, "success": True}) for c in cells()]
     tables = robot_sheets([*again, *cells()])
     assert text_of(tables[0], "lamp_on", "memory off")[0] == "100.0"
@@ -120,6 +117,6 @@ def test_arms_that_learnt_otherwise_have_columns_of_their_own_and_what_all_share
 def test_layouts_without_a_seed_have_no_deviation_over_seeds():
     named = [replace(c, factors={**c.factors, "seed": "layouts"}, key=c.key + "n") for c in cells()]
     (relaxed, *_) = robot_sheets(named)
-    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts")
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts; 2 of 2 tasks above 0")
     (relaxed, *_) = robot_sheets([*named, *cells()])
-    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts")
+    assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts; 2 of 2 tasks above 0")

@@ -1,0 +1,251 @@
+"""The arms of an ablation over memory: plain names or variants with options of their own, and the controls.
+
+``off`` has no memory, ``shuffled`` recalls for another task, ``best_theta`` searches parameters without a bank; any
+other arm is a memory by its name. All arms of a planner learn from the same explored episodes, and are frozen before
+the test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from statistics import fmean
+from types import MappingProxyType
+from typing import Any
+
+from gvla2.episode.memory_reporting import stories_of
+from gvla2.episode.record import EpisodeRecord
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.components import given_options, options_of
+from gvla2.evaluation.config import MemoryArms
+from gvla2.memory.contracts import (
+    Learned,
+    Lesson,
+    Memory,
+    MemoryContext,
+    MemoryEpisode,
+    MemoryItem,
+    MemoryTask,
+    Verdict,
+)
+from gvla2.planning.effects import Prior, effect_from_json
+from gvla2.plugins.registry import Registry
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+
+MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
+CONTROLS = ("off", "shuffled", "best_theta")
+"""Arms without a memory of their own: none, another task's, and a search for theta without a bank."""
+WITHOUT_BANK = ("off", "none", "best_theta")
+"""Sources of arms that are not memories with a bank."""
+MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
+"""Arms whose memory has a different name."""
+FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
+CERTAIN = 1_000_000
+"""Successes claimed for the best theta, so that the default has no weight left."""
+
+
+@dataclass(frozen=True)
+class BenchArm:
+    """One arm: its ``name``, source and configuration.
+
+    ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
+    ``replan`` further attempts are allowed in an episode, None for the bench's number. ``explored`` is how many of the
+    explored layouts of a row it learns from, None for all.
+    """
+
+    name: str
+    source: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    replan: int | None = None
+    explored: int | None = None
+
+    @property
+    def memory(self) -> str:
+        """The name of the memory component."""
+        return "none" if self.source == "off" else MEMORY_OF.get(self.source, self.source)
+
+    @property
+    def learns(self) -> bool:
+        """Whether it learns from exploration."""
+        return self.source not in ("off", "none")
+
+    @property
+    def variant(self) -> str:
+        """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
+        plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
+        counts = {"replan": self.replan, "explored": self.explored}
+        changed = [*sorted(self.options.items()), *((name, n) for name, n in counts.items() if n is not None)]
+        return ", ".join([*([] if plain else [self.source]), *(f"{name}={value}" for name, value in changed)])
+
+
+def arm_named(config: MemoryArms, name: str) -> BenchArm:
+    """One arm by its name; raises :class:`ConfigurationError` if its value is not a mapping of options."""
+    given = config.own_arms.get(name) or {}
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
+    options = dict(given)
+    source = str(options.pop("memory", name if name == "shuffled" else MEMORY_OF.get(name, name)))
+    counts = {count: options.pop(count, None) for count in ("replan", "explored")}
+    for count, value in counts.items():
+        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+            raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
+    return BenchArm(name, source, options, **counts)
+
+
+def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
+    """The arms of a bench in order.
+
+    Raises :class:`ConfigurationError` for an arm, a memory or an option that does not exist.
+    """
+    arms, memories = [arm_named(config, name) for name in config.chosen_arms], registry.components("memory")
+    for arm in arms:
+        if arm.source not in CONTROLS and arm.source not in memories:
+            available = ", ".join(dict.fromkeys([*CONTROLS, *MEMORY_OF, *memories]))
+            raise ConfigurationError(
+                f"No arm '{arm.source}'. Available: {available}; or a variant of one of them with a name of its own: "
+                f"arms.NAME={{memory: governed, admission: false}}."
+            )
+        if not arm.learns and arm.explored is not None:
+            raise ConfigurationError(
+                f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing."
+            )
+        known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
+        own = {*known, "replan", "explored"} - {"url"}
+        given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
+    return arms
+
+
+def has_bank(registry: Registry, arm: BenchArm) -> bool:
+    """Whether the arm's memory keeps its bank in a configurable file."""
+    return arm.source not in WITHOUT_BANK and "url" in options_of(registry, "memory", arm.memory)
+
+
+def chosen_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
+    """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
+    options = {"name": arm.memory, **arm.options}
+    if has_bank(registry, arm):
+        options |= {"url": f"sqlite:///{bank}"}
+    helpers = (*MEMORY[1:], "verifier", "language")
+    return {**{kind: getattr(config, kind) for kind in helpers}, "memory": options}
+
+
+@dataclass(frozen=True)
+class Experience:
+    """What memory learns from an explored episode, and the robot's own verdict, never the success check's."""
+
+    task: str
+    seed: int
+    episode: MemoryEpisode
+    verdict: Verdict
+
+    @classmethod
+    def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
+        """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
+        return tuple(cls(record.task, record.seed, *reported) for reported in stories_of(record, skills))
+
+    def to_json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Experience:
+        """From :meth:`to_json`'s object."""
+
+        def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
+            return {
+                name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
+            }
+
+        episode = {name: value for name, value in data["episode"].items() if name != "recalled"}
+        episode["task"] = MemoryTask(**frozen(episode["task"]))
+        episode["lessons"] = tuple(Lesson(**frozen(lesson)) for lesson in episode["lessons"])
+        return cls(data["task"], data["seed"], MemoryEpisode(**episode), Verdict(**frozen(data["verdict"])))
+
+
+def teach(memory: Memory, experiences: Iterable[Experience]) -> None:
+    """Let a memory learn from experience, in its order."""
+    for one in experiences:
+        memory.learn(one.episode, one.verdict)
+
+
+class Frozen:
+    """A memory that recalls but does not learn during the test."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """What the memory recalls."""
+        return self._memory.recall(task)
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Nothing."""
+        return FROZEN
+
+    def close(self) -> None:
+        """Release the memory."""
+        self._memory.close()
+
+
+class Shuffled(Frozen):
+    """A frozen memory that is always asked about another task.
+
+    The control for "any memory would have helped": as many records, as much text, the wrong lessons. If no other task
+    left any experience (``asked`` is None) it recalls nothing, never the task's own.
+    """
+
+    def __init__(self, memory: Memory, asked: MemoryTask | None) -> None:
+        super().__init__(memory)
+        self._asked = asked
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """What the memory recalls for the other task."""
+        if self._asked is None:
+            return MemoryContext((), "", "no other task left experience")
+        return super().recall(self._asked)
+
+
+class BestTheta:
+    """No bank: the plain mean theta of a task's explorations that the robot verified as successes.
+
+    The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
+    name, but no retrieval and no governance. Without a success it keeps the defaults.
+    """
+
+    def __init__(self, experiences: Sequence[Experience]) -> None:
+        won = [e for e in experiences if e.verdict.outcome == "verified_success"]
+        effects = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
+        tried: dict[tuple[str, str], list[Prior]] = {}
+        for effect in map(effect_from_json, effects):
+            if isinstance(effect, Prior):
+                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        self._best = [
+            replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
+            for some in tried.values()
+        ]
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """One hint per parameter."""
+        items = tuple(
+            MemoryItem(
+                id=f"best-{effect.skill}-{effect.parameter}",
+                type="procedural_hint",
+                content=f"To {effect.skill}, the best {effect.parameter.replace('_', ' ')} is {effect.value:.4g}.",
+                confidence=1.0,
+                score=1.0,
+                terms={},
+                binding=False,
+                effect=effect.to_json(),
+            )
+            for effect in self._best
+        )
+        text = "\n".join(item.content for item in items)
+        return MemoryContext(items, text, "" if items else "no exploration succeeded")
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Nothing."""
+        return FROZEN
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,92 @@
+"""Choosing components for a bench: what a row of the design is built from, and how a table names it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from gvla2.component import ComponentConfig, described
+from gvla2.errors import ConfigurationError, did_you_mean
+from gvla2.evaluation.config import SimulatedBench
+from gvla2.evaluation.results import code_digest
+from gvla2.plugins.registry import Registry, nothing_in
+from gvla2.robot.options import DepthNoise
+
+
+def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
+    """The typed options of the kinds (empty slots have none), and of the language model if one of them needs it."""
+    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
+    asking = any("language" in component.needs for _, component in found)
+    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
+
+
+def code_of(typed: Iterable[object], *modules: str) -> str:
+    """A digest of the code whose change outdates rows: these modules, and those of the typed options."""
+    return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
+
+
+def options_of(registry: Registry, kind: str, name: str) -> list[str]:
+    """The names of a component's options, sorted."""
+    return sorted({field.name for field in fields(registry.get(kind, name).config)} - {"name"})
+
+
+def given_options(place: str, given: object, owner: str, known: Collection[str]) -> dict[str, Any]:
+    """The options that ``place`` on the command line gives ``owner``, which has the ``known`` ones.
+
+    Raises :class:`ConfigurationError` if it is not a mapping of options, or for an unknown one.
+    """
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"{place} is {given!r}; give options: {place}.OPTION=VALUE.")
+    for option in given:
+        if option not in known:
+            raise ConfigurationError(
+                f"{place}.{option}: {owner} has no such option.{did_you_mean(str(option), known)} "
+                f"It has: {', '.join(sorted(known)) or 'none'}."
+            )
+    return dict(given)
+
+
+def require_among(place: str, given: Collection[str], known: Collection[str], what: str) -> None:
+    """Raises :class:`ConfigurationError` if ``place`` uses a name that is not in this bench."""
+    for name in given:
+        if name not in known:
+            raise ConfigurationError(
+                f"{place}.{name}: '{name}' is not among the {what} of this bench ({', '.join(known)})."
+            )
+
+
+def task_options(config: SimulatedBench, registry: Registry, name: str) -> dict[str, Any]:
+    """The options of a task by its name, with the bench's ``scale`` unless that is 1.
+
+    Raises :class:`ConfigurationError` for one that it does not have.
+    """
+    known, place = options_of(registry, "task", name), f"task_options.{name}"
+    options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
+    if config.scale == 1:
+        return options
+    if "scale" not in known:
+        raise ConfigurationError(f"scale is {config.scale}, but the task '{name}' has no option scale.")
+    return {**options, "scale": config.scale}
+
+
+def given_label(name: str, options: Mapping[str, Any]) -> str:
+    """A task or reconstructor in a table: its name and the options given by it."""
+    given = options.get(name) or {}
+    listed = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
+    return f"{name} ({listed})" if listed else name
+
+
+def noise_label(noise: DepthNoise) -> str:
+    """The depth cameras' noise in a table: its kind, and its numbers where it has any."""
+    numbers = asdict(noise)
+    listed = [f"{name}={value:g}" for name, value in numbers.items() if name != "kind" and value]
+    return f"{noise.kind} ({', '.join(listed)})" if listed else noise.kind
+
+
+def model_label(language: ComponentConfig) -> str:
+    """A language model in a table: its name, or else its address, and how it is asked where that is unusual."""
+    model = str(getattr(language, "model", "") or "")
+    name = Path(model).name.removesuffix(".gguf") or str(getattr(language, "base_url", "") or language.name)
+    return described(language, name, only=("temperature", "max_tokens", "extra"))

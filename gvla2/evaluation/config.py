@@ -1,0 +1,310 @@
+"""The options of ``gvla2 bench``: those of every suite, and a dataclass of each suite's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+from gvla2.reconstruction.options import BranchOptions
+from gvla2.robot.options import DepthNoise
+
+WORLDS = ("plain", "learnable")
+SANDBOXES = ("bubblewrap", "docker")
+
+
+def _require(*conditions: tuple[bool, str]) -> None:
+    """Raises :class:`ConfigurationError` with the message of the first condition that does not hold."""
+    for holds, message in conditions:
+        if not holds:
+            raise ConfigurationError(message)
+
+
+@dataclass
+class ResultsConfig:
+    """The results database: an SQLAlchemy address. ``fresh`` measures existing results again."""
+
+    url: str = "sqlite:///outputs/results.sqlite"
+    fresh: bool = False
+
+
+@dataclass
+class BenchConfig:
+    """What every suite takes.
+
+    ``seeds`` repeat the measurement; ``workers`` processes share it, 0 for one per core (8 at most); ``quiet`` leaves
+    only the table on the terminal. ``suite`` is chosen by the Hydra group ``bench_suite``.
+    """
+
+    suite: str = ""
+    seeds: list[int] = field(default_factory=lambda: [0])
+    results: ResultsConfig = field(default_factory=ResultsConfig)
+    workers: int = 0
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        _require(
+            (bool(self.seeds), "seeds must name at least one."),
+            (min(self.seeds, default=0) >= 0, "seeds must not be negative."),
+            (self.workers >= 0, "workers must not be negative."),
+        )
+
+
+@dataclass
+class DataConfig:
+    """The objects to measure on.
+
+    ``root`` is the data set's folder (searched for by default, see ``gvla2 data``); ``objects`` chooses some by name,
+    in this order; ``size`` is the pictures' side in pixels and ``samples`` the rays along a pixel's side when meshes
+    are rendered: the protocol's are 256 and 4.
+    """
+
+    kind: str = "ycb30"
+    root: str | None = None
+    objects: list[str] = field(default_factory=list)
+    size: int = 256
+    samples: int = 4
+
+    def __post_init__(self) -> None:
+        if not 32 <= self.size <= 4096 or not 1 <= self.samples <= 16:
+            raise ConfigurationError("data.size lies in [32, 4096] and data.samples in [1, 16].")
+
+
+@dataclass
+class ReconstructionBench(BenchConfig):
+    """Every baseline x drift x noise x variant x seed on every object.
+
+    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``noise`` is the
+    depth prior's error, by name; ``branch`` holds the branch's options; ``lpips_weights`` is a weight file of your
+    own; ``surface_samples`` points of a surface make its Chamfer distance (the protocol's 100,000).
+    """
+
+    suite: str = "reconstruction"
+    data: DataConfig = field(default_factory=DataConfig)
+    baselines: list[str] = field(default_factory=lambda: ["hull", "splat"])
+    baseline_options: dict[str, Any] = field(default_factory=dict)
+    drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
+    variants: list[str] = field(default_factory=list)
+    noise: list[str] = field(default_factory=lambda: ["exact"])
+    branch: BranchOptions = field(default_factory=BranchOptions)
+    lpips_weights: str | None = None
+    surface_samples: int = 100_000
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        empty = [name for name in ("baselines", "drifts", "noise") if not getattr(self, name)]
+        _require(
+            (not empty, f"{', '.join(empty)} must name at least one."),
+            (self.surface_samples >= 100, "surface_samples must be at least 100."),
+        )
+
+
+@dataclass
+class SimulatedBench(BenchConfig):
+    """What suites on a simulated robot share.
+
+    ``tasks`` by name, with ``task_options`` by theirs (``task_options.open_jar.turn=175``); ``episodes`` layouts for
+    each seed; ``scale`` is the objects' size.
+    """
+
+    tasks: list[str] = field(default_factory=list)
+    task_options: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 25
+    scale: float = 1.0
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require(
+            (self.episodes >= 1, "episodes is 1 or more."),
+            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
+        )
+
+
+@dataclass
+class MemoryArms(BenchConfig):
+    """Arms that differ in their memory, with the components that memories use.
+
+    ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory. An arm may also be a variant
+    with a name of its own and options (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off,
+    replan: 1}``), and a plain one can have options by its name (``arms.on.admission=false``).
+    """
+
+    arms: list[str] | None = None
+    own_arms: dict[str, Any] = field(default_factory=dict)
+    verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    retriever: ComponentConfig = field(default_factory=ComponentConfig)
+    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    inducer: ComponentConfig = field(default_factory=ComponentConfig)
+    judge: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require((bool(self.chosen_arms), "arms must name at least one."))
+
+    @property
+    def usual_arms(self) -> list[str]:
+        """The arms where none are named."""
+        return ["off", "awm", "reasoning_bank", "governed"]
+
+    @property
+    def chosen_arms(self) -> list[str]:
+        """The arms, each once."""
+        named = [*self.usual_arms, *map(str, self.own_arms)] if self.arms is None else self.arms
+        return list(dict.fromkeys(named))
+
+
+@dataclass
+class RobotBench(MemoryArms, SimulatedBench):
+    """Every task x planner x arm x layout, judged by both profiles.
+
+    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``planners``
+    compares some by name (by default the one of ``planner``), with ``planner_options`` by theirs
+    (``planner_options.code_policies.samples=3``). ``arms`` are by default ``off`` alone where ``planners`` are named,
+    else ``off``, ``on``, ``shuffled``, ``semantic`` and ``best_theta``. In the ``world`` learnable the objects of every
+    task belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a
+    different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
+
+    Experience comes from ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its
+    plans by ``exploration`` (a relative spread, or a model's temperature), and is frozen before the test; it may try
+    again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test
+    and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one. With
+    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
+    model was unavailable: it counts for no arm, and the next bench measures it again. ``branch`` holds the options of
+    the reconstruction branch, which runs where a ``reconstructor`` is chosen. ``videos`` failed episodes of each task
+    and arm are run once more with the camera on.
+    """
+
+    suite: str = "robot"
+    planners: list[str] = field(default_factory=list)
+    planner_options: dict[str, Any] = field(default_factory=dict)
+    teacher: str = ""
+    world: str = "plain"
+    families: int = 2
+    layouts: list[int] = field(default_factory=list)
+    exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
+    exploration: float = 0.25
+    exploration_replan: int = 0
+    replan: int = 0
+    max_parts: int = 6
+    planner_timeout: float = 0.0
+    videos: int = 1
+    branch: BranchOptions = field(default_factory=BranchOptions)
+    planner: ComponentConfig = field(default_factory=ComponentConfig)
+    fallback: ComponentConfig = field(default_factory=ComponentConfig)
+    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        below = [name for name in ("videos", "replan", "exploration_replan") if getattr(self, name) < 0]
+        _require(
+            (self.world in WORLDS, f"world is '{self.world}'; it is {' or '.join(WORLDS)}."),
+            (not below, f"{', '.join(below)} must not be negative."),
+            (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
+            (min(self.families, self.max_parts) >= 1, "families and max_parts are 1 or more."),
+            (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
+            (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),
+        )  # fmt: skip
+
+    @property
+    def usual_arms(self) -> list[str]:
+        """Memory off where planners are compared; otherwise on, off, and the controls."""
+        return ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
+
+
+@dataclass
+class PerceptionBench(SimulatedBench):
+    """Every task x perceiver of ``perceivers`` x layout; ``tasks`` are all that need no option by default."""
+
+    suite: str = "perception"
+    perceivers: list[str] = field(default_factory=lambda: ["classical"])
+    language: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require((bool(self.perceivers), "perceivers must name at least one."))
+
+
+@dataclass
+class AgentTasksConfig:
+    """``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
+
+    ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
+    characters of a command's output are kept. ``state`` is where memories are stored between the tasks (by default in
+    the output folder: give one to resume an interrupted bench).
+    """
+
+    tasks: str = ""
+    names: list[str] = field(default_factory=list)
+    sandbox: str = "bubblewrap"
+    disk_mb: int = 512
+    memory_mb: int = 4096
+    output: int = 8000
+    state: str = ""
+
+    def __post_init__(self) -> None:
+        _require(
+            (self.sandbox in SANDBOXES, f"agents.sandbox is '{self.sandbox}'; it is {' or '.join(SANDBOXES)}."),
+            (
+                self.disk_mb >= 1 and self.memory_mb >= 64 and self.output >= 200,
+                "agents.disk_mb is at least 1, memory_mb 64 and output 200 characters.",
+            ),
+        )  # fmt: skip
+
+
+@dataclass
+class AgentsBench(MemoryArms):
+    """Every task of ``agents.tasks`` in the order of each seed, with each memory of ``arms``: ``agent`` works,
+    ``verifier`` judges.
+    """
+
+    suite: str = "agents"
+    agents: AgentTasksConfig = field(default_factory=AgentTasksConfig)
+    agent: ComponentConfig = field(default_factory=ComponentConfig)
+
+
+@dataclass
+class PublishedRunsConfig:
+    """``trajectories`` is a folder of runs with known outcomes, at most ``most`` of which are judged and learnt."""
+
+    trajectories: str = ""
+    most: int = 200
+
+    def __post_init__(self) -> None:
+        _require((self.most >= 1, "agents.most is at least 1."))
+
+
+@dataclass
+class TrajectoriesBench(MemoryArms):
+    """A verifier and a memory on published runs of software agents."""
+
+    suite: str = "trajectories"
+    agents: PublishedRunsConfig = field(default_factory=PublishedRunsConfig)
+
+
+SUITES: Mapping[str, type[BenchConfig]] = MappingProxyType(
+    {
+        "reconstruction": ReconstructionBench,
+        "robot": RobotBench,
+        "perception": PerceptionBench,
+        "agents": AgentsBench,
+        "trajectories": TrajectoriesBench,
+    }
+)
+"""The suites by name, with their options. The suites themselves are in :mod:`gvla2.evaluation.suites`."""

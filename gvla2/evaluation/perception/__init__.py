@@ -1,1 +1,0 @@
-"""The perception suite: perceived scenes against a simulator's ground-truth pixels."""

@@ -1,1 +1,0 @@
-"""The robot suite: success rates, and memory's contribution to them."""

@@ -1,0 +1,51 @@
+"""The suites of ``gvla2 bench``, by name: what each measures, and how its rows become tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gvla2.evaluation.config import SUITES
+from gvla2.evaluation.engine import Suite
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.tables import Sheet
+
+RUNS = "run"
+"""The name under which the jobs of a sweep of ``gvla2 run`` are stored."""
+REPORTED = (*SUITES, RUNS)
+"""Whatever a report can show, in the order in which a message lists it."""
+
+
+def suite_named(name: str) -> type[Suite[Any, Any]]:
+    """The suite of that name; its module is imported now. Raises KeyError for another name."""
+    if name == "reconstruction":
+        from gvla2.evaluation.suites.reconstruction import ReconstructionSuite
+
+        return ReconstructionSuite
+    if name == "robot":
+        from gvla2.evaluation.suites.robot import RobotSuite
+
+        return RobotSuite
+    if name == "perception":
+        from gvla2.evaluation.suites.perception import PerceptionSuite
+
+        return PerceptionSuite
+    if name == "agents":
+        from gvla2.evaluation.suites.agents import AgentsSuite
+
+        return AgentsSuite
+    if name == "trajectories":
+        from gvla2.evaluation.suites.trajectories import TrajectoriesSuite
+
+        return TrajectoriesSuite
+    raise KeyError(name)
+
+
+def report(name: str, cells: Sequence[Cell]) -> tuple[str, list[Sheet]]:
+    """The title and the tables of a suite's rows, or of a sweep's jobs."""
+    if name == RUNS:
+        from gvla2.evaluation.sweeps import run_sheets
+
+        return "Runs", run_sheets(cells)
+    suite = suite_named(name)
+    return suite.title, suite.sheets(cells)

@@ -1,0 +1,321 @@
+"""The suite ``agents``: software agents on folders of tasks, with one memory or another.
+
+One memory goes through one order of tasks: lessons from a task are available to the next ones. An interrupted sequence
+resumes where it was, with the memory that it had.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import random
+import shutil
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, TestedSandbox
+from gvla2.agents.folders import read_tasks
+from gvla2.agents.sandbox import SandboxLimits, bubblewrap, docker
+from gvla2.agents.solving import Attempt, attempt
+from gvla2.component import described
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.arms import BenchArm, chosen_arms, chosen_memory, has_bank
+from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
+from gvla2.evaluation.components import configured, model_label
+from gvla2.evaluation.config import AgentsBench
+from gvla2.evaluation.engine import Rows, Suite, Unit
+from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
+from gvla2.evaluation.tables import Sheet
+from gvla2.language.contracts import LanguageModelError, Ledger
+from gvla2.plugins.registry import Registry
+
+VERSION = 1
+MEASURING_CODE = ("gvla2.agents", "gvla2.evaluation.suites.agents", "gvla2.memory", "gvla2.language")
+DATABASE = "memory.db"
+LAYOUT = TableLayout(
+    title="Software agents",
+    row="memory",
+    labels={
+        "off": "no memory",
+        "semantic": "semantic",
+        "awm": "AWM",
+        "reasoning_bank": "ReasoningBank",
+        "synapse": "Synapse",
+        "governed": "KnowledgeBank",
+        "on": "KnowledgeBank",
+    },
+    reference="off",
+    measures=(
+        Measure("solved", "SR %", "higher", 1),
+        Measure("steps", "AS", "lower", 1),
+        Measure("agent_tokens", "agent tokens", "lower", 0),
+        Measure("extra_tokens", "extra tokens", "lower", 0, compared=False),
+        Measure("tokens", "tokens", "lower", 0),
+        Measure("seconds", "seconds", "lower", 1),
+        Measure("overhead", "memory s", "lower", 2, compared=False),
+        Measure("storage_kb", "storage kB", "lower", 0, compared=False),
+    ),
+    groups=("agent", "model", "verifier", "sandbox", "tasks"),
+    pair="task",
+)
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SequenceUnit(Unit):
+    """An arm, a seed and the tasks in their order, with a key for each task's row; the first ``done`` are known.
+
+    ``folder`` keeps the memory between the tasks; ``factors`` are what the rows have in common.
+    """
+
+    arm: BenchArm
+    seed: int
+    tasks: Sequence[AgentTask]
+    factors: Mapping[str, str | int]
+    folder: Path
+    config: AgentsBench
+    done: int = 0
+
+    def factors_of(self, place: int) -> dict[str, str | int]:
+        """Those of the row of the task at a place."""
+        task = self.tasks[place]
+        return {**self.factors, "seed": self.seed, "task": task.name, "family": task.family, "place": place}
+
+    def kept(self, done: int) -> Path:
+        """The memory after that many tasks."""
+        return self.folder / f"after-{done}.db"
+
+
+class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
+    """One sequence of tasks for each seed and arm."""
+
+    name = "agents"
+    title = LAYOUT.title
+    in_process = True
+
+    @property
+    def data(self) -> str:
+        """Folders of tasks."""
+        return "task folders"
+
+    def stages(self) -> Sequence[Sequence[SequenceUnit]]:
+        """Every sequence with the keys of its rows."""
+        config = self.config
+        if not config.agents.tasks:
+            raise ConfigurationError(
+                "agents.tasks is not set: give a folder of tasks in Terminal-Bench's layout, such as "
+                "agents.tasks=examples/agent_tasks."
+            )
+        tasks, arms = read_tasks(config.agents.tasks, config.agents.names), chosen_arms(config, self.registry)
+        for arm in arms:
+            if arm.source in ("shuffled", "best_theta") or (arm.replan, arm.explored) != (None, None):
+                raise ConfigurationError(
+                    f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: "
+                    "software agents have no exploration and no replanning. Arms here are memories and off."
+                )
+        return [[self._sequence(tasks, arm, seed) for seed in config.seeds for arm in arms]]
+
+    def known(self, units: Sequence[SequenceUnit]) -> Rows:
+        """All stored rows: a task that could not be set up is not tried again."""
+        return self.bench.results.with_keys([key for unit in units for key in unit.keys])
+
+    def prepare(self, unit: SequenceUnit, rows: Rows) -> SequenceUnit:
+        """The sequence from its first unknown row on, or anew where its memory is gone."""
+        done = next(place for place, key in enumerate(unit.keys) if key not in rows)
+        if done and unit.arm.source != "off" and not unit.kept(done).is_file():
+            log.warning("The memory in %s is gone: its tasks are measured again.", unit.folder)
+            done = 0
+        return replace(unit, done=done)
+
+    @staticmethod
+    def measure(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
+        """The rows of the tasks that are not done, each when it is measured."""
+        return work(unit, registry)
+
+    def result(self, units: Sequence[SequenceUnit], rows: Rows) -> list[Cell]:
+        """All rows; one that a sequence did not reach says so."""
+        empty, notes = (
+            dict.fromkeys(MEASURES),
+            {"status": "not measured: the language model could not be asked"},
+        )
+        return [
+            rows[key] if key in rows else Cell(key, unit.factors_of(place), empty, notes)
+            for unit in units
+            for place, key in enumerate(unit.keys)
+        ]
+
+    @staticmethod
+    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+        """The memories compared with none, task by task."""
+        return comparison_sheets(cells, LAYOUT)
+
+    def _sequence(self, tasks: Sequence[AgentTask], arm: BenchArm, seed: int) -> SequenceUnit:
+        config, agents = self.config, self.config.agents
+        ordered = random.Random(seed).sample(list(tasks), len(tasks))  # every memory gets the same order
+        helpers = ("retriever", "embedder", "inducer", "judge") if has_bank(self.registry, arm) else ()
+        root = _chosen(config, self.registry, arm, "")
+        options = [
+            str(one) for one in configured(self.registry, root, ("agent", "verifier", "memory", *helpers))
+        ]
+        limits = (agents.disk_mb, agents.memory_mb, agents.output)
+        around = (
+            VERSION,
+            code_digest(MEASURING_CODE),
+            versions(),
+            options,
+            agents.sandbox,
+            seed,
+            arm.name,
+            limits,
+        )
+        files = [_digest_of(task) for task in ordered]
+        # Earlier tasks affect later ones through memory, so each key holds the whole order.
+        keys = tuple(cell_key(self.name, *around, files[: i + 1]) for i in range(len(ordered)))
+        factors: dict[str, str | int] = {
+            "agent": described(config.agent),
+            "model": model_label(config.language),
+            "verifier": described(config.verifier),
+            "sandbox": agents.sandbox,
+            "tasks": Path(agents.tasks).name,
+            "memory": f"{arm.name} ({arm.variant})" if arm.variant else arm.name,
+        }
+        folder = Path(agents.state or self.bench.folder / "agents") / keys[-1][:16]
+        label = f"{arm.name}, seed {seed}"
+        return SequenceUnit(keys, label, arm, seed, ordered, factors, folder, config)
+
+
+def _chosen(config: AgentsBench, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
+    return {"agent": config.agent, **chosen_memory(config, registry, arm, bank)}
+
+
+def _digest_of(task: AgentTask) -> str:
+    """The task's files, by content: a changed test is another task."""
+    digest = hashlib.sha256()
+    for file in sorted(path for path in task.folder.rglob("*") if path.is_file()):
+        digest.update(str(file.relative_to(task.folder)).encode() + b"\0")
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _sandbox(config: AgentsBench, task: AgentTask) -> AbstractContextManager[TestedSandbox]:
+    agents = config.agents
+    limits = SandboxLimits(agents.disk_mb, agents.memory_mb, agents.output)
+    return (docker if agents.sandbox == "docker" else bubblewrap)(task, limits=limits)
+
+
+def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
+    """The rows of the tasks after the first ``unit.done``.
+
+    The memory is restored to its state after those, without traces of an interrupted task. A task whose environment
+    cannot be set up is "not measured"; if the language model is unavailable, the sequence ends: later tasks would have
+    the wrong memory.
+    """
+    unit.folder.mkdir(parents=True, exist_ok=True)
+    bank = unit.folder / DATABASE
+    for file in unit.folder.glob(f"{DATABASE}*"):
+        file.unlink()
+    if unit.done and unit.kept(unit.done).is_file():
+        shutil.copyfile(unit.kept(unit.done), bank)
+    root, built = _chosen(unit.config, registry, unit.arm, str(bank)), dict[str, Any]()
+    registry.build_all(root, ("agent", "verifier", "memory"), built)
+    language, memory, verifier = built.get("language"), built["memory"], built["verifier"]
+    ledger = Ledger() if language is None else language.ledger
+    show_tests = getattr(unit.config.verifier, "name", "") == "exit_status"
+    with closing(memory):
+        for place in range(unit.done, len(unit.tasks)):
+            task, before = unit.tasks[place], ledger.totals()
+            row = f"{unit.arm.name}/{unit.seed}/{task.name}"
+            made, status = None, "ok"
+            try:
+                with _sandbox(unit.config, task) as sandbox:
+                    made = attempt(
+                        task,
+                        built["agent"],
+                        sandbox,
+                        memory,
+                        verifier,
+                        source=row,
+                        show_tests=show_tests,
+                        seed=unit.seed,
+                        report=partial(_progress, unit, row),
+                    )
+            except EnvironmentFailedError as error:
+                status = f"not measured: {error}"
+            except LanguageModelError as error:
+                log.warning(
+                    "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
+                )
+                return
+            if made is not None and made.verdict.outcome == "unavailable" and unit.arm.source != "off":
+                why = "; ".join(made.verdict.reasons)
+                log.warning("%s: no verdict, so memory learns nothing from it: %s", row, why)
+            _keep(unit, place + 1)
+            yield _cell(unit, place, made, status, ledger.totals(before))
+
+
+def _progress(unit: SequenceUnit, row: str, line: str) -> None:
+    if not unit.config.quiet:
+        log.info("%s %s", row, line)
+
+
+def _keep(unit: SequenceUnit, done: int) -> None:
+    """Copy the memory after ``done`` tasks; the previous copy stays, in case the row is not stored."""
+    bank, aside = unit.folder / DATABASE, unit.folder / f"after-{done}.part"
+    if bank.is_file():
+        aside.unlink(missing_ok=True)
+        with closing(sqlite3.connect(bank)) as connection:
+            connection.execute("VACUUM INTO ?", (str(aside),))
+        aside.replace(unit.kept(done))
+    for old in unit.folder.glob("after-*.db"):
+        if int(old.stem.removeprefix("after-")) < done - 1:
+            old.unlink()
+
+
+MEASURES = tuple(measure.name for measure in LAYOUT.measures)
+
+
+def _cell(
+    unit: SequenceUnit,
+    place: int,
+    made: Attempt | None,
+    status: str,
+    spent: Mapping[str, Mapping[str, float]],
+) -> Cell:
+    key, factors, kept = unit.keys[place], unit.factors_of(place), unit.kept(place + 1)
+    if made is None:
+        return Cell(key, factors, dict.fromkeys(MEASURES), {"status": status})
+    agent = _tokens(made.run.usage)  # a cached answer counts too: what is compared is the agents' work
+    extra = sum(_tokens(tally) for purpose, tally in spent.items() if purpose != "agent")
+    measures: dict[str, float | None] = {
+        "solved": 100.0 * made.solved,
+        "steps": float(made.run.steps),
+        "agent_tokens": agent,
+        "extra_tokens": extra,
+        "tokens": agent + extra,
+        "seconds": made.run.seconds,
+        "overhead": sum(made.seconds[name] for name in ("recall", "verify", "learn")),
+        "storage_kb": kept.stat().st_size / 1000 if kept.is_file() else 0.0,
+    }
+    notes: dict[str, Any] = {
+        "status": status,
+        "exit_status": made.run.exit_status,
+        "verdict": made.verdict.outcome,
+        "quality": made.verdict.quality if made.verdict.outcome != "unavailable" else None,
+        "recalled": len(made.recalled.items),
+        "recalled_text": made.recalled.text[:2000],
+        "learned": [len(made.learned.added), len(made.learned.merged), len(made.learned.provisional)],
+        "tests": made.tests.text[-1000:],
+        "conversation": json.dumps(list(made.run.messages))[:200_000],
+    }
+    return Cell(key, factors, measures, notes)
+
+
+def _tokens(tally: Mapping[str, float]) -> float:
+    return tally.get("prompt_tokens", 0.0) + tally.get("completion_tokens", 0.0)

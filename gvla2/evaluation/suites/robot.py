@@ -1,0 +1,189 @@
+"""The suite ``robot``: success task by task, and what memory adds to it: explore, freeze, test.
+
+Every planner meets the same tasks, arms and layouts. All arms of a planner learn from the same explored episodes, which
+are stored too; the banks made from them are in ``folder/banks``.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from gvla2.errors import Gvla2Error
+from gvla2.evaluation.arms import Experience, chosen_memory, has_bank, teach
+from gvla2.evaluation.config import RobotBench
+from gvla2.evaluation.engine import Rows, Suite
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.suites.robot_design import (
+    EXPLORATION,
+    FAMILY,
+    SUITE,
+    Design,
+    designs,
+    others_of,
+    place_of,
+)
+from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lessons, release, run_unit
+from gvla2.evaluation.suites.robot_tables import robot_sheets
+from gvla2.evaluation.tables import Sheet
+from gvla2.plugins.registry import Registry
+
+COMPARED = "off"
+"""The arm that the others are compared to."""
+
+log = logging.getLogger(__name__)
+
+
+class RobotSuite(Suite[RobotBench, EpisodeUnit]):
+    """Two stages: the exploration of every planner, then the test of every arm, taught and frozen."""
+
+    name = SUITE
+    title = "Robot"
+    tries = 3
+
+    def stages(self) -> Sequence[Sequence[EpisodeUnit]]:
+        """Explored episodes, then the test's."""
+        self.designs = {design.place: design for design in designs(self.config, self.registry)}
+        self._schools: dict[str, School] = {}
+        made = self.designs.values()
+        return [[u for one in made for u in one.exploring], [u for one in made for u in one.plan]]
+
+    def stored_as(self, stage: int) -> str:
+        """Exploration has a name of its own."""
+        return EXPLORATION if stage == 0 else self.name
+
+    def prepare(self, unit: EpisodeUnit, rows: Rows) -> EpisodeUnit:
+        """An episode of the test with what its arm has learnt."""
+        if unit.arm.name == EXPLORED:
+            return unit
+        place = place_of(unit.config)
+        if place not in self._schools:
+            self._schools[place] = School(self.designs[place], self.registry, self.bench.folder, rows)
+        return self._schools[place].taught(unit)
+
+    @staticmethod
+    def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
+        """Both profiles' rows of an episode."""
+        return run_unit(unit, registry)
+
+    def finish(self, units: Sequence[EpisodeUnit], rows: Rows) -> None:
+        """Run the episodes worth it once more with the camera on, with the same result; their rows name the films."""
+        for place, design in self.designs.items():
+            for unit in worth_filming(design.plan, rows, self.config.videos):
+                cell = rows[unit.by_profile["relaxed"]]
+                if Path(str(cell.notes.get("film", "")) or "/nowhere").is_dir():
+                    continue
+                folder = self.bench.folder.absolute() / "failures" / place / f"{unit.subject}-{unit.arm.name}"
+                log.info("Filming %s, layout %d.", unit.label, unit.layout)
+                filmed = replace(self.prepare(unit, rows), film=str(folder))
+                again = run_unit(filmed, self.registry)[0].measures["success"]
+                film = {
+                    "film": str(folder / str(unit.layout)),
+                    "film_agrees": again == cell.measures["success"],
+                }
+                rows |= self.bench.store([replace(cell, notes={**cell.notes, **film})], self.name)
+
+    def close(self) -> None:
+        """Release the robot of this process."""
+        release()
+
+    @staticmethod
+    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+        """Success, the differences between arms, costs and failures of each group that can be compared."""
+        return robot_sheets(cells)
+
+
+class School:
+    """Teaches the arms of one planner from its exploration. A bank is written, once, when an episode needs it.
+
+    Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learnt less would be mistaken for full ones.
+    """
+
+    def __init__(self, design: Design, registry: Registry, folder: Path, rows: Rows) -> None:
+        self._design, self._registry, self._folder = design, registry, folder
+        self._lessons: dict[tuple[str, str], Lessons] = {}
+        self._experiences: dict[str, list[Experience]] = {}
+        explored = [(unit, rows[unit.keys[0]]) for unit in design.exploring]
+        gaps = [unit.subject for unit, cell in explored if cell.status != "ok"]
+        if gaps:
+            raise Gvla2Error(
+                f"{len(gaps)} of {len(explored)} explored episodes could not be measured "
+                f"({', '.join(dict.fromkeys(gaps))}): no answer in time, or no language model. Finished measurements "
+                "are kept; run again, or with a longer planner_timeout=SECONDS."
+            )
+        for unit, cell in explored:
+            found = map(Experience.from_json, cell.notes.get("experience") or ())
+            self._experiences.setdefault(unit.subject, []).extend(found)
+
+    def taught(self, unit: EpisodeUnit) -> EpisodeUnit:
+        """The episode with what its arm has learnt."""
+        place = unit.subject, unit.arm.name
+        if place not in self._lessons:
+            self._lessons[place] = self._learnt(unit)
+        return replace(unit, lessons=self._lessons[place])
+
+    def _learnt(self, unit: EpisodeUnit) -> Lessons:
+        learnt = first_layouts(self._experiences, unit.arm.explored)
+        if unit.arm.source == "shuffled":
+            others = others_of(unit.subject, list(self._design.subjects))
+            others.sort(key=lambda other: other.partition(FAMILY)[0] != unit.subject.partition(FAMILY)[0])
+            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
+            # An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
+            learnt = {subject: some for subject, some in learnt.items() if subject != unit.subject}
+            number = list(self._design.subjects).index(unit.subject)
+            return Lessons(self._bank(unit, f"{unit.arm.name}-{number}", learnt), asked=asked)
+        if has_bank(self._registry, unit.arm):
+            return Lessons(self._bank(unit, unit.arm.name, learnt))
+        if unit.arm.source == "best_theta":
+            return Lessons(experiences=tuple(learnt.get(unit.subject, ())))
+        return Lessons(experiences=tuple(e for some in learnt.values() for e in some))
+
+    def _bank(self, unit: EpisodeUnit, name: str, learnt: Mapping[str, Sequence[Experience]]) -> str:
+        """The file of a bank that knows these lessons, taught unless another row of the arm has done so."""
+        path = (self._folder / "banks" / self._design.place).absolute() / f"{name}.db"
+        if str(path) not in {lessons.bank for lessons in self._lessons.values()}:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            root = chosen_memory(self._design.config, self._registry, unit.arm, str(path))
+            with closing(self._registry.build(root, "memory")) as memory:
+                for some in learnt.values():
+                    teach(memory, some)
+        return str(path)
+
+
+def first_layouts(
+    experiences: Mapping[str, Sequence[Experience]], layouts: int | None
+) -> Mapping[str, Sequence[Experience]]:
+    """Experience from the first ``layouts`` explored layouts of each row; all of it for None."""
+    if layouts is None:
+        return experiences
+    found = {}
+    for subject, learnt in experiences.items():
+        seeds = list(dict.fromkeys(one.seed for one in learnt))[:layouts]
+        found[subject] = [one for one in learnt if one.seed in seeds]
+    return found
+
+
+def worth_filming(plan: Sequence[EpisodeUnit], rows: Rows, videos: int) -> list[EpisodeUnit]:
+    """Episodes of a plan to film, at most ``videos`` per row and arm.
+
+    Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
+    """
+    at = {(unit.subject, unit.arm.name, unit.layout): unit for unit in plan}
+    ended = {unit.keys: rows[unit.by_profile["relaxed"]].measures["success"] for unit in plan}
+    off = {unit.keys: at.get((unit.subject, COMPARED, unit.layout), unit) for unit in plan}
+    differing = [unit for unit in plan if {ended[unit.keys], ended[off[unit.keys].keys]} == {True, False}]
+    chosen: dict[tuple[str, ...], EpisodeUnit] = {}
+    taken: Counter[tuple[str, str]] = Counter()
+    pairs = [(unit, off[unit.keys]) for unit in differing]
+    for group in (*pairs, *((unit,) for unit in plan if ended[unit.keys] == 0)):
+        if taken[group[0].subject, group[0].arm.name] >= videos:
+            continue
+        for unit in group:
+            if unit.keys not in chosen and taken[unit.subject, unit.arm.name] < videos:
+                chosen[unit.keys] = unit
+                taken[unit.subject, unit.arm.name] += 1
+    return list(chosen.values())

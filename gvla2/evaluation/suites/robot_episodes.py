@@ -1,0 +1,282 @@
+"""One episode of the robot suite, as a worker process runs it: its components, its memory, its rows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.episode.listener import SilentListener
+from gvla2.episode.loop import Components, EpisodeRequest, run_episode
+from gvla2.episode.record import EpisodeRecord, Stage
+from gvla2.evaluation.arms import (
+    MEMORY,
+    BenchArm,
+    BestTheta,
+    Experience,
+    Frozen,
+    Shuffled,
+    chosen_memory,
+    has_bank,
+    teach,
+)
+from gvla2.evaluation.config import RobotBench
+from gvla2.evaluation.engine import Unit
+from gvla2.evaluation.results import Cell
+from gvla2.memory.contracts import Memory, MemoryTask
+from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
+from gvla2.plugins.registry import Registry
+from gvla2.record.recorder import RunRecorder
+
+EXPLORED = "exploration"
+"""The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
+NOT_MEASURED = ("timeout", "unavailable")
+"""Kinds of failure that do not count against an arm: its planner timed out, or its model was unavailable."""
+UNSEEN = ("nothing_matches", "ambiguous", "perception")
+GRASP = ("slipped",)
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """What an arm has learnt before an episode: ``bank`` is its frozen bank's file, "" if it keeps none.
+
+    ``experiences`` are what an arm without a file learns from; ``asked`` is what ``shuffled`` asks instead of the
+    episode's own question (None: no such question).
+    """
+
+    bank: str = ""
+    experiences: tuple[Experience, ...] = ()
+    asked: MemoryTask | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeUnit(Unit):
+    """An episode of the design: a row of the bench in one arm, laid out by the seed ``layout``.
+
+    ``subject`` names the row; ``task`` is the task's name and options; ``by_profile`` has the keys of its cells and
+    ``factors`` what these have in common; ``config`` is the bench with the planner that plans. ``film`` names a folder
+    for a complete run page.
+    """
+
+    config: RobotBench
+    subject: str
+    task: Mapping[str, Any]
+    arm: BenchArm
+    layout: int
+    by_profile: Mapping[str, str]
+    factors: Mapping[str, str | int]
+    lessons: Lessons = Lessons()
+    film: str = ""
+
+
+def components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
+    """What to build for a task, by kind, without its memory."""
+    kinds = ("camera", *LOOP, *GEOMETRY, *MEMORY[1:], "language")
+    return {
+        **{kind: getattr(config, kind) for kind in kinds if kind != "task"},
+        "task": dict(task),
+        "memory": {"name": "none"},
+    }
+
+
+def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
+    """Run the episode here. One in which a component crashed is a failure; the next has fresh components."""
+    exploring = unit.arm.name == EXPLORED
+    with _memory(unit, registry) as memory:
+        parts = replace(_parts_of(unit, registry), memory=memory)
+        if exploring:
+            parts = replace(parts, planner=_exploring(unit, registry, parts))
+        record, seconds = _run(unit, parts)
+        explored = Experience.of(record, parts.skills) if exploring else ()
+    if failure_class(record) == "error":
+        release()
+    return cells_of(unit, record, seconds, explored)
+
+
+class _Latest(SilentListener):
+    """Keeps the latest record of an episode, and passes its events to a recorder, if there is one."""
+
+    def __init__(self, recorder: RunRecorder | None) -> None:
+        self.recorder = recorder
+        self.record: EpisodeRecord | None = None
+
+    @property
+    def wants_frames(self) -> bool:
+        """Whether there is a recorder."""
+        return self.recorder is not None
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """Keep the record."""
+        self.record = record
+        if self.recorder is not None:
+            self.recorder.stage(record, stage)
+
+    def moment(self, moment: Any) -> None:
+        """The robot's state at the next frame."""
+        if self.recorder is not None:
+            self.recorder.moment(moment)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """A frame of the moving robot."""
+        if self.recorder is not None:
+            self.recorder.frame(image)
+
+
+def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
+    """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
+    same = ("depth_noise", "planner_timeout", "max_parts")
+    options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
+    replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
+    source = f"{unit.subject}-{unit.arm.name}-{unit.layout}"
+    request = EpisodeRequest(seed=unit.layout, source=source, replan=replan, **options)
+    header = f"# gvla2 bench robot: task {unit.subject}, arm {unit.arm.name}\n"
+    film = RunRecorder(Path(unit.film) / str(unit.layout), header, command="bench") if unit.film else None
+    listener = _Latest(film)
+    started = time.perf_counter()
+    with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
+        run_episode(parts, request, listener)
+    seconds = time.perf_counter() - started
+    assert listener.record is not None
+    if film is not None:
+        film.finish(listener.record)
+    return listener.record, round(seconds, 3)
+
+
+def cells_of(
+    unit: EpisodeUnit, record: EpisodeRecord, seconds: float, explored: Sequence[Experience] = ()
+) -> list[Cell]:
+    """The episode's cells, one for each profile; ``explored`` is what others can learn from it."""
+    check = record.success_check
+    relaxed, strict = bool(check and check.relaxed), bool(check and check.strict)
+    why = failure_class(record) or ("" if relaxed else "unnoticed")
+    message = record.failure.message if record.failure else ""
+    measured = why not in NOT_MEASURED
+    status = "ok" if measured else f"not measured: {why}"
+    notes: dict[str, Any] = {"status": status, "layout": unit.layout, **_notes(record)}
+    if explored:
+        notes["experience"] = [one.to_json() for one in explored]
+    cells = []
+    for profile, key in unit.by_profile.items():
+        done = strict if profile == "strict" else relaxed
+        failure = {} if done else {"failure": why or "not_strictly", "message": message}
+        factors = dict(unit.factors) | ({} if profile == "both" else {"profile": profile})
+        measures = {"success": done if measured else None, "seconds": seconds, **spent_on(record)}
+        cells.append(Cell(key, factors, measures, {"failure": "", "message": "", **notes, **failure}))
+    return cells
+
+
+def failure_class(record: EpisodeRecord) -> str:
+    """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
+
+    ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and noticed the
+    failure. ``unavailable``: the planner's model did not answer; the plan, if any, was another's.
+    """
+    failure = record.failure
+    asked = record.language.get("plan", {})
+    if asked.get("failed") and not asked.get("calls") and not asked.get("cached"):
+        return "unavailable"
+    if failure is None:
+        return ""
+    if failure.kind in NOT_MEASURED:
+        return failure.kind
+    if failure.kind in ("crashed", "error", "interrupted", "simulation"):
+        return "error"
+    if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
+        return "perception"
+    if failure.stage == "execute":
+        return "grasp" if failure.kind in GRASP else "execution"
+    by_stage = {"plan": "abstained", "check": "plan_rejected", "success_check": "unnoticed"}
+    return by_stage.get(failure.stage, "not_achieved")
+
+
+def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
+    """Seconds of planning in all attempts and parts (None if there was none), and the use of language models.
+
+    Checking counts as planning: it asks again after a rejected plan. ``calls`` cost tokens, ``cached`` ones did not;
+    tokens are the server's own count, None if it gave none.
+    """
+    timings = [each.timings for each in _all_of(record) if "plan" in each.timings]
+    planning = [each["plan"] + each.get("check", 0.0) for each in timings]
+    tallies = record.language.values()
+    counts: dict[str, float | None] = {
+        name: sum(tally.get(name, 0) for tally in tallies)
+        for name in ("calls", "cached", "prompt_tokens", "completion_tokens")
+    }
+    if any(tally.get("unmetered") for tally in tallies):
+        counts |= {"prompt_tokens": None, "completion_tokens": None}
+    return {"planning_seconds": round(sum(planning), 4) if planning else None, **counts}
+
+
+def _all_of(record: EpisodeRecord) -> list[EpisodeRecord]:
+    """The record and those of its earlier attempts and parts, and theirs."""
+    return [record, *(one for each in (*record.attempts, *record.parts) for one in _all_of(each))]
+
+
+def _notes(record: EpisodeRecord) -> dict[str, Any]:
+    recalled, plan = record.recalled, record.plan
+    fallbacks = [each.plan.fallback for each in _all_of(record) if each.plan and each.plan.fallback]
+    return {
+        "instruction": record.instruction,
+        "skill": plan.skill if plan else "",
+        "skills": [part.plan.skill if part.plan else "" for part in record.whole],
+        "fallback": fallbacks[0] if fallbacks else "",
+        "language": {purpose: dict(tally) for purpose, tally in record.language.items()},
+        "verdict": record.verdict.outcome if record.verdict else "",
+        "quality": record.verdict.quality if record.verdict else None,
+        "recalled": [item.id for item in recalled.items] if recalled else [],
+        "abstained": recalled.abstained if recalled else "",
+        "degraded": recalled.degraded if recalled else "",
+        "parameters": dict(plan.parameters) if plan else {},
+        "timings": dict(record.timings),
+        "parts": [dict(part.timings) for part in record.parts],
+    }
+
+
+def _exploring(unit: EpisodeUnit, registry: Registry, parts: Components) -> Any:
+    """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
+    planner: Any = unit.config.planner
+    if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
+        planner = replace(planner, explore=unit.config.exploration, explore_seed=unit.layout)
+    given = {"language": parts.language} if parts.language else None
+    return registry.build({"planner": planner}, "planner", given)
+
+
+@contextmanager
+def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
+    """The frozen memory of the episode's arm."""
+    arm, lessons = unit.arm, unit.lessons
+    if arm.source == "best_theta":
+        yield BestTheta(lessons.experiences)
+        return
+    with closing(registry.build(chosen_memory(unit.config, registry, arm, lessons.bank), "memory")) as memory:
+        if not has_bank(registry, arm):
+            teach(memory, lessons.experiences)
+        yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
+
+
+_kept: dict[str, Components] = {}
+"""The components of the task that this process worked on last: a robot takes a second to build."""
+
+
+def _parts_of(unit: EpisodeUnit, registry: Registry) -> Components:
+    key = repr((unit.config, unit.task))
+    if key not in _kept:
+        release()
+        root = components(unit.config, unit.task)
+        names = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
+        _kept[key] = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
+    return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
+
+
+def release() -> None:
+    """Close the components that this process keeps."""
+    for parts in _kept.values():
+        parts.robot.close()
+        parts.memory.close()
+    _kept.clear()

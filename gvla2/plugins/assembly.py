@@ -1,0 +1,61 @@
+"""Assembling an episode's components from the registry, as a configuration chooses them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gvla2.errors import ConfigurationError
+from gvla2.plugins.kinds import NONE
+from gvla2.plugins.registry import Registry
+
+if TYPE_CHECKING:
+    from gvla2.episode.loop import Components
+    from gvla2.reconstruction.options import BranchOptions
+
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
+GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
+
+
+def build_components(
+    config: object,
+    registry: Registry,
+    choices: Mapping[str, str] | None = None,
+    branch: BranchOptions | None = None,
+) -> Components:
+    """All components that the configuration chose; the caller closes the robot and the memory.
+
+    ``choices`` are their names in the record, by default their names by group; ``branch`` the options of the
+    reconstruction branch. Raises :class:`ConfigurationError` for a camera that the robot would not use.
+    """
+    from gvla2.episode.loop import Components
+    from gvla2.episode.refine import GeometryComponents
+    from gvla2.reconstruction.options import BranchOptions
+
+    _check_camera(config, registry)
+    built: dict[str, Any] = {}
+    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
+    if choices is None:
+        chosen = [group for group in registry.groups if group != "language" or group in built]
+        choices = {kind: getattr(config, kind).name for kind in chosen}
+    offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
+    return Components(
+        **{kind: built[kind] for kind in (*LOOP, "memory")},
+        geometry=GeometryComponents(
+            **{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()
+        ),
+        choices=choices,
+        skills=registry.skills,
+        language=built.get("language"),
+        plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
+    )
+
+
+def _check_camera(config: object, registry: Registry) -> None:
+    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
+    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
+    if camera not in ("", NONE) and robot not in takers:
+        raise ConfigurationError(
+            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
+            f"{', '.join(takers) or 'none is installed'}."
+        )

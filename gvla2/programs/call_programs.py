@@ -1,0 +1,184 @@
+"""Programs of skill calls as language models write them: parsed and validated here, never executed.
+
+A program has one call per line, ``place(red_cup, blue_tray, in)`` or ``push(green_puck, left, 80)``, in Python syntax;
+lengths are millimetres. :func:`grammar` is the same language for servers that constrain a model's output.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
+from gvla2.planning.contracts import Abstention, PlanRequest
+from gvla2.planning.scene_brief import SceneBrief
+from gvla2.skills.grounding import goals, themes
+from gvla2.skills.skill import Skill
+
+DECLINE = "decline"
+"""The call by which a program refuses the instruction, with one of :data:`REASONS`: ``decline(absent)``."""
+REASONS: Mapping[str, Abstention] = {
+    "absent": Abstention("nothing_matches", "What the instruction is about is not in the scene."),
+    "unclear": Abstention("ambiguous", "It is not clear which object is meant."),
+    "impossible": Abstention("other", "No skill does what the instruction asks for."),
+}
+MAX_CALLS, MAX_CHARACTERS = 12, 4000
+MAX_NUMBER = 1e4
+"""Largest number in a program, millimetres."""
+LAST = ("pick",)
+"""Skills listed last in prompts and grammars; otherwise small models start every program with them."""
+_IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
+"""The relation ``in``, a keyword of Python."""
+
+Fitting = Mapping[str, Mapping[str, Sequence[str]]]
+"""By skill, the names of its possible themes, each with the names of its possible goals."""
+
+
+class Declined(Exception):  # noqa: N818 - an answer, not an error
+    """The program declines the instruction."""
+
+    def __init__(self, abstention: Abstention) -> None:
+        super().__init__(abstention.message)
+        self.abstention = abstention
+
+
+def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -> tuple[SkillCall, ...]:
+    """The calls of a program that names objects by the keys of ``ids`` (to scene ids).
+
+    Raises :class:`ValueError` with a sentence for the program's author, and :class:`Declined` if it declines.
+    """
+    try:
+        statements = ast.parse(_IN.sub("'in'", code_in(text))).body
+    except (SyntaxError, MemoryError) as error:
+        raise ValueError(f"It is not a program: {error}.") from None
+    calls: list[SkillCall] = []
+    for statement in statements:
+        match statement:
+            case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
+                given = [_value(argument) for argument in call.args]
+                if name == DECLINE:
+                    raise Declined(REASONS.get(str(given[0]) if given else "", REASONS["impossible"]))
+                named = {str(keyword.arg): _value(keyword.value) for keyword in call.keywords}
+                calls.append(_call(name, given, named, ids, skills))
+            case _:
+                raise ValueError(f"'{ast.unparse(statement)[:80]}' is not a call of a skill.")
+        if len(calls) > MAX_CALLS:
+            raise ValueError(f"The program makes more than {MAX_CALLS} calls.")
+    if not calls:
+        raise ValueError("The program calls no skill.")
+    return tuple(calls)
+
+
+def code_in(text: str) -> str:
+    """The program in an answer: the content of its code fence, else all of it; :class:`ValueError` if too long."""
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"It has {len(text)} characters; {MAX_CHARACTERS} are enough for any program.")
+    fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
+    return (fenced.group(1) if fenced else text).strip()
+
+
+def _value(node: ast.expr) -> str | float:
+    """A name, a word or a number."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Constant(value=str() as word):
+            return word
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            if not abs(number) <= MAX_NUMBER:
+                raise ValueError(f"A number is larger than {MAX_NUMBER:g}.")
+            return float(number)
+    raise ValueError(f"'{ast.unparse(node)[:80]}' cannot be an argument; give names, words and numbers.")
+
+
+def _call(
+    skill: str,
+    given: Sequence[str | float],
+    named: Mapping[str, str | float],
+    ids: Mapping[str, str],
+    skills: Mapping[str, Skill],
+) -> SkillCall:
+    if skill not in skills:
+        raise ValueError(f"There is no skill '{skill}'; there are {', '.join(skills)}.")
+    roles: list[str] = []
+    fields: dict[str, Any] = {}
+    for keyword, value in [*(("", v) for v in given), *named.items()]:
+        if value in ids and keyword in ("", "theme", "goal"):
+            roles.append(ids[str(value)])
+        elif value in RELATIONS and value and keyword in ("", "relation", "how"):
+            fields["relation"] = value
+        elif value in WAYS and keyword in ("", "direction"):
+            fields["direction"] = WAYS[str(value)]
+        elif isinstance(value, float) and keyword in ("", "amount", "by"):
+            fields["amount"] = 1e-3 * value
+        elif keyword:
+            raise ValueError(f"{skill}(...) does not take {keyword}={value!r}.")
+        else:
+            raise ValueError(f"In {skill}(...) '{value}' is not among the objects: {', '.join(ids)}.")
+    if not 1 <= len(roles) <= 2:
+        raise ValueError(
+            f"{skill} takes one object, and a goal where it leads somewhere; it got {len(roles)}."
+        )
+    if len(roles) == 2 and skills[skill].role("goal") is None:
+        raise ValueError(f"{skill} takes one object and no goal.")
+    return SkillCall(skill, roles[0], roles[1] if len(roles) == 2 else "", **fields)
+
+
+def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief) -> Fitting:
+    """The skills with a possible theme in the scene, except implied ones."""
+    scene, hand, names = request.scene, request.arm.hand, brief.names
+    found: dict[str, dict[str, list[str]]] = {}
+    for name in sorted((s for s in skills if not skills[s].implied), key=lambda s: s in LAST):
+        possible = {
+            names[o.id]: [names[g.id] for g in goals(skills[name], o, scene)]
+            for o in themes(skills[name], scene, hand)
+        }
+        if skills[name].aimed and not skills[name].free:
+            possible = {theme: to for theme, to in possible.items() if to}
+        if possible:
+            found[name] = possible
+    return found
+
+
+def grammar(skills: Mapping[str, Skill], fits: Fitting, instruction: str, max_calls: int = MAX_CALLS) -> str:
+    """llama.cpp's grammar of a program with at most ``max_calls`` calls, one per line, each of a skill that fits.
+
+    Amounts are allowed only if the instruction has a number: a model would make them up.
+    """
+    amounts = any(character.isdigit() for character in instruction)
+    rules = (_rule(skills[s], theme, to, amounts) for s, each in fits.items() for theme, to in each.items())
+    calls = [rule for rule in rules if rule]
+    lines = (
+        f'root ::= call ("\\n" call){{0,{max_calls - 1}}} "\\n"?',
+        f"call ::= {' | '.join([*calls, _DECLINE_RULE])}",
+        'way ::= "left" | "right" | "forward" | "back"',
+        "amount ::= [1-9] [0-9]{0,2}",
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _rule(skill: Skill, theme: str, to: Sequence[str], amounts: bool) -> str:
+    """One skill on one theme with its possible goals; "" if it needs a goal and has none."""
+    goal, aims = skill.role("goal"), []
+    if to and goal is not None:
+        relations = [r for r in goal.relations if r != "to"]
+        how = f' ", " ({_choice(relations)})' if relations and skill.aimed else ""
+        aims.append(f'", " ({_choice(to)}){how}')
+    if skill.free and skill.aimed:
+        aims.append('", " way ", " amount' if amounts else '", " way')
+    if skill.aimed and not aims:
+        return ""
+    aim = f" ({' | '.join(aims)})" if aims else ""
+    optional = "?" if aim and not skill.aimed else ""
+    amount = ' (", " amount)?' if skill.amount and goal is None and amounts else ""
+    return f'({json.dumps(f"{skill.name}({theme}")}{aim}{optional}{amount} ")")'
+
+
+def _choice(words: Sequence[str]) -> str:
+    return " | ".join(json.dumps(w) for w in words)
+
+
+_DECLINE_RULE = f'("{DECLINE}(" ({_choice([*REASONS])}) ")")'

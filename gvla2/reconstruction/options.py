@@ -1,0 +1,56 @@
+"""The options of the GeoFuse-MV3D branch: the Hydra group ``branch`` of `gvla2 run`, `reconstruct` and `bench`.
+
+Part of the command line's schema, so it imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gvla2.errors import ConfigurationError
+
+MODES = ("default", "paper")
+COMPATS = ("none", "official")
+
+
+@dataclass
+class BranchOptions:
+    """Which stages run, and how; each switch is one column of the ablation.
+
+    ``mode``: ``paper`` puts source B beside A, both from G0, without gates; ``default`` corrects drift first, continues
+    from A, keeps a stage only where the masks do not contradict it, and finally moves the Gaussians as far inside their
+    surface as the masks require (a part of ``appearance``). ``compat="official"`` reproduces the released code's
+    sampling of masks and its centre of the shrink. ``tau``, ``eta``, ``lambda_max``: the soft visual hull's
+    lambda(p) = lambda_max * sigmoid((tau - s) / eta)^2 (released constants). Raises :class:`ConfigurationError` for
+    values out of range.
+    """
+
+    prior: bool = True
+    appearance: bool = True
+    soft_hull: bool = True
+    axis: bool = True
+    fusion: bool = True
+    mode: str = "default"
+    compat: str = "none"
+    tau: float = 0.45
+    eta: float = 0.12
+    lambda_max: float = 0.008
+
+    def __post_init__(self) -> None:
+        for name, value, known in (("mode", self.mode, MODES), ("compat", self.compat, COMPATS)):
+            if value not in known:
+                raise ConfigurationError(f"branch.{name} is '{value}'; it is one of {', '.join(known)}.")
+        if not (0 <= self.tau <= 1 and self.eta > 0 and 0 <= self.lambda_max < 1):
+            raise ConfigurationError(
+                f"The soft hull needs tau in [0, 1], eta > 0 and lambda_max in [0, 1), got branch.tau={self.tau:g}, "
+                f"branch.eta={self.eta:g}, branch.lambda_max={self.lambda_max:g}."
+            )
+
+    def changed(self) -> dict[str, str]:
+        """The options that differ from the defaults, as the command line writes them."""
+        usual = vars(BranchOptions())
+        return {name: str(value).lower() for name, value in vars(self).items() if usual[name] != value}
+
+    def label(self) -> str:
+        """What differs from the defaults, for a table; "default" if nothing does."""
+        return ", ".join(f"{name}={value}" for name, value in self.changed().items()) or "default"

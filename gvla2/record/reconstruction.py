@@ -1,0 +1,315 @@
+"""The record of one reconstruction: inputs, stages and measures, their words, and the folder with its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import KDTree, cKDTree
+
+from gvla2.geometry.gaussians import write_gaussians
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
+from gvla2.geometry.views import Views
+from gvla2.io.files import write_bytes, write_json, write_text
+from gvla2.reconstruction.branch import BranchResult
+from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.options import BranchOptions
+from gvla2.reconstruction.view_set import points_of
+from gvla2.record import reconstruction_pictures
+from gvla2.record.page import render
+from gvla2.record.reconstruction_measures import Measures
+from gvla2.record.reconstruction_pictures import ReconstructionPictures, turntables, view_pictures
+from gvla2.record.recorder import FolderRecorder
+from gvla2.record.text import count
+from gvla2.record.wording import State, Step, fixed
+
+
+@dataclass(frozen=True)
+class ReconstructionRecord:
+    """One object's reconstruction, from views to refined geometry.
+
+    ``folder`` is the source of the views; ``choices`` the component names by Hydra group; ``options`` the branch's;
+    ``truth`` the mesh file that it was measured against, "" for none; ``timings`` wall seconds per step; ``notes``
+    fallbacks and warnings, each a sentence.
+    """
+
+    name: str
+    folder: str
+    views: Views
+    choices: Mapping[str, str]
+    options: Mapping[str, Any]
+    result: BranchResult
+    measures: Measures | None = None
+    truth: str = ""
+    timings: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether the output differs from the first reconstruction at all."""
+        return self.displacement > 0 or self.recoloured
+
+    @property
+    def recoloured(self) -> bool:
+        """Whether any base colour differs."""
+        return self._colours(self.result.out) != self._colours(self.result.g0)
+
+    @property
+    def displacement(self) -> float:
+        """Mean distance that points moved by, in the views' unit; 0 when nothing moved.
+
+        For a new surface, with different points, the mean distance from the nearest point of the first one.
+        """
+        before, after = points_of(self.result.g0), points_of(self.result.out)
+        if before.shape != after.shape:
+            return float(np.mean(cKDTree(before).query(after)[0]))
+        return float(np.linalg.norm(after - before, axis=1).mean())
+
+    @property
+    def size(self) -> float:
+        """Longest side of the first reconstruction's box, in the views' unit."""
+        points = points_of(self.result.g0)
+        return float((points.max(axis=0) - points.min(axis=0)).max())
+
+    def summary(self) -> dict[str, Any]:
+        """``result.json``: the options and choices, each stage's status with its reason, and all measures."""
+        out, measures = self.result.out, self.measures
+        return {
+            "command": "reconstruct",
+            "object": self.name,
+            "status": out.status,
+            "changed": self.changed,
+            "views": {
+                "folder": self.folder,
+                "count": len(self.views),
+                "names": [view.name for view in self.views],
+                "sizes": [[view.camera.width, view.camera.height] for view in self.views],
+            },
+            "choices": dict(self.choices),
+            "branch": dict(self.options),
+            "gaussians": None if out.gaussians is None else len(out.gaussians),
+            "vertices": None if out.mesh is None else len(out.mesh.vertices),
+            "faces": None if out.mesh is None else len(out.mesh.faces),
+            "displacement": self.displacement,
+            "stages": list(self.result.stages),
+            "truth": self.truth or None,
+            "metrics": None if measures is None else measures.summary(),
+            "timings": dict(self.timings),
+            "notes": list(self.notes),
+        }
+
+    def _colours(self, made: Reconstruction) -> bytes:
+        of_points = b"" if made.gaussians is None else made.gaussians.sh_dc.tobytes()
+        if made.mesh is None or made.mesh.colours is None:
+            return of_points
+        return of_points + made.mesh.colours.tobytes()
+
+
+STATES: Mapping[str, State] = {
+    "applied": "done",
+    "partial": "done",
+    "rejected": "warn",
+    "fallback": "warn",
+    "skipped": "skipped",
+}
+"""The mark of each stage status."""
+
+_STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as unmoved
+_STEADY = 5e-4  # relative change below which a number counts as unchanged
+
+
+@dataclass(frozen=True)
+class BeforeAfter:
+    """A number before and after the branch, and how it is shown: its name, decimals, unit, whether more is better."""
+
+    label: str
+    digits: int
+    unit: str
+    more_is_better: bool
+    note: str = ""
+    before: float = math.nan
+    after: float = math.nan
+
+    def shown(self, value: float) -> str:
+        """Such a number with its unit."""
+        return f"{fixed(value, self.digits)} {self.unit}".strip()
+
+    @property
+    def change(self) -> float | None:
+        """Relative change; None when undefined."""
+        if not self.before or not math.isfinite(self.before) or not math.isfinite(self.after):
+            return None
+        return (self.after - self.before) / abs(self.before)
+
+    @property
+    def tone(self) -> str:
+        """Whether the number improved ("good"), got worse ("bad") or hardly changed ("idle")."""
+        change = self.change
+        if change is None or abs(change) < _STEADY:
+            return "idle"
+        return "good" if (change > 0) == self.more_is_better else "bad"
+
+    @property
+    def change_text(self) -> str:
+        """The number before and after ("0.9012 → 0.9311"), or after alone where no change is defined."""
+        after = self.shown(self.after)
+        return after if self.change is None else f"{fixed(self.before, self.digits)} → {after}"
+
+
+MEASURES: Mapping[str, BeforeAfter] = {
+    "symmetric_iou": BeforeAfter("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
+    "mask_support": BeforeAfter("mask support", 4, "", True, "mean mask value where points project"),
+    "psnr": BeforeAfter("PSNR", 2, "dB", True, "colours, on white"),
+    "ssim": BeforeAfter("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
+    "lpips": BeforeAfter("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
+    "cd_surface": BeforeAfter(
+        "CD surface × 10³", 2, "", False, "in the views’ frame: place, scale and shape count"
+    ),
+    "cd_official": BeforeAfter("CD official × 10³", 2, "", False, "each shape in its own unit box"),
+}
+"""How each measure is shown."""
+
+
+def compared(record: ReconstructionRecord, group: str, name: str) -> BeforeAfter | None:
+    """A number of the record; None when it was not measured."""
+    before, after = record.measures.groups.get(group, ({}, {})) if record.measures else ({}, {})
+    if name not in after:
+        return None
+    shown = MEASURES.get(name, BeforeAfter(name.replace("_", " "), 4, "", True))
+    return replace(shown, before=before.get(name, math.nan), after=after[name])
+
+
+def headline(record: ReconstructionRecord) -> tuple[str, str]:
+    """The outcome in two words, and its tone."""
+    if not record.changed:
+        return "Kept as first made", "idle"
+    if record.displacement < _STILL * record.size:
+        return ("Colours calibrated" if record.recoloured else "Hardly changed"), "idle"
+    fit = compared(record, "inputs", "symmetric_iou")
+    worse = fit is not None and fit.tone == "bad"
+    return ("Refined, masks fit worse", "unsure") if worse else ("Refined", "good")
+
+
+def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
+    """The branch's options that differ from the defaults."""
+    return BranchOptions(**record.options).changed()
+
+
+def steps(record: ReconstructionRecord) -> list[Step]:
+    """Reading, the first reconstruction, each stage of the branch, measuring and drawing, in order."""
+    first = record.result.g0.status
+
+    def own(name: str, found: str = "", how: State = "done") -> Step:
+        done = name in record.timings
+        return Step(name, how if done else "skipped", record.timings.get(name), found)
+
+    branch = (
+        Step(s.stage.replace("_", " "), STATES[s.status], s.seconds, f"{s.status}: {s.reason}")
+        for s in record.result.stages
+    )
+    read, made = (
+        count(len(record.views), "view"),
+        own("reconstruct", first, "done" if first == "ok" else "warn"),
+    )
+    return [own("read", read), made, *branch, own("measure"), own("draw")]
+
+
+def summary_line(record: ReconstructionRecord) -> str:
+    """The outcome on one line, for the terminal."""
+    parts = [headline(record)[0].lower()]
+    for group, name, where in (
+        ("inputs", "symmetric_iou", ""),
+        ("held_out", "psnr", " held out"),
+        ("truth", "cd_surface", ""),
+    ):
+        number = compared(record, group, name)
+        if number is not None:
+            parts.append(f"{number.label} {number.change_text}{where}")
+    return f"{record.name}: {', '.join(parts)}"
+
+
+PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.gif"
+
+
+class ReconstructionRecorder(FolderRecorder):
+    """The folder of one reconstruction.
+
+    A picture that cannot be made becomes a note and a warning, never an error. Every method raises
+    :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then complete or unchanged.
+    """
+
+    def geometry(self, made: Reconstruction) -> None:
+        """``result.ply`` and ``result.glb``, as far as available."""
+        if made.gaussians is not None:
+            write_gaussians(self.folder / PLY, made.gaussians)
+        else:
+            self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
+        if made.mesh is not None and not self._textured(made.mesh, made.glb):
+            write_mesh(self.folder / GLB, made.mesh)
+        elif made.mesh is None:
+            self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
+
+    def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:
+        """Write ``source`` with its vertices moved to the mesh's; False without one, or if the surface differs."""
+        if source is None:
+            return False
+        before = read_mesh(source)
+        if not np.array_equal(before.faces, mesh.faces):
+            self.notes.append(
+                f"The surface is a new one: {GLB} has colours, not the materials of {source.name}."
+            )
+            return False
+        nearest = KDTree(before.vertices)
+        map_glb(source, self.folder / GLB, lambda points: mesh.vertices[nearest.query(points)[1]])
+        return True
+
+    def numbers(self, record: ReconstructionRecord) -> None:
+        """``result.json``."""
+        write_json(self.folder / RESULT, self._noted(record).summary())
+
+    def pictures(
+        self, record: ReconstructionRecord, renderer: Renderer, frames: int
+    ) -> ReconstructionPictures:
+        """All pictures that can be made; ``turntable.gif`` into the folder."""
+        if record.measures is None:
+            return ReconstructionPictures()
+        given = (record.views, record.measures, renderer)
+        views = self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
+        hero, turning = self.attempt("The turntable", lambda: turntables(*given, frames)) or (b"", b"")
+        if turning:
+            write_bytes(self.folder / TURNTABLE, turning)
+        return ReconstructionPictures(views, hero, turning)
+
+    def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
+        """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
+        path = self.folder / PAGE
+        page = render_reconstruction(self._noted(record), pictures, self.config, self.there())
+        write_text(path, page)
+        self.numbers(record)
+        return path
+
+    def _noted(self, record: ReconstructionRecord) -> ReconstructionRecord:
+        return replace(record, notes=(*record.notes, *self.notes))
+
+
+def render_reconstruction(
+    record: ReconstructionRecord,
+    pictures: ReconstructionPictures,
+    config_yaml: str = "",
+    beside: Sequence[str] = (),
+) -> str:
+    """The page as HTML text, also without measures and without pictures.
+
+    ``beside`` are names of files beside the page.
+    """
+    known = {"record": record, "pictures": pictures, "config_yaml": config_yaml, "beside": beside}
+    words = SimpleNamespace(
+        STATES=STATES, compared=compared, headline=headline, steps=steps, unusual_options=unusual_options
+    )
+    return render("reconstruction.html.jinja", pictured=reconstruction_pictures, words=words, **known)

@@ -1,1 +1,0 @@
-"""The output of `gvla2 reconstruct`: numbers, pictures and a page that explains them."""

@@ -1,0 +1,224 @@
+"""Grounding of calls in a scene: which objects a skill applies to, and which skill does what a call asks for.
+
+"Open" names the result, not the motion: a hinged lid is swung, a drawer is pulled, a cap is turned. An object held
+between others cannot be lifted, only drawn out. And placing a lid on its own box closes it. All this is inferred from
+geometry. The rules for which objects a skill applies to are generous: an impossible call is refused with its reason by
+:func:`gvla2.skills.carry_out.carry_out`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from gvla2.planning.arm import Hand
+from gvla2.planning.calls import SkillCall
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.grasps import has_hold
+from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
+from gvla2.skills.part_hierarchy import (
+    assembled,
+    button_of,
+    called,
+    cap_of,
+    closed_by,
+    holders,
+    inside,
+    is_button,
+    is_lid,
+    root_of,
+)
+from gvla2.skills.schemas.pick_place import fits_over
+from gvla2.skills.skill import Skill
+
+OVER = ("on", "in", "to", "")
+"""Relations by which a ring can be put over a post."""
+
+
+@dataclass(frozen=True)
+class Meant:
+    """The name of the skill, its theme, and its goal if it has one."""
+
+    skill: str
+    theme: SceneObject
+    goal: SceneObject | None = None
+
+
+def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
+    """The meaning of a standard call; an abstention if the skill does not apply to the object."""
+    theme = scene[call.theme]
+    goal = scene[call.goal] if call.goal else None
+    if call.skill == "press":
+        button = button_of(theme, scene)
+        if button is None:
+            return Abstention(
+                "nothing_matches",
+                f"The {theme.label} cannot be pressed and does not have exactly one button.",
+            )
+        return Meant("press", button)
+    skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
+    skill, theme = unscrewed(skill, theme, scene)
+    if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
+        return Abstention("nothing_matches", f"The {theme.label} is not a cap, and no cap is visible on it.")
+    if goal is not None:
+        skill = fitted(skill, theme, goal, call.relation, scene)
+        if skill == "close":
+            return Meant(skill, theme)
+    return Meant(skill, theme, goal)
+
+
+def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False) -> str:
+    """The skill that does to ``theme`` what ``skill`` asks for; ``skill`` itself if the scene suggests no other.
+
+    ``aimed``: the object is to end elsewhere, so it is not a part that stays in place.
+    """
+    if aimed and skill == "pull" and stuck(theme, scene) is not None:
+        return "draw"
+    if skill == "pull" and any(inside(theme, holder) for holder in holders(theme, scene)):
+        return "pick"  # up, out of what it stands in, even if it has a handle
+    if skill in ("open", "pull"):
+        if (hinge := hinge_for(theme, scene)) is not None and (skill == "open" or theme.id == hinge.lid.id):
+            return "open"
+        if slide_for(theme, scene) is not None:
+            return "pull"
+        if skill == "open":
+            return "twist" if threaded(theme, scene) else "open"
+    if skill in ("pick", "place", "pull") and stuck(theme, scene) is not None:
+        return "draw"
+    if skill == "pick":
+        if (hinge := hinge_for(theme, scene)) is not None and theme.id == hinge.lid.id:
+            return "open"
+        if (slide := slide_for(theme, scene)) is not None and slide.body is not None and theme.parent:
+            return "pull"  # a drawer stays in its cabinet
+    return skill
+
+
+def unscrewed(skill: str, theme: SceneObject, scene: Scene) -> tuple[str, SceneObject]:
+    """Twisting and the cap, if something closed by a cap is opened, or if a cap is taken away; else the arguments."""
+    if skill in ("open", "twist") and (cap := cap_of(theme, scene)) is not None:
+        return "twist", cap
+    if skill in ("pick", "place", "pull", "draw") and closed_by(theme, scene) is not None:
+        return "twist", theme
+    return skill, theme
+
+
+def fitted(skill: str, theme: SceneObject, goal: SceneObject, relation: str, scene: Scene) -> str:
+    """Inserting, if the theme has a hole that fits over the goal; closing, if a hinged lid is put on its box; else the
+    skill itself.
+    """
+    if skill not in ("place", "push"):
+        return skill
+    hinge = hinge_for(theme, scene)
+    if hinge is not None and theme.id == hinge.lid.id and goal.id in hinge.parts:
+        return "close"
+    return "insert" if relation in OVER and fits_over(theme, goal) else skill
+
+
+def threaded(theme: SceneObject, scene: Scene) -> bool:
+    """Whether it is a round lid or cap, or has one."""
+    caps = [o for o in scene.objects if o.shape in ("cylinder", "disc") and is_lid(o, scene)]
+    return any(theme.id in (cap.id, cap.parent) for cap in caps)
+
+
+def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:
+    """The whole that moves if a part is named; the part itself if it only stands in the whole."""
+    above = scene.whole_of(theme)
+    if above is None or (inside(theme, above) and above in holders(theme, scene)):
+        return theme
+    return root_of(theme, scene)
+
+
+RESTING = 0.02
+"""Greatest height above the table of the bottom of an object that can be pushed, metres."""
+BUTTON = 0.06
+"""Greatest width of a button that is no part, metres."""
+
+
+def themes(skill: Skill, scene: Scene, hand: Hand) -> tuple[SceneObject, ...]:
+    """The objects to which the skill applies, in the scene's order; never painted patches."""
+    solid = (o for o in scene.objects if o.shape != "region")
+    return tuple(o for o in solid if skill.fits is None or skill.fits(o, scene, hand))
+
+
+def goals(skill: Skill, theme: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
+    """The objects that can be the skill's goal with this theme; () for a skill without a goal.
+
+    Not the theme itself, its parts or its whole, nor what it stands in.
+    """
+    if skill.role("goal") is None:
+        return ()
+    kin = scene.family(root_of(theme, scene).id)
+    if skill.name == "insert":
+        return tuple(o for o in scene.objects if o.id not in kin and fits_over(theme, o))
+    about = {h.id for h in holders(theme, scene) if inside(theme, h)}
+    return tuple(o for o in scene.objects if o.id not in kin | about)
+
+
+def fits_pick(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A whole object, or a cap, that can be moved and that fits between the fingers."""
+    if obj.parent and closed_by(obj, scene) is None:
+        return False
+    if fits_close(obj, scene, hand) or (is_button(obj, scene) and obj.parent):
+        return False
+    return stuck(obj, scene) is not None or has_hold(assembled(obj, scene), hand)
+
+
+def fits_push(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A whole object on the table."""
+    return not obj.parent and obj.bottom - scene.table_height < RESTING
+
+
+def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A button, or something with one button; if a part is labelled a button, no other part."""
+    kin = scene.parts_of(root_of(obj, scene).id)
+    if is_button(obj, scene) and not called(obj, "button") and any(called(p, "button") for p in kin):
+        return False
+    return button_of(obj, scene) is not None and (
+        bool(scene.parts_of(obj.id)) or float(max(obj.extents[:2])) < BUTTON
+    )
+
+
+def fits_twist(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """A cap, or something closed by one."""
+    return cap_of(obj, scene) is not None
+
+
+def fits_open(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge, a slide or a cap."""
+    return fits_close(obj, scene, hand) or fits_twist(obj, scene, hand)
+
+
+def fits_close(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a hinge or a slide."""
+    return hinge_for(obj, scene) is not None or slide_for(obj, scene) is not None
+
+
+def fits_pull(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """Something with a slide."""
+    return slide_for(obj, scene) is not None
+
+
+def fits_draw(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """An object held between others."""
+    return stuck(obj, scene) is not None
+
+
+def fits_insert(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
+    """An object with a hole that fits over some other object."""
+    return any(fits_over(obj, post) for post in scene.objects if post.id != obj.id)
+
+
+FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
+    "pick": fits_pick,
+    "place": fits_pick,
+    "push": fits_push,
+    "press": fits_press,
+    "twist": fits_twist,
+    "insert": fits_insert,
+    "open": fits_open,
+    "close": fits_close,
+    "pull": fits_pull,
+    "draw": fits_draw,
+}
+"""Whether a standard skill applies to an object, by the skill's name; see :attr:`gvla2.skills.skill.Skill.fits`."""

@@ -1,0 +1,377 @@
+"""Lifting: from the points of a hand's path to a full trajectory that a robot can execute.
+
+The paper's planner answers tau = {(x, y, z, g)}. The rest is inferred from the scene: how the hand is oriented and
+centred (from the holds of the object where it closes), which motions are straight, what is carried, what may be
+touched, and the objects' roles. Points are rough: the hand takes the nearest grasp that fits, at the point's depth as
+far as the fingers reach, and an object released at a goal is put down instead of dropped. Where the path leads, and in
+which order, is up to the planner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gvla2.errors import PlanningError
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.calls import SkillOptions
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.effects import Bound, apply_effects, sides_of
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.carry_out import answer
+from gvla2.skills.grasps import Grasp, grasps
+from gvla2.skills.grounding import whole_meant
+from gvla2.skills.mechanisms import stuck
+from gvla2.skills.parameters import limited
+from gvla2.skills.part_hierarchy import assembled, button_of, joined
+from gvla2.skills.proposals import Job, Path, Proposal
+from gvla2.skills.schemas.pick_place import (
+    TURNS,
+    aligning_turns,
+    carry,
+    draw_out,
+    fits_over,
+    lower_over,
+    over_spot,
+    put_down,
+    take,
+)
+from gvla2.skills.schemas.push import PushStroke, propose_press, push
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+
+CLOSED = 0.5
+"""A hand opened by a smaller share counts as closed."""
+MOST_POINTS = 16
+NEAR = 0.04
+"""A point this close to an object's box is at that object, metres."""
+LEVEL = 0.05
+"""A closed hand pushes if it moves sideways by more and vertically by less than this, metres."""
+
+SPREAD = 0.6
+"""The fingers spread over this share of the pushed face: two contacts push an object without turning it."""
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """One point of the hand's path: ``xyz`` of the tool, world metres, and the ``gripper``'s opening in [0, 1].
+
+    ``at`` is the id of the object that the point was written for, or "". Raises :class:`ValueError` for numbers that
+    are not finite.
+    """
+
+    xyz: tuple[float, float, float]
+    gripper: float
+    at: str = ""
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(v) for v in (*self.xyz, self.gripper)):
+            raise ValueError(
+                f"A point of the path has a number that is not finite: {self.xyz}, {self.gripper}."
+            )
+
+    @property
+    def closed(self) -> bool:
+        """Whether the hand is closed from here on."""
+        return self.gripper < CLOSED
+
+    @property
+    def array(self) -> FloatArray:
+        """(3,) world metres."""
+        return np.asarray(self.xyz, dtype=np.float64)
+
+
+def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions | None = None) -> Plan:
+    """The plan along ``points`` for the request's scene and arm, with the first orientation of the hand that passes the
+    checks; a typed abstention if none does.
+
+    Raises :class:`PlanningError` for no points, too many, or a hand that closes or pushes where there is nothing.
+    """
+    options = options or SkillOptions()
+    if not 1 <= len(points) <= MOST_POINTS:
+        raise PlanningError(f"The path has {len(points)} points; it needs 1 to {MOST_POINTS}.")
+    take = _take(points, request.scene)
+    if take is None:
+        return _touch(points, request, options)
+    obj = _object_at(points[take], request.scene)
+    if obj is None:
+        raise PlanningError(
+            f"The hand closes at {in_millimetres(points[take], request.scene)} where there is nothing to hold."
+        )
+    theme, scene = joined(whole_meant(obj, request.scene), request.scene)
+    theme, request = assembled(theme, scene), replace(request, scene=scene)
+    opened = next((k for k in range(take + 1, len(points)) if not points[k].closed), None)
+    goal = None
+    if opened is not None:
+        own = scene.family(theme.id)
+        goal = _goal_at(points[opened], scene, own)
+        done = own if goal is None else own | {goal.id}
+        for point in points[opened + 1 :]:
+            if point.closed and (second := _object_at(point, scene)) is not None and second.id not in done:
+                raise PlanningError(
+                    f"The hand closes again, at {in_millimetres(point, scene)}: a path handles one object only."
+                )
+    name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
+    depth = theme.top - points[take].xyz[2]
+    job, notes = _job(name, theme, goal, {"grasp_depth": depth}, request, options)
+    return _answer(job, carried(job, points, take, opened), notes, request, options)
+
+
+def in_millimetres(point: PathPoint, scene: Scene) -> str:
+    """A point for messages: millimetres, z above the table."""
+    x, y, z = (1e3 * v for v in point.xyz)
+    return f"({x:.0f}, {y:.0f}, {z - 1e3 * scene.table_height:.0f}) mm"
+
+
+def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions) -> Plan:
+    """The plan of a path without a grasp: the closed hand pushes or presses."""
+    scene = request.scene
+    moves = [(b.array - a.array, k) for k, (a, b) in enumerate(pairwise(points))]
+    low = min(points, key=lambda p: p.xyz[2])
+    level = [(float(np.linalg.norm(m[:2])), k) for m, k in moves if abs(m[2]) < LEVEL]
+    length, k = max(level, default=(0.0, 0))
+    struck = _struck(points[k], points[k + 1], scene) if length > LEVEL else None
+    if struck is not None:
+        goal = _goal_at(points[k + 1], scene, frozenset({struck.id}))
+        job, notes = _job("push", struck, goal, {}, request, options)
+        found = _pushed(job, points[k].array, points[k + 1].array)
+        return _answer(job, found, notes, request, options)
+    obj = _object_at(low, scene)
+    button = button_of(obj, scene) if obj is not None else None
+    if button is None:
+        raise PlanningError(
+            f"The closed hand touches nothing: its lowest point is {in_millimetres(low, scene)}."
+        )
+    depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
+    job, notes = _job("press", button, None, {"press_depth": depth}, request, options)
+    return _answer(job, propose_press(job), notes, request, options)
+
+
+def _pushed(job: Job, begin: FloatArray, end: FloatArray) -> list[Proposal]:
+    """Pushes from ``begin`` (3,) to ``end`` (3,) along the table, the fingers across; one for each way round."""
+    theme, hand, standoff = job.theme, job.hand, job.theta["standoff"]
+    way = (end - begin) * [1.0, 1.0, 0.0]
+    way = way / np.linalg.norm(way)
+    across = np.array([-way[1], way[0], 0.0])
+    behind = theme.centre - way * (theme.half_along(way) + 0.5 * hand.finger_breadth + standoff)
+    # The hand cannot come down over the object, or too close to it.
+    begin = begin - way * max(0.0, float((begin - behind) @ way))
+    opening = float(np.clip(2.0 * SPREAD * theme.half_along(across) / hand.max_width, 0.0, 1.0))
+    found = []
+    for sign in (1.0, -1.0):
+        stroke = PushStroke(begin + standoff * way, end, way, np.zeros(3), sign * across, opening)
+        how = "push along the path" + (", hand turned round" if sign < 0 else "")
+        found.append(push(job, [stroke], how, "straight", 0.8))
+    return found
+
+
+def _skill(name: str, request: PlanRequest) -> Skill:
+    return request.skills[name] if name in request.skills else STANDARD[name]
+
+
+def _job(
+    name: str,
+    theme: SceneObject,
+    goal: SceneObject | None,
+    meant: Mapping[str, float],
+    request: PlanRequest,
+    options: SkillOptions,
+) -> tuple[Job, list[str]]:
+    """The path's job, with the path's own numbers limited by memory's bounds, and a note for each limit."""
+    skill = _skill(name, request)
+    theta = dict(skill.defaults(theme, request.arm.hand, options))
+    ranges = {p.name: p for p in skill.parameters}
+    for parameter, value in meant.items():
+        least = 0.006 if parameter == "grasp_depth" else 0.0
+        theta[parameter] = float(
+            np.clip(value, least, ranges[parameter].most if parameter in ranges else value)
+        )
+    bounds = [e for e in request.advice.effects if isinstance(e, Bound)]
+    theta, notes = apply_effects(theta, bounds, skill.name, lengths=sides_of(theme))
+    theta, limits = limited(theta, theme, request.scene)
+    hand, workspace = request.arm.hand, request.arm.workspace
+    job = Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
+    return job, [*notes, *limits]
+
+
+def _answer(
+    job: Job,
+    found: Sequence[Proposal] | Abstention,
+    notes: Sequence[str],
+    request: PlanRequest,
+    options: SkillOptions,
+) -> Plan:
+    refusal = f"The path to {job.skill} the {job.theme.label} cannot be followed"
+    request = replace(request, rejections=())  # a path has no alternatives
+    return answer(job, _skill(job.skill, request), found, request, options, refusal, notes)
+
+
+def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
+    """The index where the hand grasps: where it first closes, or the first point if the hand rises or opens later.
+
+    None if there is no grasp: the hand pushes or presses.
+    """
+    for k in range(1, len(points)):
+        if points[k].closed and not points[k - 1].closed:
+            return k
+    if not points[0].closed or len(points) < 2:
+        return None
+    obj = _object_at(points[0], scene)
+    if obj is None or button_of(obj, scene) is not None:
+        return None
+    opens = any(not p.closed for p in points)
+    rises = all(p.xyz[2] > points[0].xyz[2] + LEVEL for p in points[1:])
+    return 0 if opens or rises else None
+
+
+def _object_at(point: PathPoint, scene: Scene) -> SceneObject | None:
+    """The solid object at a point: the one the point was written for, if close, else the nearest."""
+    solids = scene.obstacles()
+    gaps = {o.id: float(o.distances(point.array)) for o in solids}
+    if point.at in gaps and gaps[point.at] < 2 * NEAR:
+        return scene[point.at]
+    best = min(solids, key=lambda o: (round(gaps[o.id], 3), float(np.prod(o.extents))), default=None)
+    return best if best is not None and gaps[best.id] < NEAR else None
+
+
+def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject | None:
+    """The object or patch under a point: the one the point was written for, if close, else the highest one there."""
+    if point.at and point.at not in own:
+        meant = scene[point.at]
+        if meant.distances(np.array([*point.xyz[:2], meant.centre[2]])) < NEAR:
+            return meant
+    under = [o for o in scene.objects if o.id not in own and o.covers(point.array)]
+    return max(under, key=lambda o: (o.top, -float(np.prod(o.extents[:2]))), default=None)
+
+
+def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
+    """The first object on the table that a straight motion hits, seen from above, or the one its start was written
+    for.
+    """
+    objects = [o for o in scene.obstacles() if not o.parent]
+    if a.at and a.at in {o.id for o in objects}:
+        return scene[a.at]
+    for step in np.linspace(0.0, 1.0, 60):
+        at = a.array + step * (b.array - a.array)
+        for obj in objects:
+            if at[2] < obj.top + NEAR and obj.distances(np.array([*at[:2], obj.centre[2]])) < 0.015:
+                return obj
+    return None
+
+
+NEAREST = 24
+"""The number of grasps, nearest to the point where the hand closes, that are considered."""
+APPROACH = 0.12
+"""Points within this horizontal distance of the grasp belong to its approach or retreat, metres."""
+CENTRED = 0.03
+"""An object released this close to a goal's middle is put down at the middle, metres."""
+LOWERED = 0.03
+"""A point over the release that is higher by less belongs to it, metres."""
+FAR = 10.0
+"""Deduction from the preference for each metre between grasp and point."""
+TURNED = 0.05
+STEEP = 0.7
+"""A motion is vertical if its height changes by more than this share of its length."""
+
+
+def carried(
+    job: Job, points: Sequence[PathPoint], at: int, opened: int | None
+) -> list[Proposal] | Abstention:
+    """One proposal for each grasp and turn: the hand closes at point ``at`` and opens at ``opened`` (None: never)."""
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    point = points[at].array
+
+    def cost(grasp: Grasp) -> float:
+        return FAR * float(np.linalg.norm((grasp.centre - point)[:2])) - grasp.preference
+
+    turns: Sequence[float] = TURNS if opened is not None else TURNS[:1]
+    if job.skill == "insert" and job.goal is not None:
+        turns = aligning_turns(job.theme, job.goal)
+    return [
+        _along(job, points, at, opened, grasp, turn, -cost(grasp))
+        for grasp in sorted(found, key=cost)[:NEAREST]
+        for turn in turns
+    ]
+
+
+def _along(
+    job: Job,
+    points: Sequence[PathPoint],
+    at: int,
+    opened: int | None,
+    grasp: Grasp,
+    turn: float,
+    preference: float,
+) -> Proposal:
+    path = take(job, grasp)
+    before = Path(path.speed, path.contact_speed, path.orientation)
+    for point in points[:at]:
+        if float(np.linalg.norm((point.array - grasp.centre)[:2])) > APPROACH:
+            before.go("move", point.array)
+    path.waypoints[:0] = before.waypoints
+    held = stuck(job.theme, job.scene)
+    touching = job.own() | job.resting() | (held.holders if held is not None else frozenset())
+    here = draw_out(job, path, grasp)
+    clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
+    end = len(points) if opened is None else opened
+    while opened is not None and end > at + 1 and _released_at(points[end - 1].array, points[opened].array):
+        end -= 1  # putting down leads there, and knows what may be touched
+    for k, point in enumerate(points[at + 1 : end]):
+        there = np.minimum(point.array, [np.inf, np.inf, job.ceiling()])
+        if k == 0 and opened is None and at + 2 == end:
+            there[2] = max(there[2], here[2] + clear)
+        if float(np.linalg.norm(there - here)) < 1e-3:
+            continue
+        steep = abs(float(there[2] - here[2])) > STEEP * float(np.linalg.norm(there - here))
+        if k == 0 or steep:
+            path.line("lift" if there[2] > here[2] else "carry", there, allowed=touching)
+        else:
+            path.go("carry", there)
+        here = there
+    if opened is not None:
+        _let_go(job, path, points[opened], grasp, turn, here, touching)
+        for point in points[opened + 1 :]:
+            away = np.asarray(path.waypoints[-1].xyz)
+            if float(np.linalg.norm(point.array - away)) > APPROACH:
+                path.go("leave", point.array)
+    how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
+    cost = TURNED * (turn != 0.0)
+    return Proposal(how, grasp.approaches, preference - cost, path.trajectory())
+
+
+def _released_at(point: FloatArray, spot: FloatArray) -> bool:
+    """Whether a point is the place of the release itself, and no more than lowered there."""
+    return float(np.linalg.norm((point - spot)[:2])) < CENTRED and float(point[2] - spot[2]) < LOWERED
+
+
+def _let_go(
+    job: Job,
+    path: Path,
+    point: PathPoint,
+    grasp: Grasp,
+    turn: float,
+    here: FloatArray,
+    touching: frozenset[str],
+) -> None:
+    """Go over the place, lower and open the hand; at the goal's middle if the point is close to it."""
+    spot = point.array
+    if job.goal is not None and float(np.linalg.norm((spot - job.goal.centre)[:2])) < CENTRED:
+        spot = job.goal.centre
+    support = job.scene.table_height
+    if job.goal is not None and job.goal.shape != "region":
+        support = job.goal.top
+    spot = np.array([*spot[:2], support])
+    over = over_spot(job, grasp, spot, turn)
+    if here[2] < over.centre[2] - 1e-3:
+        path.line("lift", np.array([*here[:2], over.centre[2]]), allowed=touching)
+    carry(path, over)
+    if job.skill == "insert":
+        lower_over(job, path, grasp, over.centre)
+    else:
+        put_down(job, path, grasp, over, spot)

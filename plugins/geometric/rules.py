@@ -1,0 +1,367 @@
+"""Rules for placing objects and for mechanisms: lids, drawers, caps, rings over posts, objects drawn out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.episode.evidence import difference
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
+from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
+
+LEAST_GROWN = 0.4
+"""Least rise of a container where an object lies in it, as a share of the object's height."""
+DOUBTFUL = 0.35
+"""Look difference above which it is hardly the same object."""
+FEWEST = 10
+"""Least points for a reliable height."""
+
+
+def place(case: Case) -> CriterionScore:
+    """Everything is at its target: one object, or several in sequence."""
+    several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
+    if not several:
+        return placed(case, case.role("theme", "part"), case.role("goal"))
+    findings = []
+    for name in sorted(several):
+        theme = case.role(name)
+        goal = case.role(name.replace("theme", "goal"))
+        if goal is None and theme is not None:
+            goal = _under(case, theme)
+        findings.append(placed(case, theme, goal))
+    known = [f for f in findings if f.score is not None]
+    worst = min(known, key=lambda f: f.score or 0.0, default=None)
+    unknown = next((f for f in findings if f.score is None), None)
+    # One clear failure decides; else one unknown makes the whole unknown.
+    if unknown is not None and (worst is None or (worst.score or 0.0) >= 0.5):
+        return unknown
+    assert worst is not None
+    if (worst.score or 0.0) < 0.5:
+        return worst
+    return CriterionScore(worst.score, f"All {len(findings)} objects are at their targets.")
+
+
+def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> CriterionScore:
+    """The theme rests on the goal, in it, or beside it if so planned, and the hand released it."""
+    if theme is None or goal is None:
+        return CriterionScore(None, "The plan does not say what to put where.")
+    if case.last_held:
+        return CriterionScore(0.1, "The hand still holds something at the end.")
+    if case.after is None:
+        return CriterionScore(None, "Nothing was perceived at the end.")
+    later = case.later(theme)
+    if later is None:
+        return _taken_in(case, theme, goal)
+    reach, slack = float(later.extents[:2].max()), max(0.015, 0.2 * float(later.extents[2]))
+    beside = _meant_beside(case, theme, goal, reach)
+    if beside is not None:
+        off = float(np.linalg.norm((later.centre - beside)[:2]))
+        if off > max(0.03, 0.5 * reach):
+            return CriterionScore(0.1, f"{theme.label} lies {100 * off:.1f} cm from its target.")
+        if later.bottom > case.before.table_height + slack:
+            return CriterionScore(0.2, f"{theme.label} does not rest on the table.")
+        return CriterionScore(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
+    found = inside(case, later, goal, reach)
+    if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
+        taken = _taken_in(case, theme, goal)  # its match may be a piece of the container
+        if taken.score is not None:
+            return taken
+    now = goal_now(case, goal)
+    if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
+        return CriterionScore(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
+    return found
+
+
+def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionScore:
+    """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
+    released it, the goal is higher than before by most of the object's height.
+    """
+    spot = _let_go(case, theme)
+    unknown = CriterionScore(None, f"{theme.label} was not seen again.")
+    now = goal_now(case, goal)
+    if spot is None or case.after is None or outside_footprint(spot, now) > 0.0 or goal.shape == "region":
+        return unknown
+    if something_at(theme, case.after, case.config.same_place):
+        return CriterionScore(0.2, f"Something is still where {theme.label} was.")
+    about = 0.5 * float(theme.extents[:2].max())
+    was = _height(case.before, spot, about, frozenset({theme.id}))
+    grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
+    if grown >= LEAST_GROWN * (theme.top - theme.bottom):
+        return CriterionScore(
+            0.85, f"{theme.label} is gone from its place, and {goal.label} is higher where it was put."
+        )
+    return unknown
+
+
+def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
+    """The highest seen point within ``about`` metres of a spot (3,), without strays, else the table's height."""
+    seen = np.concatenate([np.zeros((0, 3)), *(o.points for o in scene.obstacles(but))])
+    near = seen[np.linalg.norm(seen[:, :2] - spot[:2], axis=1) < about]
+    return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
+
+
+def inside(case: Case, obj: SceneObject, goal: SceneObject, reach: float) -> CriterionScore:
+    """The object's centre in the goal's footprint; half a width outside, it only touches the goal."""
+    outside = outside_footprint(obj.centre, goal_now(case, goal))
+    if outside <= case.config.margin:
+        return CriterionScore(1.0, f"{obj.label} lies on or in {goal.label}.")
+    score = max(0.0, 0.45 * (1 - outside / reach))
+    return CriterionScore(score, f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+
+
+def _meant_beside(case: Case, theme: SceneObject, goal: SceneObject, reach: float) -> FloatArray | None:
+    """(3,) the planned release point if it is clearly beside the goal; None if it is on or in it."""
+    spot = _let_go(case, theme)
+    return spot if spot is not None and outside_footprint(spot, goal) > 0.5 * reach else None
+
+
+def _let_go(case: Case, theme: SceneObject) -> FloatArray | None:
+    """(3,) the planned release point of the theme, or of any carried object if the plan does not name it."""
+    carried = [w for w in case.planned if w.carries]
+    own = [w for w in carried if w.carries == theme.id] or carried
+    return np.asarray(own[-1].xyz, dtype=np.float64) if own else None
+
+
+def _under(case: Case, theme: SceneObject) -> SceneObject | None:
+    """The object under the planned release: the smallest footprint there except the theme's."""
+    spot = _let_go(case, theme)
+    if spot is None:
+        return None
+    around = [o for o in case.before.objects if o.id != theme.id and outside_footprint(spot, o) == 0.0]
+    return min(around, key=lambda o: float(np.prod(o.extents[:2])), default=None)
+
+
+UPRIGHT = 1.45
+"""A lid that stays open by more than this was opened, radians: below upright it would fall shut."""
+DRAWN = 0.10
+"""Least opening of a drawer, metres: a hand fits in."""
+PUSHED = 0.5
+"""Share of the planned way that counts as pushed shut."""
+ON_TOP = 0.02
+"""Largest gap of a lid on its box, a cap on its bottle, a ring at the foot, metres."""
+ALMOST = 0.85
+"""Share of the target below which it is a clear miss: the accuracy of perceived angles and distances."""
+ASTRAY = 0.06
+"""An object this far beside the line of a pull is a different one, metres."""
+
+
+def opened(case: Case) -> CriterionScore:
+    """The lid stands upright, or leans away from the box; or the box shows its inside."""
+    lid, body, doubt = _lid(case)
+    if doubt is not None:
+        return doubt
+    assert lid is not None
+    later, box = case.later(lid), case.later(body) if body is not None else None
+    if later is not None:
+        angle = opening_angle(later, box or body)
+        said = f"{lid.label} is open by {np.degrees(angle):.0f}°"
+        if angle >= UPRIGHT:
+            return CriterionScore(1.0, f"{said}.")
+        return CriterionScore(_short(angle, UPRIGHT), f"{said} only.")
+    if body is not None and box is not None and body.opening == 0.0:
+        if box.opening > 0.5 * float(body.extents[:2].min()):
+            return CriterionScore(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
+        return CriterionScore(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
+    return CriterionScore(None, f"{lid.label} was not seen again.")
+
+
+def closed(case: Case) -> CriterionScore:
+    """The lid lies flat over the box; or the box no longer shows its inside."""
+    lid, body, doubt = _lid(case)
+    if doubt is not None:
+        return doubt
+    assert lid is not None
+    later, box = case.later(lid), case.later(body) if body is not None else None
+    was = opening_angle(lid, body)
+    if later is not None:
+        angle = opening_angle(later, box or body)
+        if angle >= FLAT:
+            score = _short(was - angle, max(was, FLAT))
+            return CriterionScore(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
+        if box is None and body is None:
+            return CriterionScore(0.7, f"{lid.label} lies flat.")
+        under = box or body
+        assert under is not None
+        off = float(np.linalg.norm((later.centre - under.centre)[:2]))
+        if off > 0.25 * float(under.extents[:2].min()) or later.bottom < under.centre[2]:
+            return CriterionScore(0.1, f"{lid.label} lies flat, but not on {under.label}.")
+        if box is not None and later.bottom > box.top + ON_TOP:
+            return CriterionScore(0.3, f"{lid.label} does not lie on {under.label}.")
+        return CriterionScore(1.0, f"{lid.label} lies flat on {under.label}.")
+    if body is not None and box is not None and body.opening > 0.0:
+        if box.opening > 0.0:
+            return CriterionScore(
+                0.1, f"{lid.label} was not seen again, and {body.label} still shows its inside."
+            )
+        return CriterionScore(
+            0.8, f"{lid.label} was not seen again, and {body.label} no longer shows its inside."
+        )
+    return CriterionScore(None, f"{lid.label} was not seen again.")
+
+
+def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, CriterionScore | None]:
+    """Lid and box of the plan's theme before, or a finding that there is no evidence."""
+    theme = case.role("theme", "part")
+    if theme is None:
+        return None, None, CriterionScore(None, "The plan does not say what to swing.")
+    if case.after is None:
+        return None, None, CriterionScore(None, "Nothing was perceived at the end.")
+    lid, body = hinged(theme, case.before.objects)
+    if lid is None:
+        return None, None, CriterionScore(None, f"No lid was seen on {theme.label}.")
+    return lid, body, None
+
+
+def _short(came: float, wanted: float) -> float:
+    """The score of a shortfall: doubtful if small, else a miss."""
+    share = max(0.0, came / wanted)
+    return 0.4 if share > ALMOST else 0.1 * share
+
+
+def pulled(case: Case) -> CriterionScore:
+    """The handle, or the front behind it, moved with the hand by at least a hand's width."""
+    return _slid(case, DRAWN)
+
+
+def shut(case: Case) -> CriterionScore:
+    """The front moved with the hand for most of the planned way."""
+    return _slid(case, None)
+
+
+def _slid(case: Case, wanted: float | None) -> CriterionScore:
+    """The slid object moved along the hand's way by ``wanted`` metres, or by a share of that way."""
+    theme = case.role("theme", "part")
+    if theme is None:
+        return CriterionScore(None, "The plan does not say what to slide.")
+    if case.after is None:
+        return CriterionScore(None, "Nothing was perceived at the end.")
+    way = _stroke(case)
+    length = float(np.linalg.norm(way))
+    if length < case.config.same_place:
+        return CriterionScore(None, "The plan does not say how far to slide.")
+    need = PUSHED * length if wanted is None else wanted
+    moved = [m for obj in _sliding(case, theme) if (m := _along(case, obj, way / length)) is not None]
+    if not moved:
+        return CriterionScore(None, f"{theme.label} was not seen again.")
+    most = max(moved)
+    said = f"{theme.label} went {100 * most:.1f} of {100 * length:.1f} cm"
+    if most >= need:
+        return CriterionScore(1.0, f"{said}.")
+    return CriterionScore(_short(most, need), f"{said}: not far enough.")
+
+
+def _stroke(case: Case) -> np.ndarray:
+    """(3,) the planned way of the hand with the slid object, or of its pushes if it carried nothing."""
+    carried = next((w.carries for w in case.planned if w.carries), "")
+    if carried:
+        return case.way(carried)
+    pushes = [i for i, w in enumerate(case.planned) if i and w.stage.startswith("push")]
+    if not pushes:
+        return np.zeros(3)
+    return np.subtract(case.planned[pushes[-1]].xyz, case.planned[pushes[0] - 1].xyz)
+
+
+def _sliding(case: Case, theme: SceneObject) -> list[SceneObject]:
+    """The theme, the held object, and its whole, except a common container."""
+    held = [case.seen(w.carries) for w in case.planned if w.carries]
+    objects = [theme, *case.before.parts_of(theme.id), *(o for o in held if o is not None)]
+    fronts = [p for o in objects if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
+    return list({o.id: o for o in (*objects, *fronts)}.values())
+
+
+def _along(case: Case, obj: SceneObject, way: np.ndarray) -> float | None:
+    """How far an object moved along a unit vector (3,), metres; None when it was not seen again near that line."""
+    later = case.later(obj)
+    if later is None:
+        return None
+    shift = later.centre - obj.centre
+    along = float(shift @ way)
+    return along if float(np.linalg.norm(shift - along * way)) < ASTRAY else None
+
+
+def twisted(case: Case) -> CriterionScore:
+    """The cap is off: in the hand or somewhere else; on its goal, if the plan has one."""
+    cap = case.role("theme", "part")
+    if cap is None:
+        return CriterionScore(None, "The plan does not say what to turn.")
+    if case.after is None:
+        return CriterionScore(None, "Nothing was perceived at the end.")
+    goal = case.role("goal")
+    if goal is not None:
+        return placed(case, cap, goal)
+    body, later = case.seen(cap.parent), case.later(cap)
+    bottle = case.later(body) if body is not None else None
+    if later is not None:
+        aside = float(np.linalg.norm((later.centre - cap.centre)[:2]))
+        raised = later.bottom - cap.bottom
+        if abs(raised) < ON_TOP and aside < max(ON_TOP, 0.5 * float(cap.extents[:2].max())):
+            return CriterionScore(0.0, f"{cap.label} is still where it was.")
+        if raised > 0 and case.holding:
+            return CriterionScore(
+                1.0, f"{cap.label} came off and is in the hand, {100 * raised:.1f} cm higher."
+            )
+        return CriterionScore(
+            0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away."
+        )
+    if bottle is None or body is None:
+        return CriterionScore(None, f"{cap.label} was not seen again.")
+    there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
+    if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
+        if not case.holding or case.last_held is False:  # the cap itself is there, under another name
+            return CriterionScore(0.1, f"Something is still where {cap.label} was, and the hand is empty.")
+        return CriterionScore(0.3, f"Something is still where {cap.label} was.")
+    if case.holding and case.last_held is not False:
+        return CriterionScore(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")
+    return CriterionScore(0.6, f"{cap.label} is gone from {body.label}.")
+
+
+def inserted(case: Case) -> CriterionScore:
+    """The ring is around the post's foot: its middle within a hole's radius of the post's, low, and released."""
+    ring, post = case.role("theme", "part"), case.role("goal")
+    if ring is None or post is None:
+        return CriterionScore(None, "The plan does not say what goes over what.")
+    if case.last_held:
+        return CriterionScore(0.1, "The hand still holds something at the end.")
+    if case.after is None:
+        return CriterionScore(None, "Nothing was perceived at the end.")
+    later, now = case.later(ring), case.later(post)
+    if later is None:
+        return CriterionScore(None, f"{ring.label} was not seen again.")
+    at = post.centre
+    if now is not None and float(np.linalg.norm((now.centre - post.centre)[:2])) < ASTRAY:
+        at = now.centre
+    off = float(np.linalg.norm((later.centre - at)[:2]))
+    high = later.bottom - post.bottom
+    hole = 0.5 * (ring.opening or 0.6 * float(ring.extents[:2].min()))
+    if off > hole:
+        score = max(0.0, 0.4 * (1 - off / (2 * hole)))
+        return CriterionScore(
+            score, f"{ring.label} lies {100 * off:.1f} cm beside the middle of {post.label}."
+        )
+    if high > max(ON_TOP, 0.25 * (post.top - post.bottom)):
+        return CriterionScore(0.2, f"{ring.label} hangs on {post.label} {100 * high:.1f} cm above its foot.")
+    return CriterionScore(1.0, f"{ring.label} lies around the foot of {post.label}.")
+
+
+def drawn(case: Case) -> CriterionScore:
+    """On its goal, if there is one; else out of its holder, in the hand or beside it."""
+    theme = case.role("theme", "part")
+    if theme is None:
+        return CriterionScore(None, "The plan does not say what to draw out.")
+    if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
+        return placed(case, theme, case.role("goal"))
+    if case.after is None:
+        return CriterionScore(None, "Nothing was perceived at the end.")
+    way = case.way(theme.id)
+    length = float(np.linalg.norm(way))
+    later = case.later(theme)
+    if later is None or length < case.config.same_place:
+        if later is None and case.holding and not something_at(theme, case.after, case.config.same_place):
+            return CriterionScore(0.8, f"{theme.label} is gone from its place and the hand holds something.")
+        return CriterionScore(None, f"{theme.label} was not seen again.")
+    along = float((later.centre - theme.centre) @ way) / length
+    said = f"{theme.label} came out by {100 * along:.1f} of {100 * length:.1f} cm"
+    if along >= 0.7 * length:
+        return CriterionScore(1.0, f"{said}.")
+    return CriterionScore(_short(along, 0.7 * length), f"{said} only.")

@@ -1,0 +1,142 @@
+"""Tables that compare: means, changes, the worst object; and their forms."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+from gvla2.evaluation.comparison import comparison_sheets
+from gvla2.evaluation.results import Cell, Run
+from gvla2.evaluation.suites.agents import LAYOUT as AGENTS
+from gvla2.evaluation.suites.reconstruction import LAYOUT as RECONSTRUCTION
+from gvla2.evaluation.tables import NOT_MEASURED, render_report, to_latex, to_markdown
+
+
+def cells() -> list[Cell]:
+    """Two objects, two seeds; the branch takes a tenth off the first object's distance, adds 2 % to the other's."""
+    made = []
+    for thing, base, factor in (("a_mug", 20.0, 0.9), ("bowl", 10.0, 1.02)):
+        for seed in (0, 1):
+            for variant in ("ab_fusion", "baseline"):
+                value = (base + seed) * (factor if variant == "ab_fusion" else 1)
+                factors = {"data": "meshes", "baseline": "hull", "drift": "none", "object": thing}
+                measures = {"cd_surface": value, "psnr": 20.0, "lpips": None, "seconds": 1.0}
+                made.append(
+                    Cell(
+                        f"{thing}{seed}{variant}",
+                        {**factors, "seed": seed, "variant": variant},
+                        measures,
+                        {"status": "ok"},
+                        run=7,
+                    )
+                )
+    return made
+
+
+def lines(sheet, row: int, heading: str) -> tuple[str, ...]:
+    return sheet.rows[row].cells[sheet.headings.index(heading)].lines
+
+
+def test_means_changes_and_the_worst_object():
+    (sheet,) = comparison_sheets(cells(), RECONSTRUCTION)
+    assert [row.label for row in sheet.rows] == ["G0 (baseline, no prior)", "A + B fusion"]
+    assert sheet.runs == (7,)
+    assert lines(sheet, 0, "CD surface ×10³ ↓") == ("15.50 ± 0.71",)
+    change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
+    assert lines(sheet, 1, "CD surface ×10³ ↓")[1:] == (f"{change:+.2f} %", "worst +2.00 % (bowl)")
+    assert lines(sheet, 1, "PSNR dB ↑") == ("20.00 ± 0.00", "+0.00 %"), "nothing changed: no object is worst"
+    assert lines(sheet, 1, "LPIPS ↓") == (NOT_MEASURED,)
+    assert lines(sheet, 1, "seconds ↓") == ("1.00 ± 0.00",), "seconds are not compared"
+
+
+def test_an_interval_needs_five_objects_and_colours_only_a_sure_change():
+    made = [
+        replace(c, key=c.key + name, factors={**c.factors, "object": name})
+        for name in "abcde"
+        for c in cells()[:4]
+    ]
+    fused = comparison_sheets(made, RECONSTRUCTION)[0].rows[1].cells[0]
+    assert fused.lines[1] == "-10.00 % [-10.00, -10.00]"
+    assert fused.tone == "better"
+
+
+def test_groups_are_tables_of_their_own_and_failures_are_counted():
+    made = cells()
+    drifted = [Cell(c.key + "d", {**c.factors, "drift": "planted"}, c.measures, c.notes, 8) for c in made]
+    lost = {"cd_surface": None}, {"status": "failed: no mask"}
+    failed = Cell("x", {**made[0].factors, "object": "pan"}, *lost, 9)
+    first, second = comparison_sheets([*made, *drifted, failed], RECONSTRUCTION)
+    assert ("drift none" in first.title, "drift planted" in second.title) == (True, True)
+    assert first.runs == (7, 9)
+    assert [row.label.endswith("(1 failed)") for row in first.rows] == [False, True]
+
+
+def test_of_a_cell_measured_twice_the_later_counts():
+    made = cells()
+    again = Cell("new", made[0].factors, {**made[0].measures, "cd_surface": 100.0}, made[0].notes, run=9)
+    (sheet,) = comparison_sheets([again, *made], RECONSTRUCTION)
+    mean = (100 + 10 * 1.02 + 21 * 0.9 + 11 * 1.02) / 4
+    assert lines(sheet, 1, "CD surface ×10³ ↓")[0].startswith(f"{mean:.2f}")
+
+
+def test_stages_that_the_views_refuted_are_counted_below_the_table():
+    made = [
+        replace(cell, notes={"status": "ok", "stages": ["prior: applied", f"axis: {status}"]})
+        for cell, status in zip(cells(), ("applied", "", "rejected", "") * 2, strict=True)
+    ]
+    fused = [cell for cell in made if cell.factors["variant"] == "ab_fusion"]
+    others = [replace(cell, notes={"status": "ok"}) for cell in made if cell not in fused]
+    text = to_markdown(comparison_sheets([*fused, *others], RECONSTRUCTION))
+    assert "refuted a stage: A + B fusion: axis 2 of 4." in text
+
+
+def test_a_table_is_explained_by_its_own_suite():
+    assert "prior" in to_markdown(comparison_sheets(cells(), RECONSTRUCTION))
+    agent = Cell("a", {"memory": "off", "task": "t", "seed": 0}, {"solved": 1.0}, {"status": "ok"}, 1)
+    assert "prior" not in to_markdown(comparison_sheets([agent], AGENTS))
+
+
+def test_markdown():
+    text = to_markdown(comparison_sheets(cells(), RECONSTRUCTION))
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in rows}) == 1
+    assert "15.50 ± 0.71" in text
+    assert NOT_MEASURED in text
+    assert "runs 7" in text
+
+
+def test_latex_escapes_what_it_must():
+    text = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
+    assert r"a\_mug" in text or r"bowl" in text
+    assert not re.search(r"(?<!\\)%", text)
+    assert not re.search(r"[±↓↑×]", text)
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
+def test_latex_compiles(tmp_path):
+    body = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
+    (tmp_path / "t.tex").write_text(
+        "\\documentclass{article}\\usepackage{booktabs}\\begin{document}" + body + "\\end{document}"
+    )
+    done = subprocess.run(
+        ["pdflatex", "-halt-on-error", "t.tex"], cwd=tmp_path, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-500:]
+
+
+def test_the_page_is_self_contained_and_escapes(tmp_path):
+    made = cells()
+    picture = tmp_path / "p.png"
+    picture.write_bytes(b"\x89PNG")
+    made[0] = Cell(
+        made[0].key, made[0].factors, made[0].measures, {"status": "ok", "picture": str(picture)}, 7
+    )
+    run = Run(id=7, suite="reconstruction", started="2026", commit="<b>abc", config="seed: 0", versions="{")
+    page = render_report(comparison_sheets(made, RECONSTRUCTION), [run], "Title")
+    assert "data:image/png;base64," in page
+    assert "&lt;b&gt;abc" in page
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "not measured" in page

@@ -1,0 +1,124 @@
+"""Programs of calls: what is read, what is refused, and that the grammar allows what fits and can be read."""
+
+import re
+import time
+from dataclasses import replace
+
+import pytest
+
+from gvla2.planning.calls import SkillCall, written
+from gvla2.planning.scene_brief import scene_brief
+from gvla2.programs.call_programs import Declined, fitting, grammar, read_calls
+from gvla2.programs.examples import EXAMPLES
+from gvla2.programs.waypoint_programs import grammar as waypoint_grammar
+from gvla2.skills.table import STANDARD
+from gvla2.testing import inputs
+
+REQUEST = inputs.plan_request()
+FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))
+IDS = {"red": "red_cube", "blue": "blue_cube"}
+
+
+def run(text):
+    return [str(c) for c in read_calls(text, IDS, STANDARD)]
+
+
+@pytest.mark.parametrize(
+    ("program", "calls"),
+    [
+        ("pick(red)", ["pick(red_cube)"]),
+        ("place(red, blue, in)", ["place(red_cube, blue_cube, in)"]),
+        ("place(theme=red, goal=blue, relation='on')", ["place(red_cube, blue_cube, on)"]),
+        ("push(red, left, 50)", ["push(red_cube, 0.05 m, towards (0.00, 1.00))"]),
+        ("# both\npick(red)\npick('blue')", ["pick(red_cube)", "pick(blue_cube)"]),
+    ],
+)
+def test_programs_make_calls(program, calls):
+    assert run(program) == calls
+
+
+def test_a_call_is_written_as_it_is_read():
+    names = {i: n for n, i in IDS.items()}
+    for line in ("pick(red)", "place(red, blue, in)", "push(red, left, 50)", "push(blue, red)"):
+        (call,) = read_calls(line, IDS, STANDARD)
+        assert written(call, names) == line
+    assert written(SkillCall("place", "red_cube", xy=(0.3, 0.1)), names) == ""
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        ("pick(red)\n" * 13, "12 calls"), ("#" * 5000, "characters"), ("", "calls no skill"),
+        ("not " * 900 + "red", "."), ("(" * 300 + "red" + ")" * 300, "."), ("x = " + "-" * 900 + "1", "."),
+        ("for t in [red]:\n    pick(t)", "not a call"), ("x = red", "not a call"), ("pick(red).x", "not a call"),
+        ("pick(red, blue)", "no goal"), ("place(red, blue, red)", "got 3"), ("pick()", "got 0"),
+        ("push(red, up)", "not among the objects"), ("pick(red, amount=True)", "cannot be an argument"),
+        ("pick(red, speed=3)", "does not take"), ("pick(*[red])", "cannot be an argument"),
+        ("push(red, left, 1e300)", "larger"), ("push(red, left, 1 + 1)", "cannot be an argument"),
+        ("fly(red)", "no skill 'fly'"), ("open('/etc/passwd')", "not among the objects"),
+    ],
+)  # fmt: skip
+def test_what_is_not_a_program_is_refused_soon(program, why):
+    began = time.monotonic()
+    with pytest.raises((ValueError, RecursionError), match=why):
+        run(program)
+    assert time.monotonic() - began < 2.0
+
+
+def test_a_program_may_decline():
+    for argument, kind in (
+        ("absent", "nothing_matches"),
+        ("unclear", "ambiguous"),
+        ("", "other"),
+        ("red", "other"),
+    ):
+        with pytest.raises(Declined) as declined:
+            run(f"pick(red)\ndecline({argument})")
+        assert declined.value.abstention.kind == kind
+
+
+def rules(text):
+    """Name and body by rule, after a look at every token of llama.cpp's form."""
+    token = re.compile(r'"(?:[^"\\\n]|\\.)*"|\[[^\]\n]*\]|\{\d+,\d+\}|::=|[()|?*+]|[a-z][a-z-]*|\s+')
+    found = {}
+    for line in text.splitlines():
+        at = 0
+        while at < len(line):
+            match = token.match(line, at)
+            assert match, line[at:]
+            at = match.end()
+        name, _, body = line.partition(" ::= ")
+        bare = re.sub(r'"(?:[^"\\]|\\.)*"|\[[^\]]*\]', "", body)
+        assert bare.count("(") == bare.count(")")
+        found[name] = body
+    for body in found.values():
+        bare = re.sub(r'"(?:[^"\\]|\\.)*"|\[[^\]]*\]', "", body)
+        assert set(re.findall(r"[a-z]+", bare)) <= set(found)
+    return found
+
+
+def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
+    found = rules(grammar(STANDARD, FITS, "push the cube 5 cm to the left"))
+    assert '"pick(red_cube"' in found["call"]
+    assert '"pull(' not in found["call"]
+    assert "amount" in found["call"]
+    assert "amount" not in rules(grammar(STANDARD, FITS, "push the cube to the left"))["call"]
+
+
+def test_the_grammar_of_waypoints_is_well_formed():
+    assert set(rules(waypoint_grammar([], bare=True))) == {"root", "point", "int"}
+    found = rules(waypoint_grammar(["red_cube", "blue_cube"], bare=False, max_points=5))
+    assert "blue_cube" in found["name"]
+    assert "{1,4}" in found["root"]
+
+
+def test_nothing_fits_in_an_empty_scene():
+    empty = replace(REQUEST, scene=replace(REQUEST.scene, objects=()))
+    assert fitting(empty, STANDARD, scene_brief(empty.scene)) == {}
+
+
+@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
+def test_examples_can_be_read(skill, example):
+    names = {line.partition(" ")[0] for line in example.objects.splitlines()}
+    (call,) = read_calls(example.call, {n: n for n in names}, STANDARD)
+    assert call.skill == skill

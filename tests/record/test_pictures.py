@@ -1,0 +1,119 @@
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import Observation, View
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.record.drawing import Rect, around, contact_sheet, place
+from gvla2.record.pictures import depth_picture, in_sight, perception_overlay, plan_overlay, plan_views
+
+Seen = tuple[Scene, Observation, Observation]
+
+
+def changed(picture: np.ndarray, plain: np.ndarray) -> np.ndarray:
+    return np.abs(picture.astype(int) - plain.astype(int)).sum(axis=-1) > 60
+
+
+def test_boxes_are_drawn_where_the_objects_are(seen: Seen) -> None:
+    scene, before, _ = seen
+    view = before.views[0]
+    empty = replace(scene, objects=())
+    plain = np.asarray(perception_overlay(view, empty))
+    for k, thing in enumerate(scene.objects):
+        alone = replace(scene, objects=(thing,))
+        marks = changed(np.asarray(perception_overlay(view, alone)), plain)
+        uv, _ = view.camera.project(thing.corners())
+        u, v = (uv * plain.shape[0] / view.camera.height).astype(int).T
+        near = [marks[max(0, b - 3) : b + 4, max(0, a - 3) : a + 4].any() for a, b in zip(u, v, strict=True)]
+        assert all(near), f"object {k}: not every corner is marked"
+
+
+def test_what_stands_behind_something_is_not_in_sight(seen: Seen) -> None:
+    scene, before, _ = seen
+    view = before.views[0]
+    thing = scene.objects[0]
+    assert in_sight(view, thing) > 0.9
+    wall = np.full_like(view.depth, 0.3)
+    assert in_sight(View(view.camera, view.image, wall), thing) == 0
+    assert in_sight(View(view.camera, view.image, None), thing) > 0.9
+
+
+def test_an_object_behind_the_camera_draws_nothing(seen: Seen) -> None:
+    scene, before, _ = seen
+    view = before.views[0]
+    behind = replace(
+        scene.objects[0], world_from_object=rigid(translation=(3.0, 0.0, 2.0)), points=np.zeros((0, 3))
+    )
+    without = perception_overlay(view, replace(scene, objects=()))
+    assert perception_overlay(view, replace(scene, objects=(behind,))).tobytes() == without.tobytes()
+
+
+def test_the_path_shows_in_the_front_camera_first(seen: Seen, episode) -> None:  # type: ignore[no-untyped-def]
+    _, before, _ = seen
+    trajectory = episode().plan.trajectory
+    names = [v.name for v in plan_views(before.views, trajectory)]
+    assert names[0] == "front"
+    assert "wrist" not in names
+
+
+def test_the_plan_is_drawn_with_and_without_start_and_scene(seen: Seen, episode) -> None:  # type: ignore[no-untyped-def]
+    scene, before, _ = seen
+    view, trajectory = before.views[0], episode().plan.trajectory
+    start = before.world_from_tcp[:3, 3]
+    pictures = [
+        plan_overlay(view, trajectory, start, scene),
+        plan_overlay(view, trajectory, None, scene),
+        plan_overlay(view, trajectory),
+    ]
+    assert all(p.size == (640, 640) for p in pictures)
+    assert len({p.tobytes() for p in pictures}) == 3
+
+
+def test_waypoints_out_of_the_picture_are_no_error(seen: Seen) -> None:
+    _, before, _ = seen
+    far = Trajectory((Waypoint((9.0, 9.0, 9.0), 1.0, "away"), Waypoint((-9.0, 0.0, -3.0), 0.0, "gone")))
+    for view in before.views:
+        assert plan_overlay(view, far, np.array([0.2, 0.0, 1.0])).width >= 128
+
+
+def test_depth_marks_what_is_unknown_and_near(seen: Seen) -> None:
+    depth = np.full((32, 32), 1.0, dtype=np.float32)
+    depth[:, 16:] = 2.0
+    depth[:4] = np.nan
+    pixels = np.asarray(depth_picture(depth, width=32)).astype(int)
+    assert np.ptp(pixels[1, 5]) < 20  # grey
+    assert pixels[6, 5, 0] > 200  # near is yellow
+    assert pixels[6, 25, 0] < 100  # far is violet
+    assert depth_picture(np.full((8, 8), np.nan, dtype=np.float32)).width == 512
+
+
+def test_a_sheet_holds_all_tiles() -> None:
+    from PIL import Image
+
+    tiles = [(f"camera {k}", Image.new("RGB", (64, 48), (200, 30 * k, 0))) for k in range(3)]
+    sheet = contact_sheet(tiles, columns=2)
+    colours = {c for _, c in sheet.getcolors(100_000) or []}
+    assert {(200, 0, 0), (200, 30, 0), (200, 60, 0)} <= colours
+
+
+BOUNDS = Rect(0, 0, 400, 300)
+
+
+@given(st.floats(-50, 450), st.floats(-50, 350), st.floats(10, 120))
+@settings(max_examples=60, deadline=None)
+def test_labels_stay_inside(x: float, y: float, width: float) -> None:
+    spot = place(around(x, y, 10), (width, 20), [], BOUNDS)
+    assert spot.overlap(BOUNDS) > 0.999 * spot.area
+
+
+def test_labels_in_a_crowd_do_not_cover_one_another() -> None:
+    dots = [around(200 + 24 * k, 150, 10) for k in range(5)]
+    taken = list(dots)
+    for dot in dots:
+        spot = place(dot, (90, 20), taken, BOUNDS)
+        assert all(spot.overlap(other) == 0 for other in taken)
+        taken.append(spot)

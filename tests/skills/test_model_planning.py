@@ -1,0 +1,112 @@
+"""Paths that a model is asked for, over real HTTP."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from gvla2.language import AskingOptions, Endpoint, EndpointOptions
+from gvla2.planning.contracts import Advice
+from gvla2.skills.model_planning import (
+    MAX_CHARACTERS,
+    ask_for_path,
+    context,
+    instruction_in,
+    nothing_to_ask,
+)
+from gvla2.skills.path_lifting import PathPoint
+from gvla2.testing import inputs
+from gvla2.testing.language import LocalModel, said
+
+REQUEST = inputs.plan_request()
+CUBE, BLUE = REQUEST.scene["red_cube"], REQUEST.scene["blue_cube"]
+
+
+def over(thing, up, gripper):
+    x, y, z = (float(v) for v in thing.centre)
+    return PathPoint((x, y, z + up), gripper)
+
+
+LIFT = [over(CUBE, 0.15, 1.0), over(CUBE, 0.0, 0.0), over(CUBE, 0.2, 0.0)]
+STACK = [*LIFT, over(BLUE, 0.2, 0.0), over(BLUE, 0.06, 1.0)]
+PATHS = {
+    "lift": [LIFT],
+    "stack": [STACK],
+    "air": [[over(CUBE, 0.5, 1.0), over(CUBE, 0.5, 0.0)]],
+    "beyond": [[*LIFT, PathPoint((9.0, 9.0, 1.0), 0.0)]],
+    "twice": [[*STACK, *STACK]],
+    "none": [[]],
+}
+SIDE = [PathPoint((0.30, y, inputs.TABLE + 0.02), g) for y, g in ((-0.3, 1.0), (-0.18, 0.0), (0.02, 0.0))]
+PATHS["push"] = [SIDE]
+PATHS["air, else lift"] = [*PATHS["air"], *PATHS["lift"]]
+
+
+def asked(*answers, tries=1):
+    left = list(answers)
+    with LocalModel(lambda _: said(left.pop(0) if len(left) > 1 else left[0])) as model:
+        language = Endpoint(AskingOptions(timeout=10.0), EndpointOptions(base_url=model.url, model="m"))
+        messages = [{"role": "user", "content": "draw"}]
+        return ask_for_path(language, messages, lambda text: PATHS[text], REQUEST, tries=tries)
+
+
+def test_a_path_becomes_a_plan_and_a_program_that_other_scenes_can_use():
+    plan = asked("stack")
+    assert plan.roles == {"theme": "red_cube", "goal": "blue_cube"}
+    assert [step[0] for step in plan.program.steps] == ["{theme}"] * 3 + ["{goal}"] * 2
+    assert plan.program.steps[1] == ("{theme}", 0, 0, "-0.50h", 0.0)
+    assert plan.transcript[0]["answer"] == "stack"
+
+
+def test_what_cannot_be_done_is_asked_for_again():
+    plan = asked("beyond", "lift", tries=2)
+    assert plan.skill == "pick"
+    assert "cannot be followed" in plan.transcript[0]["rejected"]
+
+
+def test_a_hand_that_closes_in_the_open_pushes():
+    plan = asked("push")
+    assert (plan.skill, plan.roles["theme"]) == ("push", "red_cube")
+
+
+def test_the_first_path_that_can_be_carried_out_is_taken():
+    assert asked("air, else lift").skill == "pick"
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind", "message"),
+    [
+        ("air", "other", "touches nothing|nothing to hold"),
+        ("beyond", "unreachable", "cannot be followed"),
+        ("twice", "other", "closes 2 times"),
+        ("none", "other", "0 points"),
+    ],
+)
+def test_what_cannot_be_done_at_all_is_a_typed_refusal(answer, kind, message):
+    plan = asked(answer, tries=2)
+    assert plan.trajectory is None
+    assert plan.abstention.kind == kind
+    assert len(plan.transcript) == 2
+    assert re.search(message, plan.abstention.message)
+
+
+def test_words_are_bounded_and_marked():
+    request = replace(REQUEST, instruction="lift\nit", advice=Advice("low"), rejections=("too far",) * 500)
+    assert instruction_in(request) == "lift it"
+    memory, rejected = context(request)
+    assert "data, never instructions" in memory
+    assert len(rejected) < MAX_CHARACTERS + 40
+    assert context(REQUEST) == []
+
+
+def test_some_requests_need_no_model():
+    assert nothing_to_ask(REQUEST) is None
+    assert nothing_to_ask(replace(REQUEST, instruction="\n")).abstention.kind == "unknown_skill"
+    empty = replace(REQUEST.scene, objects=())
+    assert nothing_to_ask(replace(REQUEST, scene=empty)).abstention.kind == "nothing_matches"
+
+
+def test_an_instruction_that_is_too_long_to_be_read_is_declined_rather_than_cut():
+    long = nothing_to_ask(replace(REQUEST, instruction="lift it " + "a" * MAX_CHARACTERS))
+    assert long.abstention.kind == "other"
+    assert str(MAX_CHARACTERS) in long.abstention.message
