@@ -116,7 +116,7 @@ class HybridOptions:
     top_k_constraints: int = 3
     programs: int = 2
     words_count: float = 0.15
-    min_evidence: float = 0.28
+    min_evidence: float = 0.3
     min_words: float = 0.6
     min_score: float = 1.2
     max_difference: float = 0.5
