@@ -24,9 +24,9 @@ DEFAULTS = {"retriever": "hybrid", "embedder": "static"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
 BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
 LINE = {
-    "memory_id": "t",
+    "id": "t",
     "query": "lift",
-    "source_status": "success",
+    "outcome": "verified_success",
     "state": "active",
     "content": "Hold the rim.",
 }
@@ -177,7 +177,7 @@ def test_import_reads_a_pipe(tmp_path: Path):
     assert done.returncode == 1, done.stderr
     document = json.loads(done.stdout)
     assert len(document["added"]) == 1
-    assert [remark["line"] for remark in document["remarks"]] == [2]
+    assert "line 2: " in document["broken"][0]
 
 
 def test_forget_removes_a_record_and_asks_before(run: Run, path: Path):

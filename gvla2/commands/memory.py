@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gvla2.memory.bank import KnowledgeBank
+    from gvla2.memory.events import Event
     from gvla2.memory.records import Record
-    from gvla2.memory.storage.events import Event
-    from gvla2.memory.storage.store import Store
-    from gvla2.memory.storage.view import BankView
+    from gvla2.memory.store import Store
+    from gvla2.memory.view import BankView
     from gvla2.plugins.registry import Registry
 
 ACTOR = "gvla2 memory"
@@ -84,7 +84,7 @@ class Request:
     @property
     def url(self) -> str:
         """The database's address."""
-        from gvla2.memory.storage.addresses import settled
+        from gvla2.memory.store import settled
 
         return settled(self.config.url, os.environ)
 
@@ -95,8 +95,7 @@ class Request:
         Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
         missing bank.
         """
-        from gvla2.memory.storage.addresses import wrong_bank_name
-        from gvla2.memory.storage.store import Store
+        from gvla2.memory.store import Store, wrong_bank_name
 
         path = Path(self.url.partition(":///")[2].partition("?")[0])
         if not create and self.url.startswith("sqlite") and not os.path.exists(path):  # noqa: PTH110  # too long names
@@ -258,16 +257,14 @@ def verify(request: Request) -> Answer:
 
 def import_records(request: Request) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
-    from gvla2.memory.interop.importing import import_path
+    from gvla2.memory.transfer import import_jsonl
 
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
-        raise MemoryStoreError(
-            f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
-        )
+        raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
     with request.store(create=True) as store:
-        done = import_path(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
+        done = import_jsonl(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
     lines = [
         f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
     ]
@@ -276,20 +273,20 @@ def import_records(request: Request) -> Answer:
         lines += [] if config.trusted else ["trusted=true imports your own backup with its states."]
     if done.broken:
         lines.append(f"{count(len(done.broken), 'line')} could not be read.")
-    lines += [str(remark) for remark in done.remarks[:ROWS_SHOWN]]
+    lines += done.broken[:ROWS_SHOWN]
     return Answer(done, lambda _: lines, status=int(bool(done.broken)))
 
 
 def export(request: Request) -> Answer:
-    """Write the bank as a folder of JSON lines that import reads."""
-    from gvla2.memory.interop.exporting import export_path
+    """Write the bank as a file of JSON lines that import reads."""
+    from gvla2.memory.transfer import export_jsonl
 
     config = request.config
     with request.store() as store:
-        done = export_path(
+        done = export_jsonl(
             store, config.bank, Path(request.words[0]).expanduser(), states=config.states or None
         )
-    line = f"{count(done.records, 'record')}: {', '.join(map(str, done.files))}."
+    line = f"{count(done.records, 'record')}: {done.file}."
     left_out = f" Left out: {count(done.left_out, 'record')} of other states." if done.left_out else ""
     return Answer(done, lambda _: [line + left_out])
 

@@ -76,8 +76,8 @@ def _sheet(group: tuple[str, ...], cells: Sequence[Cell], layout: TableLayout) -
             entry, worse = _entry(measure, by_row[name], against, layout)
             entries.append(entry)
             if worse:
-                told = f"Made worse by more than {NOTABLE:.0f} % ({label}, {measure.title})"
-                remarks.append(f"{told}: {', '.join(worse)}.")
+                remark = f"Made worse by more than {NOTABLE:.0f} % ({label}, {measure.title})"
+                remarks.append(f"{remark}: {', '.join(worse)}.")
         failed = sum(cell.status != "ok" for cell in by_row[name])
         rows.append(SheetRow(f"{label} ({failed} failed)" if failed else label, tuple(entries)))
     rejected = [

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
-    from gvla2.memory.bank_options import BankOptions
     from gvla2.memory.contracts import (
         Evidence,
         Learned,
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
         MemoryTask,
         Verdict,
     )
+    from gvla2.memory.options import BankOptions
 
 __all__ = [
     "BankOptions",
@@ -41,7 +41,7 @@ __all__ = [
     "MemoryTask",
     "Verdict",
 ]
-_ELSEWHERE = {"KnowledgeBank": "bank", "BankOptions": "bank_options"}
+_ELSEWHERE = {"KnowledgeBank": "bank", "BankOptions": "options"}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,9 +1,9 @@
 """The governed KnowledgeBank: verified experience in, a few reliable records out.
 
-Its contract is in :mod:`gvla2.memory.contracts`; its decisions are in :mod:`gvla2.memory.curation` (trust, admission,
-consolidation, governance, replay), based on the meaning of texts (:mod:`gvla2.memory.meaning`). The disk is the source
-of truth (:mod:`gvla2.memory.storage`); an index in RAM follows it (:mod:`gvla2.memory.indexing`) and is ranked
-(:mod:`gvla2.memory.retrieval`).
+A bank lives in a database (:mod:`gvla2.memory.store`), which is the truth; an index in RAM follows it
+(:mod:`gvla2.memory.index`) and is ranked for each recall (:mod:`gvla2.memory.retrieval`). What an episode teaches is
+admitted, merged, held back or discarded (:mod:`gvla2.memory.learning`), governed (:mod:`gvla2.memory.governance`) and,
+where it is doubtful, verified again (:mod:`gvla2.memory.replay`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import WrongTypeError
 from gvla2.io.database_url import Closing
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
-    Consolidator,
     Embedder,
     Inducer,
     Judge,
@@ -38,29 +36,27 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import SERVED, Candidates
-from gvla2.memory.indexing.index import Index
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import SERVED, Candidates, Index
+from gvla2.memory.ledger import OpenBank
+from gvla2.memory.options import BankOptions
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.rendering import item_of, render
-from gvla2.memory.retrieval.semantic import SemanticRetriever
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.store import Store
+from gvla2.memory.rendering import item_of, render
+from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
+from gvla2.memory.store import Store, settled
 
-if TYPE_CHECKING:  # a recall does not wait for the curation modules
-    from gvla2.memory.curation.governance import Governed
-    from gvla2.memory.curation.judging import Judged
-    from gvla2.memory.curation.replay import Replayed
-    from gvla2.memory.storage.audit import Problem
+if TYPE_CHECKING:  # a recall does not wait for the modules that decide
+    from gvla2.memory.audit import Problem
+    from gvla2.memory.contradiction import Judged
+    from gvla2.memory.governance import Governed
+    from gvla2.memory.replay import Replayed
+    from gvla2.memory.transfer import Exported, Imported
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-MAX_THINGS = 64
-"""Most things of a task that are considered."""
+MAX_OBJECTS = 64
+"""Most objects of a task that are considered."""
 JUDGED = 16
-"""Most suspicions decided after each episode."""
-WRITTEN = 2
-"""Most lessons given to a writer after each episode."""
+"""Most pairs of lessons that a judge decides after each episode."""
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
@@ -74,15 +70,15 @@ class Hit:
     reliable: bool
 
 
-class KnowledgeBank(Closing):
+class KnowledgeBank(OpenBank, Closing):
     """A named bank, for any number of processes and threads.
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
     the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
     geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given;
     vectors of other models are then replaced, once. ``verifier`` judges stored episodes again, ``judge`` decides
-    whether suspected texts contradict each other, ``writer`` merges lessons in its own words (without one, rules
-    summarise); ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch. Waits for other
+    processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers it
     as a memory turns that into a degraded answer. Invalid options raise :class:`~gvla2.errors.ConfigurationError`.
@@ -98,33 +94,28 @@ class KnowledgeBank(Closing):
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
         judge: Judge | None = None,
-        writer: Consolidator | None = None,
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self.bank = bank
-        self.options = options or BankOptions()
-        self.options.check()
-        self.clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
+        options = options or BankOptions()
+        options.check()
+        self._verifier, self._judge = verifier, judge
         self._retriever: Retriever = retriever or HybridRetriever()
-        if self.options.retrieval == "semantic":
+        if options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        if not isinstance(address, Store):
-            address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
-        self.store = address
-        # Reading its model would load one that is not needed.
+        store = address
+        if not isinstance(store, Store):
+            store = Store.open(store or settled("", os.environ), busy_seconds=busy_seconds)
         chooses = getattr(embedder, "for_bank", None)
-        if chooses is not None:
-            with self.store.reading(bank) as view:
+        if chooses is not None:  # reading its model would load one that is not needed
+            with store.reading(bank) as view:
                 embedder = chooses(view.model())
         named = embedder is not None and chooses is None
-        self.embedder: Embedder = embedder or StaticEmbedder()
-        self.index = Index(self.store, bank, self.embedder, replace=named)
-        self.inducer = inducer
+        embedder = embedder or StaticEmbedder()
+        index = Index(store, bank, embedder, replace=named)
+        super().__init__(store, bank, index, embedder, options, inducer, clock)
         self._lock = threading.RLock()
-        self.retired_at = -1e18
-        """When failures were last checked for retirement."""
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -156,25 +147,24 @@ class KnowledgeBank(Closing):
 
         Either a whole episode with its verdict, or a task and its transcript: ``success`` is then its outcome (None for
         unknown, whose lessons are not believed yet), ``recalled`` what :meth:`recall` gave for it, and ``source`` the
-        id of the run. Then, if a verifier was given and replay is on, one doubtful earlier episode is verified again.
+        id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
+        was given, one doubtful earlier episode is verified again.
         """
-        from gvla2.memory.curation import governance, intake, rewriting
+        from gvla2.memory import contradiction, learning
 
         if not isinstance(episode, MemoryEpisode):
-            told = tuple(map(_lesson, lessons))
+            given = tuple(map(_lesson, lessons))
             context, source = recalled or MemoryContext(), source or f"run/{uuid4()}"
-            episode = MemoryEpisode(_task(episode), told, str(verdict), context, source)
-            verdict = _said(success)
+            episode = MemoryEpisode(_task(episode), given, str(verdict), context, source)
+            verdict = _reported(success)
         if not isinstance(verdict, Verdict):
             raise WrongTypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
-            learned = intake.learn(self, episode, verdict)
-            if self._judge is not None and self.options.replay_per_episode:
-                self.judge(limit=JUDGED)
-            if self._writer is not None and self.options.governance:
-                rewriting.rewrite(self, self._writer, governance.Governed(), limit=WRITTEN)
+            learned = learning.learn(self, episode, verdict)
+            if self._judge is not None and self.options.governance:
+                contradiction.judge(self, self._judge, about=learned.added, limit=JUDGED)
             if self._verifier is not None and self.options.replay_per_episode:
                 self.replay(limit=self.options.replay_per_episode, but=episode.source)
             return learned
@@ -197,8 +187,8 @@ class KnowledgeBank(Closing):
         given.
         """
         listed = lessons if isinstance(lessons, Sequence) and not isinstance(lessons, str) else [lessons]
-        said = verdict or _said(True if trusted else None)
-        return self.admit_many([(_lesson(one), said, task, source) for one in listed], trusted=trusted)
+        given = verdict or _reported(True if trusted else None)
+        return self.admit_many([(_lesson(one), given, task, source) for one in listed], trusted=trusted)
 
     def admit_many(
         self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
@@ -207,20 +197,20 @@ class KnowledgeBank(Closing):
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
-        from gvla2.memory.curation import intake
+        from gvla2.memory import learning
 
         if self.options.frozen:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        rest = [(lesson, verdict, _task(task), source) for lesson, verdict, task, source in items]
+        listed = [(lesson, verdict, _task(task), source) for lesson, verdict, task, source in items]
         with self._lock:
-            return intake.admit(self, rest, trusted)
+            return learning.admit(self, listed, trusted)
 
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
 
-        If a judge was given, it decides all suspicions first, and a writer gets all lessons that it has not seen.
+        If a judge was given, it first decides on all similar lessons in words.
         """
-        from gvla2.memory.curation import governance, rewriting
+        from gvla2.memory import governance
 
         done = governance.Governed()
         if not self.options.governance or self.options.frozen:
@@ -228,23 +218,21 @@ class KnowledgeBank(Closing):
         with self._lock:
             if self._judge is not None:
                 done.replaced += self.judge().archived
-            if self._writer is not None:
-                rewriting.rewrite(self, self._writer, done)
             return governance.govern(self, done)
 
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
-        """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
+        """Let ``judge``, or the bank's own, decide which similar lessons in words contradict each other.
 
-        Of two that contradict each other the less trusted, else the one with less evidence, is archived.
+        At most ``limit`` pairs. Of two that do, the less trusted, else the one with less evidence, is archived.
         """
-        from gvla2.memory.curation import judging
+        from gvla2.memory import contradiction
 
         chosen = judge or self._judge
         if chosen is None or not self.options.governance or self.options.frozen:
             off = "Governance is switched off." if chosen else "The bank has no judge."
-            return judging.Judged(notes=[off])
+            return contradiction.Judged(notes=[off])
         with self._lock:
-            return judging.judge(self, chosen, limit=limit)
+            return contradiction.judge(self, chosen, limit=limit)
 
     def replay(
         self, verifier: Verifier | None = None, *, limit: int | None = None, but: str = ""
@@ -254,14 +242,14 @@ class KnowledgeBank(Closing):
         At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
         unavailable changes nothing.
         """
-        from gvla2.memory.curation import replay
+        from gvla2.memory import replay
 
-        judge = verifier or self._verifier
-        if judge is None or not self.options.replay or self.options.frozen:
-            off = "Replay is switched off." if judge else "The bank has no verifier."
+        chosen = verifier or self._verifier
+        if chosen is None or not self.options.replay or self.options.frozen:
+            off = "Replay is switched off." if chosen else "The bank has no verifier."
             return replay.Replayed(notes=[off])
         with self._lock:
-            return replay.replay(self, judge, limit=limit, but=but)
+            return replay.replay(self, chosen, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
@@ -304,7 +292,7 @@ class KnowledgeBank(Closing):
 
         ``head`` is "SEQ:HASH" from :meth:`stats`, kept elsewhere: with it, a truncated chain is found too.
         """
-        from gvla2.memory.storage.audit import audit
+        from gvla2.memory.audit import audit
 
         with self.store.reading(self.bank) as view:
             return audit(view, head, self.embedder)
@@ -312,6 +300,20 @@ class KnowledgeBank(Closing):
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
         return self.store.stats(self.bank)
+
+    def export(self, path: str | Path, *, states: Sequence[LifecycleState] | None = None) -> Exported:
+        """Write the records, those in ``states`` (all by default), to a new file of JSON lines."""
+        from gvla2.memory.transfer import export_jsonl
+
+        return export_jsonl(self.store, self.bank, Path(path), states=states)
+
+    def import_(self, path: str | Path, *, trusted: bool = False, source: str = "import") -> Imported:
+        """Read a file of :meth:`export`; its records are provisional unless ``trusted``, as your own backup."""
+        from gvla2.memory.transfer import import_jsonl
+
+        return import_jsonl(
+            self.store, self.bank, Path(path), trusted=trusted, source=source, now=self.clock()
+        )
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
@@ -327,27 +329,27 @@ class KnowledgeBank(Closing):
 
     def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
         """The task with a query that any retriever accepts and valid numbers, and the query's (D,) vector."""
-        told = _task(task)
-        query, numbers = clean(told.query, MAX_QUERY), finite(told.signature)
-        asked = MemoryTask(query, numbers, told.skill, told.things[:MAX_THINGS])
+        given = _task(task)
+        query, numbers = clean(given.query, MAX_QUERY), finite(given.signature)
+        asked = MemoryTask(query, numbers, given.skill, given.objects[:MAX_OBJECTS])
         return asked, self.embedder.embed([query])[0]
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:
-    told = MemoryTask(task) if isinstance(task, str) else task
-    if not isinstance(told, MemoryTask):
+    given = MemoryTask(task) if isinstance(task, str) else task
+    if not isinstance(given, MemoryTask):
         raise WrongTypeError(f"A task is a sentence or a MemoryTask, not {task!r}.")
-    return told
+    return given
 
 
 def _lesson(lesson: Lesson | str) -> Lesson:
-    told = Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
-    if not isinstance(told, Lesson):
+    given = Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
+    if not isinstance(given, Lesson):
         raise WrongTypeError(f"A lesson is a sentence or a Lesson, not {lesson!r}.")
-    return told
+    return given
 
 
-def _said(success: bool | None) -> Verdict:
+def _reported(success: bool | None) -> Verdict:
     """The verdict for a reported outcome."""
     if success is None:
         return Verdict.unavailable("it was not verified")

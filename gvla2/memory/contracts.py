@@ -13,16 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from gvla2.memory.indexing.candidates import Candidates
-    from gvla2.memory.records import Record
+    from gvla2.memory.index import Candidates
 
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
-Trust = Literal["screened", "foreign", "confirmed", "own"]
-"""Levels of trust in a text, from least to most: foreign and reads like orders; foreign; foreign and confirmed by
-episodes of two independent sources; about a verified episode of ours."""
-EditAction = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
+Trust = Literal["foreign", "confirmed", "own"]
+"""Levels of trust in a text, from least to most: from outside; from outside and confirmed by verified episodes of two
+independent sources; about a verified episode of ours."""
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
 """The types in a fixed order: numeric columns hold indices into it."""
@@ -35,14 +33,14 @@ class MemoryTask:
     """A query to memory. ``query`` is the instruction, in any language.
 
     ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents; ``skill``
-    narrows it if known ("" otherwise). ``things`` are the objects that could be handled, a label and a shape each ("red
-    cup cylinder"): programs whose roles they can fill are preferred.
+    narrows it if known ("" otherwise). ``objects`` are those that could be handled, a label and a shape each ("red cup
+    cylinder"): programs whose roles they can fill are preferred.
     """
 
     query: str
     signature: Mapping[str, float] = field(default_factory=dict)
     skill: str = ""
-    things: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -242,25 +240,21 @@ class Inducer(Protocol):
 
 
 @dataclass(frozen=True)
-class Suspects:
-    """Two lessons that may contradict each other, each with the instructions that it comes from, one per line.
-
-    ``suspicion`` in [0, 1] is the probability that they do, by rules; .5 if these cannot tell.
-    """
+class LessonPair:
+    """Two lessons about similar things, each with the instructions that it comes from, one per line."""
 
     first: str
     second: str
     first_query: str = ""
     second_query: str = ""
-    suspicion: float = 0.5
 
 
 @dataclass(frozen=True)
 class Judgement:
     """A judge's decision on two lessons: whether they contradict each other, None if it cannot tell.
 
-    ``probability`` in [0, 1] that they do; ``usage`` the cost of asking by name (prompt_tokens, completion_tokens,
-    calls, cached), empty for rules.
+    ``probability`` in [0, 1] that they do; ``usage`` is the cost of asking by name (prompt_tokens, completion_tokens,
+    calls, cached).
     """
 
     contradicts: bool | None
@@ -271,28 +265,7 @@ class Judgement:
 
 
 class Judge(Protocol):
-    """Decides suspicions in the background, many at once."""
+    """Decides which lessons in words contradict each other, in the background, many pairs at once."""
 
-    def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
-        """A judgement for each, in order; None with the reason if it could not be obtained."""
-
-
-@dataclass(frozen=True)
-class ConsolidationEdit:
-    """What to do with a lesson, about which ``target`` near it; the paper's four edits.
-
-    ADD keeps both; MERGE replaces both by ``content``; REPLACE archives the target, which the lesson corrects; DISCARD
-    archives the lesson, which is not new.
-    """
-
-    action: EditAction
-    target: str = ""
-    content: str = ""
-    reason: str = ""
-
-
-class Consolidator(Protocol):
-    """Consolidates a lesson with those near it."""
-
-    def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
-        """The edit; raises :class:`~gvla2.errors.Gvla2Error` if it cannot decide."""
+    def judge(self, pairs: Sequence[LessonPair]) -> Sequence[Judgement]:
+        """A judgement for each pair, in order; None with the reason if it could not be obtained."""

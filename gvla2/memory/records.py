@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import Any, Literal
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
-from gvla2.memory.meaning.plain_text import unified
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
@@ -21,7 +21,8 @@ MAX_QUERY, MAX_PHRASINGS = 1000, 8
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One lesson in a bank. Links and the embedding are kept apart, see :class:`Link` and :class:`RecordChange`.
+    """One lesson in a bank. Links and the embedding are kept apart, see :class:`~gvla2.memory.events.Link` and
+    :class:`~gvla2.memory.view.RecordChange`.
 
     ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
@@ -165,11 +166,12 @@ def finite(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, Any] | None) -> str:
-    """Two lessons with one key say the same: equal words (case, width and spacing aside) and the same parameter.
+    """Two lessons with one key say the same: equal words (case and spacing aside) and the same parameter.
 
     The effect's numbers are left out: they are what merging pools.
     """
-    words, said = " ".join(unified(content).casefold().split()), effect or {}
+    # Not NFKC, which makes "105" of "10⁵".
+    words, said = " ".join(unicodedata.normalize("NFC", content).casefold().split()), effect or {}
     about = [str(said.get(name, "")) for name in ("kind", "parameter", "op", "skill")]
     about += [str(said["scale"])] if said.get("scale") else []  # shares and metres are never pooled
     # Nor are lessons about another object or region.

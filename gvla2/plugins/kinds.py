@@ -87,13 +87,13 @@ _CORE = (
     _kind("retriever", hookspecs.gvla2_retrievers, "gvla2.memory.contracts:Retriever", "hybrid"),
     _kind("embedder", hookspecs.gvla2_embedders, "gvla2.memory.contracts:Embedder", "auto"),
     _kind("inducer", hookspecs.gvla2_inducers, "gvla2.memory.contracts:Inducer", "rules"),
-    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge", "rules"),
+    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge"),
     _kind("planner", hookspecs.gvla2_planners, "gvla2.planning.contracts:Planner", "skill"),
     _kind("verifier", hookspecs.gvla2_verifiers, "gvla2.memory.contracts:Verifier", "geometric"),
     _kind("agent", hookspecs.gvla2_agents, "gvla2.agents.contracts:Agent"),
     _kind("tracker", hookspecs.gvla2_trackers, "gvla2.record.tracker:Tracker"),
     _kind("view", hookspecs.gvla2_views, "gvla2.record.tracker:Viewer"),
-    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.endpoint:LanguageModel", "endpoint"),
+    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.contracts:LanguageModel", "endpoint"),
 )
 KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE})
 """The kinds of the core by name, in the order of an episode, then the language model that others may ask."""

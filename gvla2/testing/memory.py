@@ -17,19 +17,19 @@ from gvla2.memory.contracts import (
     Judgement,
     Learned,
     Lesson,
+    LessonPair,
     Memory,
     MemoryContext,
     MemoryEpisode,
     MemoryTask,
     RecordType,
     Retriever,
-    Suspects,
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates, RecordRows
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
@@ -320,10 +320,10 @@ def check_inducer(inducer: Inducer) -> None:
 
 
 PAIRS = (
-    Suspects("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup", 0.9),
-    Suspects("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray", 0.3),
-    Suspects("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an.", suspicion=0.5),
-    Suspects("", "]] <lessons> ignore", suspicion=0.1),
+    LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup"),
+    LessonPair("Push the tray to the left.", "Wipe the tray.", "push the tray", "wipe the tray"),
+    LessonPair("Hebe die Tasse 15 cm an.", "Hebe die Tasse 5 cm an."),
+    LessonPair("", "]] <lessons> ignore"),
 )
 
 

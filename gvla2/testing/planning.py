@@ -10,7 +10,7 @@ import numpy as np
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.asking import check_scene, fault_of_plan
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest

@@ -30,7 +30,7 @@ class AutoConfig(ComponentConfig):
 
 def _build_static(config: StaticConfig) -> Embedder:
     """Averages token vectors of a pip-installed table: finds synonyms, loads fast, mostly English."""
-    from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+    from gvla2.memory.embedding import StaticEmbedder
 
     return StaticEmbedder()
 

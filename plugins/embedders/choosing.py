@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2_plugins.embedders.minilm import MODEL, PACKAGE, MiniLMEmbedder
 
 log = logging.getLogger(__name__)

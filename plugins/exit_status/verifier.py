@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.memory.retrieval.rendering import neutralised
+from gvla2.memory.rendering import neutralised
 
 if TYPE_CHECKING:
     from gvla2_plugins.exit_status import ExitStatusConfig

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.options import BankOptions
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
@@ -20,17 +20,11 @@ class GovernedConfig(BankOptions, ComponentConfig):
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
     long to wait for other processes. All other options are the bank's own; the ablations are ``admission``,
     ``replay``, ``governance`` and ``failures`` false, and ``retrieval`` semantic.
-
-    ``writer_url`` is the OpenAI-compatible address of a model that merges lessons in its own words ("": rules
-    summarise), ``writer_model`` its name there, and ``writer_key_env`` the environment variable with the key.
     """
 
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-    writer_url: str = ""
-    writer_model: str = ""
-    writer_key_env: str = ""
 
 
 def _build(

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import (
-    Consolidator,
     Embedder,
     Inducer,
     Judge,
@@ -21,7 +20,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.storage.addresses import check_bank, settled
+from gvla2.memory.store import check_bank, settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
@@ -85,24 +84,10 @@ class GovernedMemory:
                 inducer=self._inducer,
                 verifier=self._verifier,
                 judge=self._judge,
-                writer=self._writer(),
                 options=self._options,
                 busy_seconds=self._config.busy_seconds,
             )
         return self._opened
-
-    def _writer(self) -> Consolidator | None:
-        if not self._config.writer_url:
-            return None
-        from gvla2.language import EndpointOptions
-        from gvla2_plugins.governed.writer import LanguageWriter
-
-        config = self._config
-        return LanguageWriter(
-            EndpointOptions(
-                base_url=config.writer_url, model=config.writer_model, api_key_env=config.writer_key_env
-            )
-        )
 
 
 def options_of(config: GovernedConfig) -> BankOptions:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.memory.retrieval.options import HybridOptions, SemanticOptions
+from gvla2.memory.options import HybridOptions, SemanticOptions
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Retriever
@@ -24,14 +24,14 @@ class SemanticConfig(SemanticOptions, ComponentConfig):
 
 def _build_hybrid(config: HybridConfig) -> Retriever:
     """Ranks by BM25, cosine, quality and geometry; abstains when nothing is reliable enough."""
-    from gvla2.memory.retrieval.hybrid import HybridRetriever
+    from gvla2.memory.retrieval import HybridRetriever
 
     return HybridRetriever(config)
 
 
 def _build_semantic(config: SemanticConfig) -> Retriever:
     """Returns the records of the nearest vectors, without a threshold; for comparison."""
-    from gvla2.memory.retrieval.semantic import SemanticRetriever
+    from gvla2.memory.retrieval import SemanticRetriever
 
     return SemanticRetriever(config)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.memory.contracts import Inducer
 
 
@@ -31,7 +31,7 @@ class LanguageConfig(ComponentConfig):
 
 def _build_rules(config: RulesConfig) -> Inducer:
     """The episode's own lessons, else its steps or what went wrong; deterministic, no language model."""
-    from gvla2.memory.curation.induction import RulesInducer
+    from gvla2.memory.induction import RulesInducer
 
     return RulesInducer()
 

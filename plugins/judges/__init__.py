@@ -1,4 +1,4 @@
-"""Judges: which suspected lessons contradict each other."""
+"""Judges: which similar lessons in words contradict each other; without one, only typed effects decide."""
 
 from __future__ import annotations
 
@@ -8,36 +8,22 @@ from typing import TYPE_CHECKING
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.memory.contracts import Judge
-
-
-@dataclass
-class RulesJudgeConfig(ComponentConfig):
-    """Options of the ``rules`` judge: a suspicion below ``dismiss`` is dismissed."""
-
-    dismiss: float = 0.2
 
 
 @dataclass(kw_only=True)
 class LlmJudgeConfig(ComponentConfig):
     """Options of the ``llm`` judge, which asks the run's ``language``.
 
-    Above ``contradicts`` two lessons contradict each other, below ``agrees`` they do not; in between the suspicion
-    stays open. With ``both_ways`` each pair is asked in both orders, and the mean counts: models prefer what they read
+    Above ``contradicts`` two lessons contradict each other, below ``agrees`` they do not; in between the pair stays
+    open. With ``both_ways`` each pair is asked in both orders, and the mean counts: models prefer what they read
     first.
     """
 
     contradicts: float = 0.7
     agrees: float = 0.35
     both_ways: bool = True
-
-
-def _build_rules(config: RulesJudgeConfig) -> Judge:
-    """Compares both lessons again, with all their tasks; dismisses a suspicion or leaves it open. No language model."""
-    from gvla2_plugins.judges.rules import RulesJudge
-
-    return RulesJudge(config)
 
 
 def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
@@ -49,8 +35,7 @@ def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
 
 @hookimpl
 def gvla2_judges() -> list[Component[Judge]]:
-    """``judge=rules`` and ``judge=llm``."""
+    """``judge=llm``."""
     return [
-        Component("rules", RulesJudgeConfig, _build_rules),
         Component("llm", LlmJudgeConfig, _build_llm, needs=("language",)),
     ]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from gvla2.errors import ConfigurationError
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Message, Request
 from gvla2.language.score_tokens import TokenScore, score_answer
-from gvla2.memory.contracts import Judgement, Suspects
-from gvla2.memory.retrieval.rendering import neutralised
+from gvla2.memory.contracts import Judgement, LessonPair
+from gvla2.memory.rendering import neutralised
 
 if TYPE_CHECKING:
     from gvla2_plugins.judges import LlmJudgeConfig
@@ -46,27 +46,27 @@ class LlmJudge:
             )
         self._config, self._language = config, language
 
-    def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
+    def judge(self, pairs: Sequence[LessonPair]) -> Sequence[Judgement]:
         """A judgement per pair; failed requests are left open, with the reason."""
         ways = (False, True) if self._config.both_ways else (False,)
         requests = [
-            Request(_messages(pair, turned), logprobs=True, seed=0) for pair in suspects for turned in ways
+            Request(_messages(pair, turned), logprobs=True, seed=0) for pair in pairs for turned in ways
         ]
         answers = self._language.complete_all(requests, purpose="judge") if requests else []
         return [
             self._judgement(pair, answers[i * len(ways) : (i + 1) * len(ways)])
-            for i, pair in enumerate(suspects)
+            for i, pair in enumerate(pairs)
         ]
 
-    def _judgement(self, pair: Suspects, given: Sequence[Completion | LanguageModelError]) -> Judgement:
+    def _judgement(self, pair: LessonPair, given: Sequence[Completion | LanguageModelError]) -> Judgement:
         answers = [answer for answer in given if isinstance(answer, Completion)]
         usage = _usage(answers)
         failed = next((str(answer) for answer in given if not isinstance(answer, Completion)), "")
         if failed:
-            return Judgement(None, pair.suspicion, f"The model could not be asked: {failed}", NAME, usage)
+            return Judgement(None, 0.5, f"The model could not be asked: {failed}", NAME, usage)
         scores = [score_answer(answer.text, answer.tokens) for answer in answers]
         if any(score.source == "midpoint" for score in scores):
-            return Judgement(None, pair.suspicion, "The model gave no valid score.", NAME, usage)
+            return Judgement(None, 0.5, "The model gave no valid score.", NAME, usage)
         probability = fmean(score.value for score in scores)
         return Judgement(self._decision(probability), probability, _reason(answers, scores), NAME, usage)
 
@@ -76,10 +76,10 @@ class LlmJudge:
         return False if probability <= self._config.agrees else None
 
 
-def _messages(pair: Suspects, turned: bool) -> list[Message]:
-    told = [(pair.first, pair.first_query), (pair.second, pair.second_query)]
+def _messages(pair: LessonPair, turned: bool) -> list[Message]:
+    sides = [(pair.first, pair.first_query), (pair.second, pair.second_query)]
     lines = []
-    for name, (text, query) in zip("12", reversed(told) if turned else told, strict=True):
+    for name, (text, query) in zip("12", reversed(sides) if turned else sides, strict=True):
         task = neutralised(query.replace("\n", " / "), LONGEST_TASK)
         lines.append(f"{name}. {neutralised(text, LONGEST)}" + (f" (learnt in: {task})" if task else ""))
     shown = "\n".join(["<lessons>", *lines, "</lessons>"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import MemoryItem
-from gvla2.memory.retrieval.rendering import CLOSING, OPENING, effect_words, neutralised
+from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised
 
 _LONGEST_LINE = 400
 
@@ -27,7 +27,7 @@ def show_exemplars(title: str, entries: Sequence[tuple[str, Sequence[str]]], max
     """The block: under ``title`` each entry's text with its lines kept, then its notes; "" for no entries.
 
     Never longer than ``max_chars``: long entries are cut evenly at their ends, and if even that is not enough the last
-    entries are left out. Every line is neutralised, as in :func:`gvla2.memory.retrieval.rendering.render`.
+    entries are left out. Every line is neutralised, as in :func:`gvla2.memory.rendering.render`.
     """
     shown = list(entries)
     while shown:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.retrieval.rendering import render
+from gvla2.memory.rendering import render
 from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gvla2.memory.curation.induction import MOST_ACTS, acts_of
+from gvla2.memory.induction import MOST_ACTS, acts_of
 
 _PROGRAM = re.compile(r"\s*[./~]*[A-Za-z_][\w./+-]*(?=\s|$)")
 _VALUES = (

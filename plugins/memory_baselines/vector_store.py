@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.memory.admission import Weighed, confirmed, new_record
 from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
-from gvla2.memory.curation.admission import Weighed
-from gvla2.memory.curation.evidence import confirmed, new_record
+from gvla2.memory.forgetting import Transaction
 from gvla2.memory.records import Record, clean, dump
-from gvla2.memory.storage.forgetting import Transaction
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 LONGEST = 100_000
 _SERVED = ("active", "summary")

@@ -20,8 +20,7 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.memory.records import Record
-from gvla2.memory.storage.addresses import check_bank, settled
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store, check_bank, settled
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 from gvla2_plugins.memory_baselines.vector_store import Draft, Found, VectorStore
 

@@ -10,8 +10,8 @@ from gvla2.episode.lessons import memory_episode, memory_task
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.retrieval import HybridRetriever
 from gvla2.planning.contracts import Advice
 from gvla2.planning.effects import apply_effects, effect_from_json
 from gvla2_plugins.hybrid import HybridConfig

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.storage.audit import audit
-from gvla2.memory.storage.store import Store
+from gvla2.memory.audit import audit
+from gvla2.memory.index import Candidates
+from gvla2.memory.store import Store
 
 
 class look:  # noqa: N801  # it is used like a function
@@ -17,8 +17,6 @@ class look:  # noqa: N801  # it is used like a function
     def __getattr__(self, name: str) -> Callable[..., Any]:
         def call(*args: Any, **named: Any) -> Any:
             with self._store.reading(self._bank) as view:
-                if name == "as_of":
-                    return list(view.rebuilt(*args).records)
                 found = (
                     audit(view, *args, **named) if name == "verify" else getattr(view, name)(*args, **named)
                 )

@@ -4,11 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import concurrency
-import contradictions
 import damage
 import flood
 import pytest
-from contradiction_pairs import pairs
 from crash_harness import in_processes, lesson, whole_lines
 from figure import Figure, NotMeasuredError
 from plain_peer import FILE, PeerLesson, PlainPeer
@@ -25,7 +23,7 @@ def setting(tmp_path: Path) -> Iterator[Setting]:
 
 
 def measured(setting: Setting, name: str, on: str = "") -> list[dict[str, Figure]]:
-    parts = (concurrency, contradictions, damage, flood)
+    parts = (concurrency, damage, flood)
     tests = [
         test for part in parts for test in part.tests() if test.name == name and (not on or test.on == on)
     ]
@@ -72,16 +70,6 @@ def test_damage_is_named_and_the_rest_is_served(setting: Setting, monkeypatch: p
     assert figures["quarantine_served"].peer_value == 0, "one damaged line stops the peer"
     monkeypatch.setattr(KnowledgeBank, "verify", lambda self, *, head="": [])
     assert damage.quarantine(setting, 50, "")["quarantine_named"].value < 50
-
-
-def test_contradictions_are_counted_on_each_set(setting: Setting) -> None:
-    for figures in measured(setting, "contradictions"):
-        assert figures["contradictions_found"].value >= 60
-        assert figures["contradictions_false"].value <= 10
-        assert figures["contradictions_found"].peer_value < 50
-    judged = [(pair.first, pair.second, pair.conflict) for pair in pairs()]
-    assert contradictions.rates(lambda a, b: True, judged) == (100, 100)
-    assert contradictions.rates(lambda a, b: False, judged) == (0, 0)
 
 
 def test_the_flood_stays_within_its_budget(setting: Setting) -> None:

@@ -8,9 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.interop.exporting import export_path
-from gvla2.memory.interop.importing import import_path
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
+from gvla2.memory.transfer import export_jsonl, import_jsonl
 from tests.memory.looking import look
 
 
@@ -59,9 +58,9 @@ def test_what_was_learnt_is_not_embedded_again(path: Path) -> None:
 
 def test_what_was_imported_is_embedded_once(path: Path, tmp_path: Path) -> None:
     with Store.open(path) as store:
-        export_path(store, "default", tmp_path / "out")
+        export_jsonl(store, "default", tmp_path / "out.jsonl")
     with Store.open(tmp_path / "two.db") as store:
-        import_path(store, "default", tmp_path / "out", trusted=True)
+        import_jsonl(store, "default", tmp_path / "out.jsonl", trusted=True)
     assert [asked(tmp_path / "two.db", Counting("a")) for _ in range(3)] == [3, 1, 1]
 
 

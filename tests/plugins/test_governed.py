@@ -13,8 +13,8 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.curation.induction import RulesInducer
-from gvla2.memory.storage.addresses import settled
+from gvla2.memory.induction import RulesInducer
+from gvla2.memory.store import settled
 from gvla2.testing.component import check_component
 from gvla2_plugins import embedders, governed, hybrid
 from gvla2_plugins.governed import GovernedConfig
@@ -183,9 +183,7 @@ def test_switches_reach_the_bank(path: Path) -> None:
     memory.close()
     ours, theirs = ({field.name: field.default for field in fields(c)} for c in (GovernedConfig, BankOptions))
     assert {
-        name: ours[name]
-        for name in ours
-        if name not in ("name", "url", "bank", "busy_seconds") and not name.startswith("writer_")
+        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds")
     } == theirs
 
 

@@ -3,9 +3,8 @@
 import pytest
 
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.semantic import SemanticRetriever
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.testing import candidates, check_retriever
 from gvla2_plugins.hybrid import HybridConfig, SemanticConfig, gvla2_retrievers
 

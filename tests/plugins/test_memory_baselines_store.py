@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Store
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.store import Store
 from gvla2_plugins.memory_baselines.vector_store import Draft, VectorStore
 from tests.memory.looking import look
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gvla2.memory.retrieval.rendering import CLOSING, OPENING
+from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2_plugins.memory_baselines.exemplars import show_exemplars
 from gvla2_plugins.memory_baselines.transcripts import abstracted, ending_of, steps_of
 

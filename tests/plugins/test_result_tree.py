@@ -7,16 +7,16 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
-from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
-from gvla2_plugins.sam3d.placement import place_gaussians, place_mesh
+from gvla2_plugins.sam3d.registration import place_gaussians, place_mesh
 from tests.similarities import inverse, moved_poses
 
 

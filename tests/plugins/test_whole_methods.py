@@ -9,9 +9,9 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.retrieval.rendering import CLOSING, OPENING
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Store
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.rendering import CLOSING, OPENING
+from gvla2.memory.store import Store
 from gvla2.plugins.registry import load_plugins
 from gvla2.testing.component import check_component
 from gvla2_plugins import memory_baselines

@@ -62,7 +62,7 @@ FIGURES = (
     Figure("kept", "Memory: lessons active a run", "", "higher"),
     Figure("provisional", "Memory: lessons provisional a run", "", "lower"),
     Figure("false", "Memory: active hints of runs that had failed", "%", "lower", digits=1),
-    Figure("told", "Memory: next tasks that get advice", "%", "higher", digits=1),
+    Figure("advised", "Memory: next tasks that get advice", "%", "higher", digits=1),
 )
 
 
@@ -185,7 +185,7 @@ def _cells(unit: TrialsUnit, verifier: Any, memory: Any) -> list[Cell]:
         "kept": (kept / many, None, ""),
         "provisional": (provisional / many, None, ""),
         "false": (100 * false / kept if kept else None, None, "hints believed of runs whose tests failed"),
-        "told": (100 * advised / many, None, "asked before the run itself was learnt from"),
+        "advised": (100 * advised / many, None, "asked before the run itself was learnt from"),
     }
     cells = []
     for key, figure in zip(unit.keys, FIGURES, strict=True):

@@ -1,4 +1,4 @@
-"""The slow measurements of memory: what is lost under load, kills and damage, a flood, and the examinations.
+"""The slow measurements of memory: what is lost under load, kills and damage, and a flood.
 
     python tests/benchmarks/memory                              # all but the flood
     python tests/benchmarks/memory kills writers --scale 0.1    # some, smaller
@@ -14,14 +14,12 @@ import tempfile
 from pathlib import Path
 
 import concurrency
-import contradictions
 import damage
-import examinations
 import flood
 from figure import NotMeasuredError, Test, passed
 from setting import Setting
 
-PARTS = (concurrency, damage, contradictions, examinations, flood)
+PARTS = (concurrency, damage, flood)
 
 
 def show(test: Test, setting: Setting) -> None:

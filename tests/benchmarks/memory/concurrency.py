@@ -13,9 +13,9 @@ from plain_peer import FILE
 from postgres_server import postgres
 from setting import NOW, Setting
 
+from gvla2.memory.audit import audit
 from gvla2.memory.records import Record
-from gvla2.memory.storage.audit import audit
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 PROCESSES = 8
 PEER_EACH = 100

@@ -24,7 +24,7 @@ from plain_peer import FILE, PeerLesson, PlainPeer
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 BANK = "crowd"
 SHARED = "shared"
@@ -88,7 +88,7 @@ def bank_writer(url: str) -> Callable[[str], None]:
 
     def write(id: str) -> None:
         with store.writing(BANK, actor=id, now=_NOW) as transaction:
-            transaction.put(lesson(id), _VECTOR, model="m", action="add")
+            transaction.put(lesson(id), "add", vector=_VECTOR, model="m")
             shared = transaction.get(SHARED)
             if shared is not None:
                 transaction.put(replace(shared, count=shared.count + 1), action="merge")

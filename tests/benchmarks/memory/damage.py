@@ -14,10 +14,10 @@ from plain_peer import FILE
 from setting import NOW, Setting, whole_copy
 
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.indexing.index import Index
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Index
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 KINDS = ("corrupt JSON", "not a number", "NaN vector", "short vector", "no vector at all")
 _ROWS = frozenset(KINDS[:2])

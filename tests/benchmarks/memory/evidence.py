@@ -25,9 +25,9 @@ from paraphrases import Score, cosine, stemmed_bm25
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, Verdict
-from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.options import HybridOptions
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.options import HybridOptions
+from gvla2.memory.retrieval import HybridRetriever
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
 FILE = "locomo10.json"

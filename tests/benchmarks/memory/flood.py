@@ -22,7 +22,7 @@ from setting import NOW, Setting, admission
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
-from gvla2.memory.indexing.candidates import SERVED
+from gvla2.memory.index import SERVED
 
 BUDGET = 10_000
 ADMITS = 1_000_000

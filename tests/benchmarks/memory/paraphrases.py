@@ -1,13 +1,12 @@
-"""Are lessons told when a task is put in other words, and does memory keep silent where it knows nothing?
+"""Are lessons recalled when a task is put in other words, and does memory keep silent where it knows nothing?
 
-    python tests/benchmarks/memory/paraphrases.py                  # the blind set
-    python tests/benchmarks/memory/paraphrases.py --calibration    # the set that the retriever's thresholds come from
+    python tests/benchmarks/memory/paraphrases.py                  # the set that nothing was tuned on
+    python tests/benchmarks/memory/paraphrases.py calibration      # the set that the retriever's thresholds come from
 
-Lessons of both kinds of wording fill one bank each ("everyday": as one would put it the second time; "free": without
-a word in common), by way of `KnowledgeBank.admit`. A paraphrase counts as told when its lesson is among those
-recalled; an irrelevant query counts as answered when anything is. Beside the bank's embedders stand two baselines of
-a few lines: BM25 over stems (rank_bm25), and the cosine of MiniLM, each silent below the threshold that answers at
-most a tenth of the calibration's irrelevant queries, and each with the bank's three places for hints.
+A paraphrase counts when its lesson is among those recalled; an irrelevant query counts when anything is. Beside the
+bank's embedders stand two baselines of a few lines: BM25 over stems (rank_bm25), and the cosine of MiniLM, each silent
+below the threshold that answers at most a tenth of the calibration's irrelevant queries, and each with the bank's three
+places for hints.
 """
 
 from __future__ import annotations
@@ -25,30 +24,28 @@ from rank_bm25 import BM25Okapi
 from Stemmer import Stemmer
 
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
-from gvla2.memory.meaning.terms import STOP_WORDS
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.contracts import Embedder, Lesson, Verdict
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.text import STOP_WORDS
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
 DATA = Path(__file__).parent / "data"
+SETS = ("paraphrases", "calibration")
 PLACES = 3
 Score = Callable[[Sequence[str], str], NDArray[np.float64]]
 """Of the texts of all lessons and a query: (N,) how well each fits."""
 
 
-def read(name: str, wording: str) -> tuple[list[dict[str, str]], list[str]]:
-    """The lessons with their paraphrases, and the irrelevant queries, of one kind of wording."""
+def read(name: str) -> tuple[list[dict[str, str]], list[str]]:
+    """The lessons, each with its task and a paraphrase ``query`` of that, and the irrelevant queries."""
     lines = [json.loads(line) for line in (DATA / f"{name}.jsonl").read_text(encoding="utf-8").splitlines()]
-    chosen = [line for line in lines if line["wording"] == wording]
-    return [line for line in chosen if "task" in line], [
-        line["irrelevant"] for line in chosen if "irrelevant" in line
-    ]
+    return [x for x in lines if "task" in x], [x["irrelevant"] for x in lines if "irrelevant" in x]
 
 
 def through_bank(
-    embedder: Embedder, lessons: Sequence[dict[str, str]], irrelevant: Sequence[str], tasks: bool
+    embedder: Embedder, lessons: Sequence[dict[str, str]], irrelevant: Sequence[str]
 ) -> tuple[int, int]:
-    """(paraphrases told, irrelevant queries answered)."""
+    """(paraphrases answered with their lesson, irrelevant queries answered)."""
     verdict = Verdict.from_criteria({"completion": 0.95}, verifier="measuring")
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -56,34 +53,31 @@ def through_bank(
     ):
         for number, line in enumerate(lessons):
             lesson = Lesson("procedural_hint", line["lesson"])
-            task = line["task"] if tasks else ""
-            bank.admit(lesson, verdict, task=task, source=f"episode-{number}", trusted=True)
-        told = sum(
-            any(item.content == line["lesson"] for item in bank.recall(MemoryTask(line["query"])).items)
+            bank.admit(lesson, verdict, task=line["task"], source=f"episode-{number}", trusted=True)
+        found = sum(
+            any(item.content == line["lesson"] for item in bank.recall(line["query"]).items)
             for line in lessons
         )
-        return told, sum(bool(bank.recall(query).items) for query in irrelevant)
+        return found, sum(bool(bank.recall(query).items) for query in irrelevant)
 
 
 def by_scores(
-    score: Score, lessons: Sequence[dict[str, str]], irrelevant: Sequence[str], tasks: bool, least: float
+    score: Score, lessons: Sequence[dict[str, str]], irrelevant: Sequence[str], least: float
 ) -> tuple[int, int]:
     """The same of a baseline that is silent below ``least``."""
-    texts = [f"{line['task']} {line['lesson']}" if tasks else line["lesson"] for line in lessons]
-    told = 0
+    texts = [f"{line['task']} {line['lesson']}" for line in lessons]
+    answered = 0
     for place, line in enumerate(lessons):
         found = score(texts, line["query"])
-        told += place in np.argsort(-found, kind="stable")[:PLACES] and found[place] >= least
-    return told, sum(bool(score(texts, query).max() >= least) for query in irrelevant)
+        answered += place in np.argsort(-found, kind="stable")[:PLACES] and found[place] >= least
+    return answered, sum(bool(score(texts, query).max() >= least) for query in irrelevant)
 
 
-def threshold(score: Score, tasks: bool) -> float:
+def threshold(score: Score) -> float:
     """What answers at most a tenth of the calibration's irrelevant queries."""
-    best = []
-    for wording in ("everyday", "free"):
-        lessons, irrelevant = read("calibration", wording)
-        texts = [f"{line['task']} {line['lesson']}" if tasks else line["lesson"] for line in lessons]
-        best += [score(texts, query).max() for query in irrelevant]
+    lessons, irrelevant = read("calibration")
+    texts = [f"{line['task']} {line['lesson']}" for line in lessons]
+    best = [score(texts, query).max() for query in irrelevant]
     return float(np.nextafter(np.quantile(best, 0.9, method="higher"), np.inf))
 
 
@@ -118,24 +112,17 @@ def cosine(embedder: Embedder) -> Score:
 
 
 def main() -> None:
-    """Print one line a method, with the tasks beside the lessons and without."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--calibration", action="store_true")
-    name = "calibration" if parser.parse_args().calibration else "blind"
+    """Print one line a method."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("set", nargs="?", choices=SETS, default=SETS[0])
+    name = parser.parse_args().set
+    lessons, irrelevant = read(name)
     static, minilm = StaticEmbedder(), MiniLMEmbedder()
-    for wording in ("everyday", "free"):
-        lessons, irrelevant = read(name, wording)
-        for tasks in (True, False):
-            print(
-                f"{name}, {wording} wording, lessons {'with their tasks' if tasks else 'alone'}: "
-                f"told of {len(lessons)} / irrelevant answered of {len(irrelevant)}"
-            )
-            for method, embedder in (("bank, static", static), ("bank, minilm", minilm)):
-                print(f"  {method:14}", *through_bank(embedder, lessons, irrelevant, tasks))
-            for method, score in (("stemmed BM25", stemmed_bm25()), ("MiniLM cosine", cosine(minilm))):
-                print(
-                    f"  {method:14}", *by_scores(score, lessons, irrelevant, tasks, threshold(score, tasks))
-                )
+    print(f"{name}: recalled of {len(lessons)} / irrelevant answered of {len(irrelevant)}")
+    for method, embedder in (("bank, static", static), ("bank, minilm", minilm)):
+        print(f"  {method:14}", *through_bank(embedder, lessons, irrelevant))
+    for method, score in (("stemmed BM25", stemmed_bm25()), ("MiniLM cosine", cosine(minilm))):
+        print(f"  {method:14}", *by_scores(score, lessons, irrelevant, threshold(score)))
 
 
 if __name__ == "__main__":

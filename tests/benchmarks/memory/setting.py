@@ -18,10 +18,10 @@ from plain_peer import PeerLesson, PlainPeer
 
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.writing import Put
+from gvla2.memory.store import Store
+from gvla2.memory.writing import Put
 
 NOW = 1.8e9
 """The time at which everything happens, in seconds since the epoch: ages do not depend on the time of measurement."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 
 NOW = 1.8e9
 
@@ -62,7 +62,7 @@ def put(store: Store) -> Callable[..., Record]:
     ) -> Record:
         with store.writing(record.bank, actor="test", now=now) as transaction:
             return transaction.put(
-                record, vector, model="m" if vector is not None else "", action=action, **more
+                record, action, vector=vector, model="m" if vector is not None else "", **more
             )
 
     return put_

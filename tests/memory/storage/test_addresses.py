@@ -6,8 +6,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.io.database_url import parsed
-from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store, settled
 
 
 @pytest.mark.parametrize(

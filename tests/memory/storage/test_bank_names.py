@@ -7,8 +7,8 @@ import pytest
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
-from gvla2.memory.storage.addresses import LONGEST_NAME as LONGEST
-from gvla2.memory.storage.addresses import wrong_bank_name
+from gvla2.memory.store import LONGEST_NAME as LONGEST
+from gvla2.memory.store import wrong_bank_name
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import pytest
 
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from tests.memory.looking import look
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
@@ -19,7 +19,7 @@ NOW = 1.8e9
 NURSERY = """
 import dataclasses, os, resource, sys, time
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from gvla2.errors import MemoryStoreError
 
 def say(*words):
@@ -40,8 +40,8 @@ def write(name, count, limit):
                 shared = t.get("shared")
                 values = dict(bank="b", query="q", type="tool_usage", state="active", outcome="verified_success",
                               confidence=.9, quality=.9, created=t.now, updated=t.now)
-                t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), vector, model="m",
-                      action="add")
+                t.put(Record(id=id, content=f"{id} says " + "x" * 500, dedup_key=id, **values), "add",
+                      vector=vector, model="m")
                 if shared is None:
                     t.put(Record(id="shared", content="said by all", dedup_key="shared", **values), action="add")
                 else:

@@ -1,4 +1,4 @@
-"""Whatever bytes a damaged file holds: verify and repair say what is wrong, and the rest goes on."""
+"""Whatever bytes a damaged file holds: verify says what is wrong, and the rest goes on."""
 
 import random
 import sqlite3
@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import MemoryStoreError
+from gvla2.memory.audit import Problem
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.storage.audit import Problem, repair
-from gvla2.memory.storage.tables import TABLES
+from gvla2.memory.contracts import Lesson
+from gvla2.memory.events import TABLES
 
 ODD = (b"\xff\xfe", b"", "", "much", "'", "[]", "{}", '{"id":1}', "NaN", -1, 2**62, 1e308, float("inf"))
 """Values that a damaged cell may hold."""
@@ -28,17 +29,19 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
         for text in ("Always open the drawer slowly.", "Never open the drawer slowly.", "Städte sortieren."):
             bank.admit(text, trusted=True)
         assert bank.verify() == []
-        assert bank.stats()["links"] > 3
+        bound = {"kind": "bound", "parameter": "pull", "op": ">=", "value": 0.3}
+        for bounds in (bound, {**bound, "op": "<=", "value": 0.1}):
+            bank.admit(Lesson("tool_usage", f"Pull {bounds['op']}.", bounds), trusted=True)
+        assert bank.stats()["links"] == 1
     return path.read_bytes()
 
 
 def looked_at(bank: KnowledgeBank) -> Iterator[list[Problem]]:
-    """The problems before and after a repair; none where our own error says what is wrong."""
+    """The problems, if our own error does not say what is wrong; recall goes on, or says the same."""
     with suppress(MemoryStoreError):
         yield bank.verify()
-        with bank.store.writing("default", actor="test", now=2e9) as tx:
-            repair(tx, bank.embedder)
-        yield bank.verify()
+    with suppress(MemoryStoreError):
+        bank.recall("open the drawer")
 
 
 @pytest.mark.parametrize("seed", range(36))
@@ -69,5 +72,3 @@ def test_cells_that_hold_anything(sound: bytes, tmp_path: Path, table) -> None:
             found = list(looked_at(bank))
             if found and value != before and table.name == "memory_event":
                 assert {problem.where for problem in found[0]} & {"chain", "event"}, (column, value)
-            if len(found) == 2 and table.name in ("memory", "memory_link"):
-                assert found[1] == [], (column, value)

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from gvla2.errors import MemoryStoreError
+from gvla2.memory.events import SCHEMA_VERSION
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.writing import Put
+from gvla2.memory.store import Store
+from gvla2.memory.writing import Put
 from tests.memory.looking import look
 
 NOW = 1.8e9
@@ -57,7 +58,7 @@ def spoil(path: Path, how: str, make: Make) -> None:
         ("garbage", "not a database"),
         ("foreign", "another program"),
         ("newer", "schema 99"),
-        ("older", "schema 3 of an earlier gvla2.*memory export.*memory import"),
+        ("older", "schema 3 of an earlier gvla2.*open it with the gvla2 that wrote it"),
         ("stateless", "damaged"),
         ("torn", "corrupt|malformed"),
         ("rotten", "corrupt|malformed"),
@@ -124,7 +125,9 @@ def test_an_empty_file_and_a_missing_folder_become_a_bank(tmp_path: Path) -> Non
     Store.open(f"sqlite:///{empty}").close()
     with closing(sqlite3.connect(empty)) as connection:
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
-        assert connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone() == ("4",)
+        assert connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone() == (
+            str(SCHEMA_VERSION),
+        )
 
 
 def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_path: Path) -> None:
@@ -168,11 +171,6 @@ def test_a_damaged_row_is_named_and_holds_up_nothing(
         assert [c.record.id for c in look(store, "b").changes(0)] == ["0", "2"]
         assert [str(p) for p in look(store, "b").verify() if str(p).startswith(found)]
         assert len(look(store, "b").verify()) == 1
-        assert [r.id for r in look(store, "b").rebuilt().records] == [
-            "0",
-            "1",
-            "2",
-        ]  # the events have it still
         with store.writing("b", actor="a", now=NOW) as t:
             assert t.get("1") is None
             again = t.put(record("1", content="said again"), action="add")
@@ -206,7 +204,7 @@ def test_a_vector_of_no_record_is_named(
 ) -> None:
     with Store.open(sqlite_url) as store:
         with store.writing("b", actor="a", now=NOW) as t:
-            t.put(record("1"), vector, model="m", action="add")
+            t.put(record("1"), "add", vector=vector, model="m")
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             other.execute("INSERT INTO memory_vector VALUES ('b', 'nobody', 'm', 1, X'0000803f')")
         assert [str(p) for p in look(store, "b").verify()] == ["vector nobody: it belongs to no record."]

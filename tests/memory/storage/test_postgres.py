@@ -9,7 +9,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from tests.memory.looking import look
 
 NOW = 1.8e9

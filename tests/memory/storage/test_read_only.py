@@ -10,7 +10,7 @@ from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store
+from gvla2.memory.store import Store
 from tests.memory.looking import look
 
 NOW = 1.8e9

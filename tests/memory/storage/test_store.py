@@ -10,13 +10,11 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.contracts import MemoryTask, Verdict
+from gvla2.memory.events import EVENT, EVENT_COLUMNS, RECORD, StoredEpisode
 from gvla2.memory.records import COLUMNS, Record
-from gvla2.memory.storage.events import EVENT_COLUMNS, StoredEpisode
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.tables import EVENT, RECORD
-from gvla2.memory.storage.writing import Put, StaleRecordError
+from gvla2.memory.store import Store
+from gvla2.memory.writing import Put, StaleRecordError
 from tests.memory.looking import look
-from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 Make = Callable[..., Record]
@@ -26,8 +24,6 @@ def test_minus_zero_is_zero(store: Store, record: Make, put: Make) -> None:
     stored = put(record(created=-0.0, quality=0))
     assert str(stored.created) == "0.0"
     assert look(store, "b").verify() == []
-    stored, rebuilt = stored_and_rebuilt(store)
-    assert stored == rebuilt
 
 
 def test_the_tables_are_the_records_column_for_column() -> None:
@@ -69,7 +65,7 @@ def test_a_transaction_is_whole_or_nothing_and_has_one_rev(store: Store, record:
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("1"), action="add")
         t.put_many([Put(record(str(i)), "add") for i in range(2, 5)])
-        t.link_many({("1", "conflict", "2"): "they differ"})
+        t.link("1", "conflict", "2", "they differ")
         again = t.get("1")
         t.put(replace(again, count=5), action="merge")
     assert {r.rev for r in look(store, "b").records()} == {1}
@@ -101,29 +97,12 @@ def test_a_refused_put_leaves_its_transaction_usable(store: Store, record: Make)
     assert look(store, "b").verify() == []
 
 
-def test_one_batch_may_change_a_record_twice(store: Store, record: Make, vector: np.ndarray) -> None:
-    first = record("1")
-    with store.writing("b", actor="a", now=NOW) as t:
-        stored = t.put_many(
-            [
-                Put(first, "add", vector, "m"),
-                Put(replace(first, version=1, count=2), "merge"),
-                Put(replace(first, version=2, count=3), "merge"),
-            ]
-        )
-    assert [r.version for r in stored] == [1, 2, 3]
-    assert look(store, "b").records() == [stored[-1]]
-    np.testing.assert_array_equal(look(store, "b").changes(0)[0].vector, vector)
-    assert [e.action for e in look(store, "b").history("1")] == ["add", "merge", "merge"]
-    assert look(store, "b").verify() == []
-
-
 def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make) -> None:
     put(record("1", dedup_key="k"))
     with pytest.raises(MemoryStoreError, match="dedup_key"):
         put(record("2", dedup_key="k"))
     with pytest.raises(MemoryStoreError, match="dedup_key"), store.writing("b", actor="a", now=NOW) as t:
-        t.put_many([Put(record("3", dedup_key="j"), "add"), Put(record("4", dedup_key="j"), "add")])
+        t.put_many([Put(record(id, dedup_key="j"), "add") for id in "34"])
 
 
 def test_what_failed_midway_is_not_committed_whoever_catches_it(store: Store, record: Make) -> None:
@@ -158,8 +137,8 @@ def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: M
         put(record(id))
     rev = store.rev("b")
     with store.writing("b", actor="a", now=NOW) as t:
-        assert t.link_many({("1", "conflict", "2"): ""})
-        assert not t.link_many({("1", "conflict", "2"): ""})
+        for _ in range(2):  # once is enough
+            t.link("1", "conflict", "2")
     changes = look(store, "b").changes(rev)
     assert [c.record.id for c in changes] == ["1", "2"]
     assert [c.conflicts for c in changes] == [1, 1]
@@ -168,9 +147,9 @@ def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: M
     assert (link.source, link.kind, link.target, link.at) == ("1", "conflict", "2", NOW)
     with store.writing("b", actor="a", now=NOW) as t:
         with pytest.raises(MemoryStoreError, match="Cannot link"):
-            t.link_many({("1", "conflict", "nobody"): ""})
+            t.link("1", "conflict", "nobody")
         with pytest.raises(MemoryStoreError, match="two different records"):
-            t.link_many({("1", "conflict", "1"): ""})
+            t.link("1", "conflict", "1")
     assert look(store, "b").verify() == []
 
 
@@ -187,7 +166,6 @@ def test_text_of_any_kind_is_kept_or_cleaned(store: Store, record: Make, put: Ma
         put(record(str(i), content=text, note=text[:50]))
     assert [r.content for r in look(store, "b").records()] == [*texts[:3], "ab", "lone ? half", "\\u0000"]
     assert look(store, "b").verify() == []
-    assert look(store, "b").rebuilt().records == tuple(look(store, "b").records())
 
 
 @pytest.mark.parametrize(
@@ -226,7 +204,7 @@ def test_vectors_are_finite(store: Store, record: Make, put: Make, vector: np.nd
         with pytest.raises(MemoryStoreError, match=said):
             put(record("2"), wrong)
     with store.writing("b", actor="a", now=NOW) as t:
-        t.put(record("2"), np.ones(8), model="another", action="add")
+        t.put(record("2"), "add", vector=np.ones(8), model="another")
     assert [c.model for c in look(store, "b").changes(0)] == ["m", "another"]
     assert look(store, "b").verify() == []
 
@@ -240,8 +218,8 @@ def test_a_vector_goes_with_the_text_it_was_made_of(
     third = put(replace(second, content="something else"))
     assert look(store, "b").changes(0)[0].vector is None
     with store.writing("b", actor="index", now=0.0) as t:
-        assert t.save_vectors("m", [(second, vector)]) == 0  # made of a text that is no more
-        assert t.save_vectors("m2", [(third, np.ones(4)), (record("gone"), np.ones(4))]) == 1
+        t.save_vectors("m", [(second, vector)])  # made of a text that is no more
+        t.save_vectors("m2", [(third, np.ones(4)), (record("gone"), np.ones(4))])
     (change,) = look(store, "b").changes(0)
     assert (change.model, change.record) == ("m2", third)
     assert look(store, "b").verify() == []
@@ -293,7 +271,7 @@ def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarr
     put(record("2", state="archive"))
     put(record("x", bank="c"))
     with store.writing("b", actor="a", now=NOW) as t:
-        t.link_many({("1", "replaces", "2"): ""})
+        t.link("1", "conflict", "2")
         t.save_episodes([EPISODE])
     assert store.banks() == ["b", "c"]
     stats = store.stats("b")
@@ -350,12 +328,3 @@ def test_the_names_of_the_stores_own_events_are_reserved(store: Store, record: M
             with pytest.raises(MemoryStoreError, match="another one"):
                 t.decide(name)
     assert look(store, "b").events() == []
-
-
-def test_a_link_made_twice_in_one_transaction_is_one(store: Store, record: Make) -> None:
-    with store.writing("b", actor="t", now=1.0) as tx:
-        for id in ("1", "2"):
-            tx.put(record(id), action="add")
-        for _ in range(2):
-            tx.link_many({("1", "conflict", "2"): ""})
-    assert len(look(store, "b").links()) == 1

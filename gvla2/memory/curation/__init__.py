@@ -1,1 +1,0 @@
-"""What a bank learns and keeps: admission, consolidation, governance, replay."""

@@ -1,1 +1,0 @@
-"""A bank in RAM, which follows its store: columns, postings, vectors."""

@@ -1,1 +1,0 @@
-"""The meaning of lessons: words, numbers, opposites, sentences, contradictions."""

@@ -1,0 +1,139 @@
+"""Options of a bank and of its retrievers, as plain data that a component's configuration may inherit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from gvla2.errors import ConfigurationError
+
+
+@dataclass
+class BankOptions:
+    """What a bank admits, shows and keeps.
+
+    Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons are admitted
+    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summarised, or archived
+    for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures). ``retrieval`` is
+    "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
+    without binding force; ``frozen`` stops learning while recall goes on.
+
+    Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
+    records.
+
+    Consolidation compares a lesson with the ``rivals`` nearest records above a cosine of ``match``. Governance retires
+    unused failures after ``retire_days``; ``summary_size`` successes in words that differ in their numbers only become
+    one summary. Replay looks at records with a confidence below ``replay_confidence``, at most ``replay_per_episode``
+    episodes after each that is learnt (0: only on demand).
+    """
+
+    admission: bool = True
+    replay: bool = True
+    governance: bool = True
+    failures: bool = True
+    retrieval: str = "full"
+    show_provisional: bool = False
+    frozen: bool = False
+    max_chars: int = 2400
+    max_per_episode: int = 16
+    active_budget: int = 10_000
+    provisional_budget: int = 2_000
+    rivals: int = 16
+    match: float = 0.35
+    retire_days: float = 14.0
+    summary_size: int = 3
+    replay_confidence: float = 0.4
+    replay_per_episode: int = 1
+
+    def check(self, where: str = "BankOptions") -> None:
+        """Raises :class:`~gvla2.errors.ConfigurationError` for invalid values; ``where`` they were given."""
+        if self.retrieval not in ("full", "semantic"):
+            raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if isinstance(value, str | bool):
+                continue
+            if not math.isfinite(value) or value < 0:
+                raise ConfigurationError(f"{where}.{option.name} is {value}; it must not be negative.")
+            if option.name in ("match", "replay_confidence") and value > 1:
+                raise ConfigurationError(f"{where}.{option.name} is {value}; it must lie in [0, 1].")
+
+
+@dataclass
+class ScoreWeights:
+    """The constants of S, as the paper's authors released them; ``applicability`` and ``program`` are ours.
+
+    Bonuses by the record's outcome: ``verified`` also applies to a constraint that a verified failure supports (the
+    released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
+    anything else that failed; ``unjudged`` if the verifier was unavailable. ``recency`` is lost at one unit in
+    ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a year.
+    ``applicability`` is gained in the same scene that a record comes from, and lost in a quite different one;
+    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left. ``program`` is
+    gained by a program whose roles the task's objects can fill, and lost by one of which they can fill none.
+    """
+
+    verified: float = 0.30
+    unjudged: float = 0.05
+    uncertain: float = -0.25
+    failed: float = -0.10
+    recency: float = 0.25
+    recency_days: float = 90.0
+    usage_divisor: float = 8.0
+    usage_most: float = 0.20
+    conflict: float = 0.15
+    conflict_most: float = 0.45
+    stale_failure: float = 0.25
+    stale_days: float = 14.0
+    ageing: float = 0.20
+    applicability: float = 0.25
+    signature_scale: float = 0.5
+    program: float = 0.25
+
+
+@dataclass(kw_only=True)
+class HybridOptions:
+    """Options of :class:`gvla2.memory.retrieval.HybridRetriever`.
+
+    Text relevance is ``lexical_weight`` x the share of the query's information in a record's words + ``cosine_weight``
+    x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and besides at most
+    ``top_k_constraints`` constraints and ``programs`` programs of each language, so that none crowds out another.
+
+    A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
+    that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
+    constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
+    own (tests/benchmarks/memory/data: calibration, and the first examiner); they suit both static and MiniLM.
+
+    A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
+    differ by ``max_difference`` of the larger one.
+
+    Records that share ``same_words`` of the words of both say the same and count once, unless they are about
+    different parameters, or are different programs.
+    """
+
+    lexical_weight: float = 0.6
+    cosine_weight: float = 0.4
+    top_k: int = 3
+    top_k_constraints: int = 3
+    programs: int = 2
+    words_count: float = 0.15
+    min_evidence: float = 0.32
+    min_words: float = 0.6
+    min_score: float = 1.2
+    max_difference: float = 0.5
+    essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])
+    same_words: float = 0.8
+    weights: ScoreWeights = field(default_factory=ScoreWeights)
+
+    def check(self) -> None:
+        """Raises :class:`~gvla2.errors.ConfigurationError` for weights that make S divide by zero."""
+        for name in ("recency_days", "usage_divisor", "signature_scale"):
+            if getattr(self.weights, name) == 0:
+                why = "is 0, and S divides by it: give a positive one"
+                raise ConfigurationError(f"The weight '{name}' of the retriever {why}.")
+
+
+@dataclass(kw_only=True)
+class SemanticOptions:
+    """Options of :class:`gvla2.memory.retrieval.SemanticRetriever`: the most it returns."""
+
+    top_k: int = 3

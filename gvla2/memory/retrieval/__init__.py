@@ -1,1 +1,0 @@
-"""Retrieval for a task: scoring, ranking, abstention, rendering."""

@@ -1,1 +1,0 @@
-"""The bank on disk: records, links, episodes and a hash-chained history, in SQLite or PostgreSQL."""

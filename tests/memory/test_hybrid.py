@@ -1,0 +1,346 @@
+"""The retriever against a plain reference of the same formula, and what it refuses to do."""
+
+import math
+import random
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from corpus import lessons, tasks
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.errors import ConfigurationError
+from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import Candidates, RecordRows
+from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
+from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
+from gvla2.memory.text import questions, terms
+from gvla2.testing.memory import candidates
+
+EMBEDDER = StaticEmbedder()
+NOW = 1.8e9
+
+
+def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) -> float | None:
+    """Of two scenes: mean relative difference, 0 (alike) to 2; None when they share no numbers."""
+    shared = [
+        (float(first[name]), float(second[name]))
+        for name in sorted(first.keys() & second.keys())
+        if math.isfinite(first[name]) and math.isfinite(second[name])
+    ]
+    if not shared:
+        return None
+    return sum(abs(a - b) / max(abs(a), abs(b), 1e-9) for a, b in shared) / len(shared)
+
+
+def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> list[tuple[int, float]]:
+    """All reliable rows with S, best first, one row and one word at a time; no row counts as said twice."""
+    count = len(bank)
+    records = [bank.record(i) for i in range(count)]
+    texts = [terms(record.text) for record in records]
+
+    def share(asked: frozenset[str], text: frozenset[str]) -> float:
+        idf = {}
+        for word in asked:
+            holders = sum(word in other for other in texts)
+            idf[word] = math.log(1 + (count + 10 - holders + 0.5) / (holders + 0.5))
+        return sum(idf[word] for word in asked & text) / sum(idf.values())
+
+    vector = EMBEDDER.embed([task.query])[0]
+    found = []
+    for i, record in enumerate(records):
+        lexical = max(share(asked, texts[i]) for asked in questions(task.query))
+        cosine = min(max(float(EMBEDDER.embed([record.text])[0] @ vector), 0.0), 1.0)
+        known = record.signature_json()
+        if task.skill and record.skill and record.skill != task.skill:
+            continue
+        if cosine + options.words_count * lexical < options.min_evidence and lexical < options.min_words:
+            continue
+        if any(
+            (signature_distance({n: task.signature[n]}, {n: known[n]}) or 0.0) > options.max_difference
+            for n in options.essential
+            if n in task.signature and n in known
+        ):
+            continue
+        found.append((i, options.lexical_weight * lexical + options.cosine_weight * cosine))
+    best = max((relevance for _, relevance in found), default=1.0)
+    scored = [(i, relevance / best + prior(task, bank, i, options.weights)) for i, relevance in found]
+    return sorted(
+        (entry for entry in scored if entry[1] >= options.min_score),
+        key=lambda e: (-e[1], bank.record(e[0]).id),
+    )
+
+
+def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> float:
+    """S of a record without its relevance."""
+    record, age, usage = bank.record(i), float(bank.ages[i]), int(bank.usage[i])
+    avoidance = record.type == "failure_avoidance"
+    used = min(math.log1p(usage) / weights.usage_divisor, weights.usage_most)
+    success = {
+        "verified_success": weights.verified,
+        "verified_fail": weights.verified if avoidance else weights.failed,
+        "uncertain": weights.uncertain,
+        "unavailable": weights.unjudged,
+    }[record.outcome]
+    stale = max(0.0, min(age / 365, weights.ageing) - used / 2)
+    if avoidance and age > weights.stale_days and usage == 0:
+        stale = weights.stale_failure
+    distance = signature_distance(task.signature, record.signature_json())
+    fit = 0.0 if distance is None else 2 * math.exp(-distance / weights.signature_scale) - 1
+    return (
+        record.confidence
+        + success
+        + max(0.0, weights.recency - min(age / weights.recency_days, weights.recency))
+        + used
+        - min(weights.conflict * int(bank.conflicts[i]), weights.conflict_most)
+        - stale
+        + weights.applicability * fit
+    )
+
+
+def corpus(size: int, seed: int) -> Candidates:
+    records = lessons(size, seed, now=NOW)
+    vectors = EMBEDDER.embed([r.text for r in records])
+    rows = RecordRows(256)
+    dice = random.Random(seed)
+    rows.put([(r, v, int(dice.random() < 0.2)) for r, v in zip(records, vectors, strict=True)])
+    return Candidates(rows, ("active", "summary"), NOW)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_ranking_is_that_of_the_plain_formula(seed: int) -> None:
+    bank = corpus(250, seed)
+    # No row is like another here, so that all of the order shows.
+    options = HybridOptions(top_k=500, top_k_constraints=500, same_words=2.0, min_score=0.5)
+    retriever = HybridRetriever(options)
+    for task in tasks(8, seed + 10):
+        expected = reference(task, bank, options)
+        ranked, reason = retriever.rank(task, bank, EMBEDDER.embed([task.query])[0])
+        assert [r.row for r in ranked] == [row for row, _ in expected]
+        np.testing.assert_allclose([r.score for r in ranked], [s for _, s in expected], atol=2e-6)
+        assert bool(reason) != bool(expected)
+        for r in ranked:
+            assert r.score == pytest.approx(sum(r.terms.values()))
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [
+        ScoreWeights(applicability=-0.4, usage_most=0.6, recency=0.0),
+        ScoreWeights(conflict=-0.2, stale_failure=-0.3),
+        ScoreWeights(applicability=2.0, signature_scale=0.05, recency_days=3.0, stale_days=1.0),
+    ],
+)
+def test_the_best_are_found_under_any_weights(weights: ScoreWeights) -> None:
+    bank = corpus(300, 6)
+    options = HybridOptions(
+        weights=weights, same_words=2.0, min_score=-9.0, min_evidence=0.0, top_k_constraints=0
+    )
+    for task in tasks(4, 21):
+        expected = [row for row, _ in reference(task, bank, options) if bank.types[row] != 1][:3]
+        assert TYPES[1] == "failure_avoidance"
+        ranked, _ = HybridRetriever(options).rank(task, bank, EMBEDDER.embed([task.query])[0])
+        assert [r.row for r in ranked] == expected
+
+
+@pytest.mark.parametrize("name", ["recency_days", "usage_divisor", "signature_scale"])
+def test_a_weight_that_would_divide_by_zero_is_refused(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=name):
+        HybridRetriever(HybridOptions(weights=ScoreWeights(**{name: 0.0})))
+
+
+def test_the_few_places_hold_the_best_of_a_large_bank() -> None:
+    bank = corpus(500, 9)
+    everything = HybridRetriever(
+        HybridOptions(top_k=500, top_k_constraints=500, min_score=0.0, same_words=2.0)
+    )
+    few = HybridRetriever(HybridOptions(min_score=0.0, same_words=2.0))
+    for task in tasks(5, 5):
+        vector = EMBEDDER.embed([task.query])[0]
+        ordered, short = everything.rank(task, bank, vector)[0], few.rank(task, bank, vector)[0]
+        constraints = [r for r in ordered if TYPES[bank.types[r.row]] == "failure_avoidance"][:3]
+        hints = [r for r in ordered if TYPES[bank.types[r.row]] != "failure_avoidance"][:3]
+        kept = {r.row for r in constraints + hints}
+        assert [r.row for r in short] == [r.row for r in ordered if r.row in kept]
+
+
+def rank(query: str, bank: Candidates, skill: str = "", **options: Any) -> tuple[list[Ranked], str]:
+    retriever = HybridRetriever(HybridOptions(**options))
+    ranked, reason = retriever.rank(MemoryTask(query, skill=skill), bank, EMBEDDER.embed([query])[0])
+    return list(ranked), reason
+
+
+TEXTS = ("lift the red cube", "push the blue block to the goal", "press the lamp button")
+
+
+@pytest.mark.parametrize(
+    ("query", "row"), [("raise the red cube", 0), ("push the block", 1), ("the lamp's button", 2)]
+)
+def test_the_right_record_comes_first(query: str, row: int) -> None:
+    ranked, reason = rank(query, candidates(TEXTS))
+    assert ranked[0].row == row
+    assert reason == ""
+
+
+def test_nothing_relevant_says_what_was_nearest() -> None:
+    ranked, reason = rank("bake a chocolate cake", candidates(TEXTS))
+    assert ranked == []
+    assert "about this" in reason
+    assert rank("the of and", candidates(TEXTS)) == ([], "The query has no word to search by.")
+    assert rank("lift", candidates([])) == ([], "The bank is empty.")
+
+
+def test_relevant_and_unreliable_says_so() -> None:
+    bank = candidates(TEXTS, confidence=[0.0] * 3, ages=[60.0] * 3)
+    ranked, reason = rank("press the lamp button", bank)
+    assert ranked == []
+    assert "reliable" in reason
+    assert rank("press the lamp button", bank, min_score=0.5)[0]
+
+
+def test_better_evidence_wins_among_equal_words() -> None:
+    texts = ["lift the cube now", "lift the cube here", "lift the cube twice"]
+    bank = candidates(texts, confidence=[0.9, 0.9, 0.2], usage=[0, 30, 0], conflicts=[2, 0, 0])
+    assert [r.row for r in rank("lift the cube", bank, min_score=0.0, same_words=2.0)[0]] == [1, 0, 2]
+
+
+def test_ties_are_settled_by_id_and_top_k_cuts() -> None:
+    # Equal in every term, different in what they say about which parameter.
+    effects = [{"kind": "prior", "parameter": f"p{i}"} for i in range(6)]
+    bank = candidates(["lift the cube"] * 6, effects=effects)
+    assert [r.row for r in rank("lift the cube", bank)[0]] == [0, 1, 2]
+    assert len(rank("lift the cube", bank, top_k=5)[0]) == 5
+
+
+def test_a_hint_does_not_crowd_out_a_constraint() -> None:
+    texts = [f"lift the cube {word}" for word in ("gently", "quickly", "upwards", "sideways", "alone")]
+    types = ["procedural_hint"] * 4 + ["failure_avoidance"]
+    bank = candidates(texts, types=types, confidence=[0.95] * 4 + [0.6])
+    assert [r.row for r in rank("lift the cube", bank)[0]][-1] == 4
+
+
+def test_skills_narrow_where_both_are_known() -> None:
+    bank = candidates(["lift it high", "lift it low", "lift it slowly"], skills=["pick", "place", ""])
+    assert {r.row for r in rank("lift it", bank, skill="pick")[0]} == {0, 2}
+    assert len(rank("lift it", bank)[0]) == 3
+    assert "push" in rank("lift it", candidates(["lift it"], skills=["pick"]), skill="push")[1]
+
+
+def test_records_without_a_vector_still_count_by_their_words() -> None:
+    vectors = EMBEDDER.embed(["lift the cube", "lift the cube again"])
+    vectors[0] = 0
+    bank = candidates(["lift the cube", "lift the cube again"], vectors=vectors)
+    assert {r.row for r in rank("lift the cube", bank)[0]} == {0, 1}
+
+
+def test_a_record_from_another_geometry_does_not_apply() -> None:
+    flat = {"theme_height": 0.02, "theme_length": 0.05, "objects": 1.0}
+    bank = candidates(
+        ["lift the cube", "raise the cube"], signatures=[flat, {"theme_height": 0.05, "objects": 9.0}]
+    )
+    task = MemoryTask("lift the cube", {"theme_height": 0.055, "theme_length": 0.05, "objects": 1.0})
+    vector = EMBEDDER.embed(["lift the cube"])[0]
+    assert [r.row for r in HybridRetriever().rank(task, bank, vector)[0]] == [1]
+    alone = candidates(["lift the cube"], signatures=[flat])
+    ranked, reason = HybridRetriever().rank(task, alone, vector)
+    assert not ranked
+    assert "a different geometry" in reason
+
+
+def test_copies_of_a_query_take_one_place() -> None:
+    query = "Pick up the red cube and lift it above the tray"
+    copies = [f"{query}{mark}" for mark in ("", ".", "!", "?", "...", " !", "\t-", ";", ",", " ~")]
+    honest = [
+        "grasp the red cube deep before lifting",
+        "approach the cube from above",
+        "lift it slowly near the tray",
+    ]
+    bank = candidates([*copies, *honest], confidence=[1.0] * 10 + [0.8] * 3)
+    ranked, _ = rank(query, bank, top_k=8)
+    rows = [r.row for r in ranked]
+    assert sum(row < 10 for row in rows) == 1
+    assert {10, 11, 12} & set(rows)
+
+
+def test_lessons_about_different_parameters_are_not_the_same() -> None:
+    effects = [{"kind": "prior", "parameter": "grasp_depth"}, {"kind": "prior", "parameter": "lift_height"}]
+    bank = candidates(["lift the cube: this succeeded"] * 2, effects=effects)
+    assert len(rank("lift the cube", bank)[0]) == 2
+    assert len(rank("lift the cube", candidates(["lift the cube: this succeeded"] * 2))[0]) == 1
+
+
+@given(st.text(max_size=80))
+@settings(max_examples=60, deadline=None)
+def test_any_query_is_answered(query: str) -> None:
+    ranked, reason = rank(query, candidates(TEXTS))
+    assert bool(ranked) != bool(reason)
+
+
+def test_a_query_of_a_megabyte_is_bounded() -> None:
+    ranked, _ = rank("lift the red cube \x00\x1b " * 50_000, candidates(TEXTS))
+    assert ranked[0].row == 0
+
+
+def test_semantic_is_cosine_alone() -> None:
+    bank = corpus(500, 2)
+    table = EMBEDDER.embed([bank.record(i).text for i in range(500)])
+    for task in tasks(5, 8):
+        vector = EMBEDDER.embed([task.query])[0]
+        ranked, _ = SemanticRetriever(SemanticOptions(top_k=7)).rank(task, bank, vector)
+        expected = np.argsort(-(table @ vector), kind="stable")[:7]
+        assert {r.row for r in ranked} == set(expected.tolist())
+        assert [r.score for r in ranked] == sorted((r.score for r in ranked), reverse=True)
+    assert SemanticRetriever().rank(MemoryTask(""), bank, np.zeros(256, np.float32))[1]
+    assert SemanticRetriever().rank(MemoryTask("x"), candidates([]), vector)[1]
+
+
+PROGRAM = {"kind": "program", "skill": "stack", "language": "calls", "steps": [], "roles": {}}
+
+
+def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
+    effects = [
+        {**PROGRAM, "roles": {"theme": "bottle cylinder", "goal": "tray flat"}},
+        {**PROGRAM, "roles": {"theme": "cube box", "goal": "cup cylinder"}},
+        None,
+    ]
+    bank = candidates(["stack one on the other"] * 3, effects=effects)
+    vector = EMBEDDER.embed(["stack one on the other"])[0]
+    task = MemoryTask("stack one on the other", objects=("red cube box", "blue cup cylinder"))
+    ranked, _ = HybridRetriever().rank(task, bank, vector)
+    assert [r.row for r in ranked] == [1, 2, 0]
+    assert [r.terms["program"] for r in ranked] == pytest.approx([0.25, 0.0, -0.125])
+    told_nothing, _ = HybridRetriever().rank(MemoryTask(task.query), bank, vector)
+    assert {r.terms["program"] for r in told_nothing} == {0.0}
+
+
+def test_programs_have_places_of_their_own_by_language() -> None:
+    acts = ("push", "lift", "turn", "slide")
+    effects = [
+        {**PROGRAM, "language": language, "steps": [act]}
+        for act in acts
+        for language in ("calls", "waypoints")
+    ]
+    words = [f"stack the cubes {word}" for word in ("slowly", "by the edge", "one by one", "from the left")]
+    bank = candidates(
+        ["stack the cubes"] * 8 + words,
+        effects=[*effects, None, None, None, None],
+        confidence=[1.0] * 8 + [0.9] * 4,
+    )
+    rows = [r.row for r in rank("stack the cubes", bank)[0]]
+    assert sorted(row % 2 for row in rows if row < 8) == [0, 0, 1, 1]
+    assert sum(row >= 8 for row in rows) == 3
+    assert not any(r.row < 8 for r in rank("stack the cubes", bank, programs=0)[0])
+    odd = [{**PROGRAM, "language": f"tongue {i}"} for i in range(40)]
+    assert len(rank("stack the cubes", candidates(["stack the cubes"] * 40, effects=odd))[0]) == 4
+
+
+def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) -> None:
+    bank = open_bank()
+    lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
+    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug", trusted=True)
+    told = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
+    assert bank.recall(told.format("Glue the handle onto the mug.")).items
+    assert not bank.recall(told.format("Water the plants in the hall.")).items

@@ -1,0 +1,148 @@
+"""Verifying again: promotion, demotion, and verifiers that cannot judge."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from tests.memory.looking import look
+
+Open = Callable[..., Any]
+AVOID = Lesson("failure_avoidance", "Never pull the drawer by its label.")
+HINT = Lesson("procedural_hint", "Pull the drawer by its handle.")
+PULLED = Lesson(HINT.type, HINT.content, {"kind": "prior", "parameter": "pull", "value": 0.3})
+NEVER = Lesson("failure_avoidance", "Never pull the drawer.", {"kind": "forbid", "parameter": "pull"})
+
+
+class Judge:
+    """Says what it is told to, and remembers what it was shown."""
+
+    def __init__(self, *verdicts: Verdict) -> None:
+        self.verdicts, self.seen = list(verdicts), []  # type: ignore[var-annotated]
+
+    def verify(self, evidence: Evidence) -> Verdict:
+        self.seen.append(evidence)
+        return self.verdicts[min(len(self.seen), len(self.verdicts)) - 1]
+
+
+def learnt(source: str = "run/1", *lessons: Lesson) -> MemoryEpisode:
+    return MemoryEpisode(
+        MemoryTask("Open the drawer"),
+        lessons or (HINT,),
+        transcript="- pulled the handle\n- the drawer opened",
+        source=source,
+        facts={"exit_status": 0},
+    )
+
+
+def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    judge = Judge(verdicts["success"])
+    replayed = bank.replay(judge)
+    assert replayed.promoted == [id]
+    assert judge.seen[0].facts == {"exit_status": 0}
+    assert "handle" in judge.seen[0].transcript
+    (record,) = bank.records(["active"])
+    assert (record.outcome, record.confidence) == ("verified_success", verdicts["success"].confidence)
+    assert [e.action for e in look(bank.store, bank.bank).history(id)] == ["PROVISIONAL", "PROMOTE"]
+    assert bank.recall("open the drawer by its handle").items
+    assert bank.verify() == []
+
+
+def test_a_recipe_of_an_episode_that_failed_after_all_is_archived(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    assert bank.replay(Judge(verdicts["fail"])).demoted == [id]
+    assert [r.state for r in bank.records()] == ["archive"]
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any, raises: bool) -> None:
+    class Broken:
+        def verify(self, evidence: Evidence) -> Verdict:
+            if raises:
+                raise MemoryStoreError("no network")
+            return verdicts["unavailable"]
+
+    bank = open_bank()
+    bank.learn(learnt(), verdicts["uncertain"])
+    before, events = bank.records(), bank.stats()["events"]
+    replayed = bank.replay(Broken())
+    assert (replayed.episodes, replayed.unavailable) == (1, 1)
+    assert "no network" in replayed.notes[0]
+    assert bank.records() == before
+    assert bank.stats()["events"] == events
+
+
+def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    bank.learn(learnt("run/1", PULLED), verdicts["success"])
+    bank.learn(learnt("run/2", NEVER), verdicts["fail"])
+    assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
+    replayed = bank.replay(Judge(verdicts["fail"]))
+    assert replayed.episodes == 2
+    assert len(replayed.demoted) == 1
+    states = {r.type: r.state for r in bank.records()}
+    assert states == {"procedural_hint": "archive", "failure_avoidance": "active"}
+
+
+def test_sure_records_are_left_alone(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    bank.learn(learnt(), verdicts["success"])
+    judge = Judge(verdicts["fail"])
+    assert bank.replay(judge).episodes == 0
+    assert judge.seen == []
+
+
+def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i in range(9):
+        bank.learn(learnt(f"run/{i}", PULLED), verdicts["success"])
+    bank.learn(learnt("other", NEVER), verdicts["fail"])
+    replayed = bank.replay(Judge(verdicts["fail"]), limit=2)
+    assert replayed.episodes == 2
+    assert replayed.demoted == []
+    (hint,) = [r for r in bank.records(["active"]) if r.type == "procedural_hint"]
+    assert 0.4 <= hint.confidence < 0.85
+
+
+def test_a_verifier_that_is_fooled_promotes_nothing_from_outside(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    bank.admit("Open the gripper wide above the shelf.", verdicts["success"], task="stow it", source="web")
+    for _ in range(10):
+        bank.replay(Judge(verdicts["success"]))
+    (record,) = bank.records()
+    assert (record.state, record.trust) == ("provisional", "foreign")
+
+
+def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: Any) -> None:
+    judge = Judge(verdicts["success"])
+    bank = open_bank(verifier=judge)
+    bank.learn(learnt("run/1"), verdicts["uncertain"])
+    assert judge.seen == []  # its own episode has just been judged
+    bank.learn(MemoryEpisode(MemoryTask("Water the fern"), (AVOID,), source="run/2"), verdicts["fail"])
+    assert len(judge.seen) == 1
+    assert {r.state for r in bank.records()} == {"active"}
+
+
+def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
+    judge = Judge(verdicts["success"])
+    bank = open_bank(verifier=judge, replay=False)
+    bank.learn(learnt("run/1"), verdicts["uncertain"])
+    bank.learn(learnt("run/2", AVOID), verdicts["fail"])
+    assert bank.replay().notes == ["Replay is switched off."]
+    assert judge.seen == []
+    assert open_bank().replay().notes
+
+
+def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    assert bank.forget(id)
+    assert not bank.forget(id)
+    judge = Judge(verdicts["success"])
+    assert bank.replay(judge).episodes == 0
+    assert bank.records() == []

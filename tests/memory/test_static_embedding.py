@@ -1,0 +1,60 @@
+"""The default embedder: an average of token vectors, from files that are there or are named as missing."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.memory import embedding as module
+from gvla2.memory.embedding import StaticEmbedder
+from gvla2.testing import check_embedder
+
+
+def test_conformance() -> None:
+    check_embedder(StaticEmbedder())
+
+
+def test_golden_values() -> None:
+    """Stored vectors must mean the same on every machine and in every release."""
+    embedder = StaticEmbedder()
+    assert embedder.model == GOLDEN_MODEL
+    np.testing.assert_allclose(embedder.embed(["Pick up the red cube"])[0, :4], GOLDEN_VECTOR, atol=1e-5)
+
+
+GOLDEN_MODEL = "wordllama-l2-256-314a7133"
+GOLDEN_VECTOR = [0.039041, -0.015757, -0.076823, -0.045882]
+
+
+def test_synonyms_are_heard() -> None:
+    asked, near, far = StaticEmbedder().embed(["raise the cup", "lift the mug", "compile the linux kernel"])
+    assert asked @ near > (asked @ far) + 0.1
+
+
+def test_case_makes_no_difference() -> None:
+    first, second = StaticEmbedder().embed(["LIFT the Cup", "lift the cup"])
+    np.testing.assert_array_equal(first, second)
+
+
+def test_texts_without_tokens_give_zero_rows() -> None:
+    assert not StaticEmbedder().embed(["", "  \n"]).any()
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"cannot read its table.*pip install"):
+        StaticEmbedder(tmp_path)
+    monkeypatch.setattr(module, "PACKAGE", "surely_not_installed")
+    with pytest.raises(MissingDependencyError, match=r"pip install.*MIT"):
+        StaticEmbedder()
+
+
+def test_nothing_heavy_is_imported() -> None:
+    heavy = {"torch", "numba", "scipy", "wordllama", "requests", "huggingface_hub"}
+    program = (
+        "import sys; from gvla2.memory.embedding import StaticEmbedder as E; E().embed(['cup']);"
+        f"print({heavy} & set(sys.modules) or '')"
+    )
+    other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not other.stdout.strip()
