@@ -19,9 +19,8 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.language.endpoint import LanguageModel
-from gvla2.language.failures import LanguageModelError
-from gvla2.language.request import picture as picture_part
+from gvla2.language.contracts import LanguageModel, LanguageModelError
+from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.clusters import TOUCHING, Fused, MaskCandidate, iou, objects_of
 from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame

@@ -12,9 +12,7 @@ import numpy as np
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
-from gvla2.language.endpoint import LanguageModel
-from gvla2.language.failures import LanguageModelError
-from gvla2.language.request import picture
+from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 

@@ -9,7 +9,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.language.options import EndpointOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.perception.labels import Labeller
 
 
