@@ -25,7 +25,7 @@ from gvla2.component import hookspec
 if TYPE_CHECKING:
     from gvla2.agents.contracts import Agent
     from gvla2.component import Component
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
     from gvla2.plugins.kinds import Kind

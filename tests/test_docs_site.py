@@ -20,6 +20,7 @@ import gvla2
 from gvla2.commands.plugins import options
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import run_episodes
+from gvla2.evaluation.config import SUITES
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS, SLOTS
@@ -157,7 +158,11 @@ def _check_choices(registry: Registry, command: str, words: str) -> None:
             ).config
             assert option in {o.name for o in options(config)}, (command, words)
         elif group not in registry.groups:
-            assert group in {field.name for field in dataclasses.fields(PRIMARY[command])}, (command, words)
+            known = [PRIMARY[command], *(SUITES.values() if command == "bench" else ())]
+            assert group in {field.name for one in known for field in dataclasses.fields(one)}, (
+                command,
+                words,
+            )
 
 
 @pytest.mark.parametrize(

@@ -16,13 +16,12 @@ from gvla2.component import Component, ComponentConfig
 from gvla2.errors import GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
 from gvla2.evaluation.protocol import protocol_cameras
-from gvla2.geometry.gso_views import write_gso
+from gvla2.geometry.gaussians import read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
-from gvla2.geometry.plain_views import write_plain
-from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.view_folders import write_views
+from gvla2.geometry.view_formats import write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register

@@ -8,10 +8,10 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.primary import SCHEMAS
 from gvla2.commands.reconstruct import ReconstructConfig, read_inputs, spec_of
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Views
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
@@ -22,7 +22,7 @@ from gvla2.testing.inputs import views as table_views
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, PRIMARY)
+    register(registry, SCHEMAS)
 
 
 def composed(*overrides: str) -> ReconstructConfig:

@@ -97,7 +97,7 @@ class Agent(Protocol):
     ) -> AgentRun:
         """Work until done or out of steps or time; ``knowledge`` is what memory recalled, "" for nothing.
 
-        ``report`` is called with a line per step. Raises :class:`~gvla2.language.failures.LanguageModelError` if the
+        ``report`` is called with a line per step. Raises :class:`~gvla2.language.contracts.LanguageModelError` if the
         model cannot be asked: such a task is not counted.
         """
         ...

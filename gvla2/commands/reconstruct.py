@@ -203,7 +203,7 @@ def _sizes(made: Reconstruction) -> str:
 
 def _with_unused_prior(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
     """The stage's report; a warning where the chosen prior had nothing to say of any view."""
-    from gvla2.reconstruction.prior_fusion import NO_PRIOR
+    from gvla2.reconstruction.branch import NO_PRIOR
     from gvla2.record.text import listing
 
     if config.prior.name == "none" or stage.reason != NO_PRIOR:
@@ -242,8 +242,7 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
 
     Raises :class:`ConfigurationError` without a folder, :class:`GeometryError` for files that cannot be used.
     """
-    from gvla2.geometry.view_archive import ARCHIVE, subject_of
-    from gvla2.geometry.view_folders import read_views
+    from gvla2.geometry.view_folders import ARCHIVE, read_views, subject_of
 
     if not config.views:
         raise ConfigurationError(
@@ -310,9 +309,8 @@ def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | 
 
 def _gso_model(folder: Path) -> Path | None:
     """Where the numbered views lie when the folder is read as an object of a GSO-30 tree."""
-    from gvla2.geometry.gso_views import find_model_folder
-    from gvla2.geometry.plain_views import find_cameras
-    from gvla2.geometry.view_archive import ARCHIVE
+    from gvla2.geometry.view_folders import ARCHIVE
+    from gvla2.geometry.view_formats import find_cameras, find_model_folder
 
     other = find_cameras(folder) is not None or (folder / ARCHIVE).is_file()
     return None if other else find_model_folder(folder)

@@ -14,7 +14,7 @@ from gvla2.episode.failure_diagnosis import theme_of
 from gvla2.episode.lessons import handled_lengths
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.checks import check_trajectory

@@ -55,7 +55,7 @@ from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from gvla2.errors import (
     SimulationError,
 )
 from gvla2.geometry.views import Observation
-from gvla2.language.failures import ModelUnavailableError
-from gvla2.language.ledger import Tally
+from gvla2.language.contracts import ModelUnavailableError, Tally
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.contracts import AbstentionKind, Plan
 from gvla2.planning.findings import CheckReport

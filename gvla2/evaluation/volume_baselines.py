@@ -16,15 +16,14 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.carving import hull_field, surface_of
-from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Renderer
-from gvla2.reconstruction.evidence import camera_scale
+from gvla2.reconstruction.depth_evidence import camera_scale
 from gvla2.reconstruction.inset import inset, outward_normals
-from gvla2.reconstruction.mask_distance import silhouettes
 from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.zbuffer import depth_map
 
 ROUNDS = 4
 TRUNCATION = 6.0
@@ -127,7 +126,7 @@ def mesh_of(field: Field) -> TriangleMesh | None:
 
 def dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
     """A bare mesh with colours from the views and about ``count`` Gaussians on it, put as far inside as ours are."""
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     normals = outward_normals(mesh)
     depths = [depth_map(mesh, s.camera) for s in shown]
     tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())

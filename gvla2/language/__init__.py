@@ -1,4 +1,4 @@
-"""Language models at any OpenAI-compatible address: the ground floor for planners, verifiers and inducers.
+"""Language models at any OpenAI-compatible address: what planners, verifiers and inducers ask.
 
 A component that asks a model says ``needs=("language",)`` and gets the run's :class:`LanguageModel` (Hydra group
 ``language``). It asks for text by :meth:`LanguageModel.complete`, and for a typed answer by
@@ -15,18 +15,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gvla2.language.completion import Completion, Token, Usage
-    from gvla2.language.endpoint import Endpoint, LanguageModel, Server
-    from gvla2.language.failures import (
+    from gvla2.language.contracts import (
+        Completion,
+        LanguageModel,
         LanguageModelError,
+        Ledger,
         MalformedAnswerError,
+        Message,
         ModelRefusedError,
         ModelUnavailableError,
+        Request,
+        Server,
+        Tally,
+        Token,
         UnusableAnswerError,
+        Usage,
+        picture,
     )
-    from gvla2.language.ledger import Ledger, Tally
+    from gvla2.language.endpoint import Endpoint
     from gvla2.language.options import AskingOptions, EndpointOptions
-    from gvla2.language.request import Message, Request, picture
     from gvla2.language.typed import Answered, ask_typed, json_in
 
 __all__ = [
@@ -53,27 +60,15 @@ __all__ = [
     "picture",
 ]
 
-_HOMES = (
-    ("completion", "Completion", "Token", "Usage"),
-    ("endpoint", "Endpoint", "LanguageModel", "Server"),
-    (
-        "failures",
-        "LanguageModelError",
-        "MalformedAnswerError",
-        "ModelRefusedError",
-        "ModelUnavailableError",
-        "UnusableAnswerError",
-    ),
-    ("ledger", "Ledger", "Tally"),
-    ("options", "AskingOptions", "EndpointOptions"),
-    ("request", "Message", "Request", "picture"),
-    ("typed", "Answered", "ask_typed", "json_in"),
-)
+_ELSEWHERE = {
+    **dict.fromkeys(("AskingOptions", "EndpointOptions"), "options"),
+    **dict.fromkeys(("Answered", "ask_typed", "json_in"), "typed"),
+    "Endpoint": "endpoint",
+}
 
 
 def __getattr__(name: str) -> object:
     """Load a name's module when it is asked for: `gvla2 plugins` needs the options without the client code."""
-    for module, *names in _HOMES:
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ELSEWHERE.get(name, 'contracts')}"), name)

@@ -1,73 +1,54 @@
-"""One model at one server, asked from any thread."""
+"""One model at one OpenAI-compatible server, asked from any thread: over HTTP by ``openai``, kept by ``diskcache``."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import importlib
 import importlib.util
+import json
+import logging
+import sqlite3
 import threading
 import time
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
 
 from gvla2.errors import MissingDependencyError
-from gvla2.language.answers import AnswerCache, digest
-from gvla2.language.completion import Completion, read_completion
-from gvla2.language.failures import LanguageModelError, ModelRefusedError, ModelUnavailableError
-from gvla2.language.ledger import Ledger
+from gvla2.language.contracts import (
+    Completion,
+    LanguageModelError,
+    Ledger,
+    MalformedAnswerError,
+    ModelRefusedError,
+    ModelUnavailableError,
+    Request,
+    Server,
+)
 from gvla2.language.options import AskingOptions, EndpointOptions
-from gvla2.language.request import Request
-from gvla2.language.wire import ask, connect, only_model
+from gvla2.language.wire import read_completion, refusable, request_body
 
 if TYPE_CHECKING:
     import openai
 
 T = TypeVar("T")
+_log = logging.getLogger(__name__)
 _UNKNOWN, _BROKEN = (400, 422), 500
 """Statuses of servers that do not know an option, or whose template fails on a system role."""
+_BUSY = (408, 409, 429)
+"""Transient refusals, like every 5xx; the package retries them."""
 
-
-class LanguageModel(Protocol):
-    """The run's ``language`` as planners, verifiers and inducers see it."""
-
-    @property
-    def ledger(self) -> Ledger:
-        """The calls so far, by purpose."""
-        ...
-
-    def complete(self, request: Request, *, purpose: str) -> Completion:
-        """Ask once, for "plan", "verify", "induce"; raises :class:`LanguageModelError`."""
-        ...
-
-    def complete_all(
-        self, requests: Sequence[Request], *, purpose: str
-    ) -> list[Completion | LanguageModelError]:
-        """Ask them all at once: an answer or a failure each, in order."""
-        ...
-
-
-class Server(Protocol):
-    """A server. :class:`EndpointOptions` is one that already runs; others may be started when needed.
-
-    ``model`` is the model's name, "" for the only one; ``identity`` distinguishes servers in the cache.
-    """
-
-    model: str
-    grammars: bool
-
-    @property
-    def identity(self) -> str:
-        """Equal for servers that give equal answers."""
-        ...
-
-    def address(self) -> str:
-        """Its ``base_url``; raises :class:`ModelUnavailableError` when it cannot be started."""
-        ...
-
-    def key(self) -> str:
-        """The key, "" for none."""
-        ...
+_ADVICE = {
+    401: "The key is missing or wrong: check api_key_env and the variable it names.",
+    403: "The key does not allow this: check the account's rights and api_key_env.",
+    404: "Check base_url (it usually ends in /v1) and model.",
+    413: "The request is too long for the server: shorten what is asked about.",
+}
 
 
 class Endpoint:
@@ -172,13 +153,13 @@ class Endpoint:
     ) -> tuple[dict[str, Any], frozenset[str]]:
         """The answer's JSON, and the options left out: one after another, while the server refuses."""
         known = self._without
-        wishes = [wish for wish in request.wishes(grammars=self._server.grammars) if wish not in known]
+        wishes = [wish for wish in refusable(request, grammars=self._server.grammars) if wish not in known]
         first: ModelRefusedError | ModelUnavailableError | None = None
         for less in ([], *([wish] for wish in wishes), *([wishes] if len(wishes) > 1 else [])):
             if first is not None and first.status == _BROKEN and less != ["system_role"]:
                 continue
             without = known.union(less)
-            body = request.body(self._options, without, grammars=self._server.grammars)
+            body = request_body(request, self._options, without, grammars=self._server.grammars)
             try:
                 document = await ask(client, self._options, {"model": self._model, **body})
             except (ModelRefusedError, ModelUnavailableError) as error:
@@ -195,7 +176,9 @@ class Endpoint:
         self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
     ) -> Completion:
         answer = read_completion(document, cached=cached)
-        unmet = set(without).intersection(request.wishes(grammars=self._server.grammars)) - {"alternatives"}
+        unmet = set(without).intersection(refusable(request, grammars=self._server.grammars)) - {
+            "alternatives"
+        }
         if request.logprobs and not answer.tokens:
             unmet.add("logprobs")
         if request.grammar and not self._server.grammars:
@@ -211,7 +194,7 @@ class Endpoint:
             return None
 
     def _key_of(self, request: Request) -> str:
-        body = request.body(self._options, frozenset(), grammars=False)
+        body = request_body(request, self._options, frozenset(), grammars=False)
         if body.get("temperature") == 0:  # the likeliest words, whatever the seed
             body.pop("seed", None)
         about = {"server": self._server.identity, "model": self.model(), "extra": self._options.extra}
@@ -226,3 +209,155 @@ def _run(work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run(work)
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, work).result()
+
+
+def connect(address: str, key: str, options: AskingOptions) -> openai.AsyncOpenAI:
+    """A client to be used as an async context."""
+    import openai
+
+    # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server that
+    # drips bytes would never meet them, so the deadline is kept in ask(). No proxy stands before this machine itself.
+    here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
+    return openai.AsyncOpenAI(
+        base_url=address,
+        api_key=key or "none",
+        timeout=None,
+        max_retries=options.retries,
+        http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
+    )
+
+
+async def ask(client: openai.AsyncOpenAI, options: AskingOptions, body: Mapping[str, Any]) -> dict[str, Any]:
+    """The JSON that answers ``body``.
+
+    Raises :class:`ModelUnavailableError`, :class:`ModelRefusedError` or :class:`MalformedAnswerError`. What the server
+    says, in an answer or in an error, never holds the key.
+    """
+    everything = {**body, **options.extra}  # the package sends extra_body as it is, and checks nothing in it
+    create = client.chat.completions.with_raw_response.create
+    return await _sent(
+        client, options, create, model=body["model"], messages=body["messages"], extra_body=everything
+    )
+
+
+async def only_model(client: openai.AsyncOpenAI, options: AskingOptions) -> str:
+    """The model that the server lists; raises :class:`ModelRefusedError` unless it lists exactly one."""
+    answer = await _sent(client, options, client.models.with_raw_response.list)
+    listed = answer.get("data")
+    names = [m["id"] for m in listed if isinstance(m, dict) and "id" in m] if isinstance(listed, list) else []
+    if len(names) != 1:
+        some = ", ".join(map(str, names[:8])) or "none"
+        raise ModelRefusedError(
+            f"{client.base_url} lists {len(names)} models ({some}): choose one with the option model.",
+            status=200,
+        )
+    return str(names[0])
+
+
+async def _sent(
+    client: openai.AsyncOpenAI, options: AskingOptions, send: Any, **asked: Any
+) -> dict[str, Any]:
+    import openai
+
+    http = _http()
+    try:
+        async with asyncio.timeout(options.timeout):
+            received = (await send(**asked)).http_response.content
+    except TimeoutError as error:
+        raise ModelUnavailableError(
+            f"{client.base_url} did not answer within {options.timeout:g} s. Raise timeout, or lower max_tokens or "
+            "concurrency.",
+            transient=False,
+        ) from error
+    except openai.APIStatusError as error:
+        raise _status_failure(client, error) from None
+    except (openai.APIConnectionError, http.HTTPError) as error:
+        cause = error.__cause__ or error
+        raise ModelUnavailableError(
+            f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
+            "running there?",
+            reached=not isinstance(cause, http.ConnectError),
+        ) from error
+    try:
+        answer = json.loads(_redacted(client, received.decode(errors="replace")))
+    except (ValueError, RecursionError) as error:
+        raise MalformedAnswerError(
+            f"{client.base_url} answered with {len(received)} bytes that are not JSON ({error}). Check base_url: "
+            "it usually ends in /v1."
+        ) from error
+    if not isinstance(answer, dict):
+        raise MalformedAnswerError(f"{client.base_url} answered with JSON that is not an object.")
+    return answer
+
+
+@cache
+def _http() -> Any:
+    """The HTTP package that this ``openai`` uses: ``httpx``, or ``httpx2`` since its version 3."""
+    import openai
+
+    of_client = next(c for c in openai.DefaultAsyncHttpxClient.__mro__ if c.__name__ == "AsyncClient")
+    return importlib.import_module(of_client.__module__.partition(".")[0])
+
+
+def _status_failure(
+    client: openai.AsyncOpenAI, error: openai.APIStatusError
+) -> ModelUnavailableError | ModelRefusedError:
+    told = error.body.get("message") if isinstance(error.body, Mapping) else None
+    status = error.status_code
+    said = _redacted(client, " ".join(str(told or error.message).split()))[:300]
+    if status in _BUSY or status >= 500:
+        return ModelUnavailableError(
+            f"{client.base_url} answered with status {status}: {said}", status=status
+        )
+    advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
+    return ModelRefusedError(
+        f"{client.base_url} refused the request with status {status}: {said}. {advice}", status=status
+    )
+
+
+def _redacted(client: openai.AsyncOpenAI, text: str) -> str:
+    return text if client.api_key == "none" else text.replace(client.api_key, "[key]")
+
+
+def digest(asked: Mapping[str, Any]) -> str:
+    """The key of a request: the same for equal JSON, whatever the order of its keys."""
+    text = json.dumps(asked, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+class AnswerCache:
+    """A folder of JSON documents that processes may share (``diskcache``; beyond 1 GB the oldest are dropped).
+
+    Unreadable entries count as absent. If the folder is not writable, answers are not cached, but no call fails.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._folder = str(Path(folder).expanduser())
+        self._usable = True
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """The document under the key; None if it is missing or damaged."""
+        found = self._use(lambda cache: cache.get(key))
+        try:
+            document = json.loads(found) if isinstance(found, str) else None
+        except (ValueError, RecursionError):
+            return None
+        return document if isinstance(document, dict) else None
+
+    def put(self, key: str, document: Mapping[str, Any]) -> None:
+        """Keep a document; the last one wins."""
+        self._use(lambda cache: cache.set(key, json.dumps(document)))
+
+    def _use(self, work: Any) -> Any:
+        import diskcache
+
+        if not self._usable:
+            return None
+        try:
+            # Opened for each use, as threads come and go; syncing to disk would cost 20 ms at each close.
+            with diskcache.Cache(self._folder, sqlite_synchronous=0) as cache:
+                return work(cache)
+        except (OSError, sqlite3.Error, diskcache.Timeout) as error:
+            self._usable = False
+            _log.warning("Answers of language models are not cached in %s: %s", self._folder, error)
+            return None

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from string import ascii_uppercase
 from typing import Literal
 
-from gvla2.language.completion import Token
+from gvla2.language.contracts import Token
 
 LETTERS = ascii_uppercase[:20]
 ENOUGH_MASS = 0.5

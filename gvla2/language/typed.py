@@ -8,15 +8,16 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
-from gvla2.language.completion import Completion
-from gvla2.language.endpoint import LanguageModel
-from gvla2.language.failures import (
+from gvla2.language.contracts import (
+    Completion,
+    LanguageModel,
     LanguageModelError,
     MalformedAnswerError,
+    Message,
     ModelUnavailableError,
+    Request,
     UnusableAnswerError,
 )
-from gvla2.language.request import Message, Request
 
 T = TypeVar("T")
 

@@ -1,135 +1,203 @@
-"""One request over HTTP, by the ``openai`` package: its retries, a true deadline, failures by their kind."""
+"""The JSON that goes to an OpenAI-compatible server, and the completion that comes back."""
 
 from __future__ import annotations
 
-import asyncio
-import importlib
-import json
-from collections.abc import Mapping
-from functools import cache
-from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from gvla2.language.failures import MalformedAnswerError, ModelRefusedError, ModelUnavailableError
+from pydantic import BaseModel, Field, ValidationError
+
+from gvla2.language.contracts import (
+    Completion,
+    MalformedAnswerError,
+    Message,
+    Request,
+    Token,
+    Usage,
+)
 from gvla2.language.options import AskingOptions
 
-if TYPE_CHECKING:
-    import openai
-
-_BUSY = (408, 409, 429)
-"""Transient refusals, like every 5xx; the package retries them."""
-
-_ADVICE = {
-    401: "The key is missing or wrong: check api_key_env and the variable it names.",
-    403: "The key does not allow this: check the account's rights and api_key_env.",
-    404: "Check base_url (it usually ends in /v1) and model.",
-    413: "The request is too long for the server: shorten what is asked about.",
-}
+TOP_LOGPROBS, FEW_LOGPROBS = 20, 5
+"""The most alternatives per token that the API allows, and the limit of some servers."""
 
 
-def connect(address: str, key: str, options: AskingOptions) -> openai.AsyncOpenAI:
-    """A client to be used as an async context."""
-    import openai
-
-    # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server that
-    # drips bytes would never meet them, so the deadline is kept in ask(). No proxy stands before this machine itself.
-    here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
-    return openai.AsyncOpenAI(
-        base_url=address,
-        api_key=key or "none",
-        timeout=None,
-        max_retries=options.retries,
-        http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
-    )
-
-
-async def ask(client: openai.AsyncOpenAI, options: AskingOptions, body: Mapping[str, Any]) -> dict[str, Any]:
-    """The JSON that answers ``body``.
-
-    Raises :class:`ModelUnavailableError`, :class:`ModelRefusedError` or :class:`MalformedAnswerError`. What the server
-    says, in an answer or in an error, never holds the key.
-    """
-    everything = {**body, **options.extra}  # the package sends extra_body as it is, and checks nothing in it
-    create = client.chat.completions.with_raw_response.create
-    return await _sent(
-        client, options, create, model=body["model"], messages=body["messages"], extra_body=everything
-    )
-
-
-async def only_model(client: openai.AsyncOpenAI, options: AskingOptions) -> str:
-    """The model that the server lists; raises :class:`ModelRefusedError` unless it lists exactly one."""
-    answer = await _sent(client, options, client.models.with_raw_response.list)
-    listed = answer.get("data")
-    names = [m["id"] for m in listed if isinstance(m, dict) and "id" in m] if isinstance(listed, list) else []
-    if len(names) != 1:
-        some = ", ".join(map(str, names[:8])) or "none"
-        raise ModelRefusedError(
-            f"{client.base_url} lists {len(names)} models ({some}): choose one with the option model.",
-            status=200,
-        )
-    return str(names[0])
-
-
-async def _sent(
-    client: openai.AsyncOpenAI, options: AskingOptions, send: Any, **asked: Any
+def request_body(
+    request: Request, options: AskingOptions, without: frozenset[str], *, grammars: bool
 ) -> dict[str, Any]:
-    import openai
+    """The request's JSON but for the model, ``without`` the options that the server refused."""
+    messages = request.messages if "system_role" not in without else without_system(request.messages)
+    body: dict[str, Any] = {"messages": _sendable(messages), "seed": request.seed}
+    for name in ("temperature", "max_tokens"):
+        own, default = getattr(request, name), getattr(options, name)
+        body[name] = own if own is not None and default is not None else default
+    if request.logprobs and "logprobs" not in without:
+        few = "alternatives" in without
+        body |= {"logprobs": True, "top_logprobs": FEW_LOGPROBS if few else TOP_LOGPROBS}
+    if request.grammar is not None and grammars:
+        body["grammar"] = request.grammar
+    elif request.schema is not None and "schema" not in without:
+        form = {"name": "answer", "schema": dict(request.schema), "strict": True}
+        body["response_format"] = {"type": "json_schema", "json_schema": form}
+    return {name: value for name, value in body.items() if value is not None}
 
-    http = _http()
+
+def refusable(request: Request, *, grammars: bool) -> list[str]:
+    """Options that a server may refuse, likeliest first; "alternatives" means more than a few per token."""
+    wished = {
+        "schema": request.schema is not None and not (grammars and request.grammar),
+        "alternatives": request.logprobs,
+        "logprobs": request.logprobs,
+        "system_role": any(m.get("role") == "system" for m in request.messages),
+    }
+    return [name for name, there in wished.items() if there]
+
+
+def without_system(messages: Sequence[Message]) -> list[dict[str, Any]]:
+    """The same words for a model that knows no system role: they open the first of the user's messages."""
+    orders = "\n\n".join(str(m["content"]) for m in messages if m.get("role") == "system")
+    rest = [dict(m) for m in messages if m.get("role") != "system"]
+    first = next((m for m in rest if m.get("role") == "user"), None)
+    if first is None:
+        return [{"role": "user", "content": orders}, *rest]
+    said = first["content"]
+    text = isinstance(said, str)
+    first["content"] = f"{orders}\n\n{said}" if text else [{"type": "text", "text": orders}, *said]
+    return rest
+
+
+def _sendable(value: Any) -> Any:
+    """As JSON that UTF-8 can encode: lone surrogates, as in damaged logs, become question marks."""
+    if isinstance(value, str):
+        return value.encode(errors="replace").decode()
+    if isinstance(value, Mapping):
+        return {key: _sendable(each) for key, each in value.items()}
+    return [_sendable(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+class _Alternative(BaseModel):
+    token: str
+    bytes: list[int] | None = None
+    logprob: Any = math.nan
+
+    def spelt(self) -> Any:
+        """The token's bytes, else its text, with raw vocabularies' space markers as spaces."""
+        if self.bytes is not None:
+            return bytes(self.bytes)
+        text = self.token.replace("▁", " ").replace("Ġ", " ").replace("Ċ", "\n")
+        return text.encode(errors="replace")
+
+    def value(self) -> float:
+        number = isinstance(self.logprob, int | float) and not isinstance(self.logprob, bool)
+        return float(self.logprob) if number else math.nan
+
+
+class _Entry(_Alternative):
+    top_logprobs: list[_Alternative] | None = None
+
+
+class _Logprobs(BaseModel):
+    content: list[_Entry]
+
+
+class _Message(BaseModel):
+    content: str | list[Any] | None = None
+    reasoning_content: Any = None
+    reasoning: Any = None
+
+
+class _Choice(BaseModel):
+    message: _Message
+    finish_reason: str | None = None
+    logprobs: Any = None
+
+
+class _Body(BaseModel):
+    error: Any = None
+    choices: list[_Choice] = Field(default=[])
+    model: str | None = None
+    usage: Any = None
+
+
+class _Thinking(BaseModel):
+    reasoning_tokens: int | None = Field(default=None, ge=0)
+
+
+class _Counts(BaseModel, strict=True):
+    prompt_tokens: int = Field(ge=0)
+    completion_tokens: int = Field(ge=0)
+    completion_tokens_details: _Thinking | None = None
+
+
+def read_completion(body: object, *, cached: bool = False, latency: float = 0.0) -> Completion:
+    """The first choice of a response's JSON; raises :class:`MalformedAnswerError` when there is none.
+
+    A block of reasoning in the text itself ends at its last closing tag; one that never closes leaves no answer.
+    """
     try:
-        async with asyncio.timeout(options.timeout):
-            received = (await send(**asked)).http_response.content
-    except TimeoutError as error:
-        raise ModelUnavailableError(
-            f"{client.base_url} did not answer within {options.timeout:g} s. Raise timeout, or lower max_tokens or "
-            "concurrency.",
-            transient=False,
-        ) from error
-    except openai.APIStatusError as error:
-        raise _status_failure(client, error) from None
-    except (openai.APIConnectionError, http.HTTPError) as error:
-        cause = error.__cause__ or error
-        raise ModelUnavailableError(
-            f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
-            "running there?",
-            reached=not isinstance(cause, http.ConnectError),
-        ) from error
-    try:
-        answer = json.loads(_redacted(client, received.decode(errors="replace")))
-    except (ValueError, RecursionError) as error:
-        raise MalformedAnswerError(
-            f"{client.base_url} answered with {len(received)} bytes that are not JSON ({error}). Check base_url: "
-            "it usually ends in /v1."
-        ) from error
-    if not isinstance(answer, dict):
-        raise MalformedAnswerError(f"{client.base_url} answered with JSON that is not an object.")
-    return answer
-
-
-@cache
-def _http() -> Any:
-    """The HTTP package that this ``openai`` uses: ``httpx``, or ``httpx2`` since its version 3."""
-    import openai
-
-    of_client = next(c for c in openai.DefaultAsyncHttpxClient.__mro__ if c.__name__ == "AsyncClient")
-    return importlib.import_module(of_client.__module__.partition(".")[0])
-
-
-def _status_failure(
-    client: openai.AsyncOpenAI, error: openai.APIStatusError
-) -> ModelUnavailableError | ModelRefusedError:
-    told = error.body.get("message") if isinstance(error.body, Mapping) else None
-    status = error.status_code
-    said = _redacted(client, " ".join(str(told or error.message).split()))[:300]
-    if status in _BUSY or status >= 500:
-        return ModelUnavailableError(
-            f"{client.base_url} answered with status {status}: {said}", status=status
-        )
-    advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
-    return ModelRefusedError(
-        f"{client.base_url} refused the request with status {status}: {said}. {advice}", status=status
+        read = _Body.model_validate(body)
+    except ValidationError as error:
+        what = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'body'}: {e['msg']}" for e in error.errors()[:3])
+        raise MalformedAnswerError(f"The server's answer is no completion ({what}).") from None
+    if read.error or not read.choices:
+        said = str(read.error)[:300] if read.error else "it holds no choice"
+        raise MalformedAnswerError(f"The server answered with an error: {said}")
+    choice = read.choices[0]
+    content = choice.message.content
+    if isinstance(content, list):
+        texts = [p.get("text") for p in content if isinstance(p, Mapping)]
+        content = "".join(t for t in texts if isinstance(t, str))
+    stated = (choice.message.reasoning_content, choice.message.reasoning)
+    thought, closed, answer = (content or "").rpartition("</think>")
+    if not closed and answer.lstrip().startswith("<think>"):
+        thought, answer = answer, ""
+    spoken = thought.strip().removeprefix("<think>").strip()
+    reasoning = "\n".join(
+        [*[r for r in stated if isinstance(r, str) and r][:1], *([spoken] if spoken else [])]
+    )
+    return Completion(
+        text=answer.strip() if closed else answer,
+        reasoning=reasoning,
+        tokens=_tokens(choice.logprobs, answer.strip() if closed else answer),
+        usage=_usage(read.usage),
+        finish=choice.finish_reason or "",
+        model=read.model or "",
+        cached=cached,
+        latency=latency,
     )
 
 
-def _redacted(client: openai.AsyncOpenAI, text: str) -> str:
-    return text if client.api_key == "none" else text.replace(client.api_key, "[key]")
+def _tokens(logprobs: object, answer: str) -> tuple[Token, ...]:
+    """The answer's tokens: those that spell the end of the stream; none when an entry is damaged."""
+    try:
+        entries = _Logprobs.model_validate(logprobs).content
+        pieces = [entry.spelt() for entry in entries]
+    except (ValidationError, ValueError):
+        return ()
+    stream, whole = b"".join(pieces), answer.strip().encode(errors="replace")
+    begin = stream.rfind(whole) if whole else -1
+    after = stream[begin + len(whole) :].decode(errors="replace").strip() if begin >= 0 else ""
+    if begin < 0 or not (after == "" or (after.startswith("<") and after.endswith(">"))):
+        return ()  # what follows may only be an end-of-text mark
+    lead = len(answer[: len(answer) - len(answer.lstrip())].encode(errors="replace"))
+    tokens, at = [], lead - begin
+    for entry, piece in zip(entries, pieces, strict=True):
+        if lead < at + len(piece) and at < lead + len(whole):
+            text = piece.decode(errors="replace")
+            # Some servers leave the chosen token out of the list, some list a token twice.
+            others = {text: entry.value()}
+            for other in entry.top_logprobs or ():
+                others.setdefault(other.spelt().decode(errors="replace"), other.value())
+            tokens.append(Token(piece, at, entry.value(), tuple(others.items())))
+        at += len(piece)
+    return tuple(tokens)
+
+
+def _usage(counts: object) -> Usage:
+    try:
+        read = _Counts.model_validate(counts)
+    except ValidationError:
+        return Usage()
+    thinking = read.completion_tokens_details
+    reasoned = (thinking.reasoning_tokens or 0) if thinking is not None else 0
+    return Usage(read.prompt_tokens, read.completion_tokens, reasoned, metered=True)

@@ -1,34 +1,89 @@
 """Iterative localization: a vision model clicks at the target, a segmentation model draws it, until both agree.
 
 Propose, click, segment: the picture is shown with outlines of the proposals and the mask so far; the model answers one
-click per round. The affordance segmentation module of GeneralVLA, with its stopping rules stated.
+click per round. The affordance segmentation module of GeneralVLA, with its stopping rules stated. The clicked target
+becomes the object that the mask shows, or one that geometry alone did not separate.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
+from scipy.spatial import cKDTree
 
-from gvla2.language.endpoint import LanguageModel
-from gvla2.language.failures import LanguageModelError
-from gvla2.language.request import picture as picture_part
+from gvla2.geometry.transform import FloatArray
+from gvla2.language.contracts import LanguageModel, LanguageModelError
+from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
-from gvla2.perception.frames import BoolArray
-from gvla2.perception.fusing import iou
-from gvla2.perception.prompting import EncodedPicture, Prompt
+from gvla2.perception.clusters import TOUCHING, Fused, MaskCandidate, iou, objects_of
+from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
+from gvla2.perception.options import VisionOptions
+from gvla2.planning.scene import Scene, SceneObject
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A target in a picture, in pixels, the first pixel's centre at (0.5, 0.5).
+
+    ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the object or beside it; ``box`` is (left, top,
+    right, bottom) or None. At least one point or a box.
+    """
+
+    points: FloatArray
+    positive: NDArray[np.bool_]
+    box: tuple[float, float, float, float] | None = None
+
+    @classmethod
+    def click(cls, u: float, v: float) -> Prompt:
+        """One point on the object."""
+        return cls(np.array([[u, v]]), np.array([True]))
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Answers to K prompts, C masks each, from the part under a point to the whole.
+
+    ``logits`` (K, C, H, W) float32 at the picture's size, a pixel is inside where it is above 0; ``scores`` (K, C) is
+    the model's estimate of each mask's IoU, in [0, 1].
+    """
+
+    logits: NDArray[np.float32]
+    scores: FloatArray
+
+    def masks(self) -> NDArray[np.bool_]:
+        """(K, C, H, W)."""
+        return np.asarray(self.logits > 0)
+
+
+class EncodedPicture(Protocol):
+    """An encoded picture."""
+
+    def segment(self, prompts: list[Prompt]) -> Segments:
+        """The masks for the prompts; K = 0 is allowed."""
+        ...
+
+
+class Segmenter(Protocol):
+    """A model that segments what it is pointed at: SAM, SAM 2, MobileSAM."""
+
+    def encode(self, image: NDArray[np.uint8]) -> EncodedPicture:
+        """Encode one picture (H, W, 3) RGB."""
+        ...
+
 
 BUDGET = 5
 """Rounds at most."""
 SETTLED = 0.98
 """Intersection over union of two rounds' masks above which they have settled."""
 FAR = 24.0
-"""Pixels from the nearest thing or mask beyond which a click is refused."""
+"""Pixels from the nearest object or mask beyond which a click is refused."""
 GOOD = 0.3
 """The least IoU that the segmentation model must estimate for a mask."""
 LARGEST = 0.6
@@ -46,16 +101,16 @@ SCHEMA = {
     "additionalProperties": False,
 }
 QUESTION = """A robot is told: "{words}"
-Point at the one thing that it must handle first. The picture shows what stands there with yellow outlines{marked}.
+Point at the one object that it must handle first. The picture shows what stands there with yellow outlines{marked}.
 Answer one JSON object: {{"done": false, "x": X, "y": Y, "on": true}} for a click at X, Y (from 0 to {scale:g}, from the
-left and from the top) on the thing{missing}; {{"done": false, "x": X, "y": Y, "on": false}} for a click at what
+left and from the top) on the object{missing}; {{"done": false, "x": X, "y": Y, "on": false}} for a click at what
 is marked and does not belong to it; {{"done": true, "x": 0, "y": 0, "on": true}} when the mark covers all of it and
 nothing else.{refused}"""
 
 
 @dataclass(frozen=True)
 class Click:
-    """One answer: pixels (u, v) of the picture, whether on the thing, why it was refused ("" if taken)."""
+    """One answer: pixels (u, v) of the picture, whether on the object, why it was refused ("" if taken)."""
 
     u: float
     v: float
@@ -88,7 +143,7 @@ def locate(
     longest: int = 1024,
     budget: int = BUDGET,
 ) -> Located:
-    """Ask for clicks at what ``words`` refer to in a picture (H, W, 3); ``proposals`` (H, W) are the masks of things.
+    """Ask for clicks at what ``words`` refer to in a picture (H, W, 3); ``proposals`` (H, W) are the masks of objects.
 
     A model that is unavailable or useless ends it: the last good mask is kept.
     """
@@ -105,7 +160,7 @@ def locate(
         if answer is None:
             if mask is not None:
                 return Located(mask, score, tuple(clicks), "done", tuple(masks))
-            refused = " You said done, but nothing is marked yet: click at the thing."
+            refused = " You said done, but nothing is marked yet: click at the object."
             continue
         x, y, on = answer
         click = Click(x * image.shape[1] / scale, y * image.shape[0] / scale, on)
@@ -117,8 +172,8 @@ def locate(
         taken = [*(c for c in clicks if not c.refused), click]
         fresh, sure = _segmented(encoded, taken, proposals)
         if fresh is None:
-            clicks.append(Click(click.u, click.v, on, "The mask that it gave was no thing."))
-            refused = " Your last click gave no mask of a thing: click elsewhere on it."
+            clicks.append(Click(click.u, click.v, on, "The mask that it gave was no object."))
+            refused = " Your last click gave no mask of an object: click elsewhere on it."
             continue
         clicks.append(click)
         masks.append(fresh)
@@ -220,3 +275,85 @@ def overlay(
     stream = io.BytesIO()
     drawn.save(stream, "PNG")
     return stream.getvalue()
+
+
+SAME = 0.6
+"""Share of an object's points and of the mask's above which the mask shows the object."""
+
+
+def localized(
+    scene: Scene,
+    frames: Sequence[ViewFrame],
+    segmenter: Segmenter,
+    table: TablePlane,
+    instruction: str,
+    model: LanguageModel,
+    options: VisionOptions,
+) -> Scene:
+    """The scene with a note on the instruction's target, from clicks in the picture that shows the most."""
+    if not scene.objects or not instruction.strip():
+        return scene
+    shown = [[_shown(frame, obj) for obj in scene.objects] for frame in frames]
+    view = int(np.argmax([sum(int(mask.sum()) for mask in masks) for masks in shown]))
+    found = locate(
+        model, frames[view].view.image, segmenter.encode(frames[view].view.image), shown[view], instruction,
+        scale=options.scale, longest=options.longest,
+    )  # fmt: skip
+    if found.mask is None:
+        return replace(scene, notes=(*scene.notes, f"Nothing was localized: {_story(found)}."))
+    return _merged(scene, frames, table, found, view)
+
+
+def _merged(scene: Scene, frames: Sequence[ViewFrame], table: TablePlane, found: Located, view: int) -> Scene:
+    assert found.mask is not None
+    own = found.mask & frames[view].known
+    cloud = frames[view].points[own & (frames[view].height > 0)]
+    best, worth, of_mask = None, 0.0, 0.0
+    for obj in scene.objects:
+        if not len(cloud) or not len(obj.points):
+            continue
+        share = float(np.isfinite(cKDTree(obj.points).query(cloud, distance_upper_bound=TOUCHING)[0]).mean())
+        in_sight = obj.points[_in_sight(frames[view], obj.points)]
+        back = (
+            float(np.isfinite(cKDTree(cloud).query(in_sight, distance_upper_bound=TOUCHING)[0]).mean())
+            if len(in_sight)
+            else 0.0
+        )
+        if share * back > worth:
+            best, worth, of_mask = obj, share * back, min(share, back)
+    if best is not None and of_mask >= SAME:
+        return replace(scene, notes=(*scene.notes, f"{best.id} is the target: {_story(found)}."))
+    made, _ = objects_of([Fused((MaskCandidate(view, found.mask, found.score),))], frames, table, 3)
+    if not made:
+        return replace(scene, notes=(*scene.notes, f"The localized target has no depth: {_story(found)}."))
+    new = f"o{len(scene.objects) + 1}"
+    parent = best.id if best is not None and worth > 0.1 else ""
+    note = f"{new} is the target, a part that geometry did not separate: {_story(found)}."
+    obj = replace(made[0], id=new, parent=parent)
+    return replace(scene, objects=(*scene.objects, obj), notes=(*scene.notes, note))
+
+
+def _story(found: Located) -> str:
+    refused = sum(bool(click.refused) for click in found.clicks)
+    return f"{len(found.clicks)} clicks, {refused} refused, {found.stopped}"
+
+
+def _shown(frame: ViewFrame, obj: SceneObject) -> BoolArray:
+    """(H, W) the pixels of an object's points in a picture."""
+    mask = np.zeros(frame.height.shape, dtype=bool)
+    camera = frame.view.camera
+    uv, _ = camera.project(obj.points[_in_sight(frame, obj.points)])
+    columns, rows = np.floor(uv).astype(int).T
+    mask[rows, columns] = True
+    return mask
+
+
+def _in_sight(frame: ViewFrame, points: np.ndarray) -> BoolArray:
+    uv, z = frame.view.camera.project(points)
+    inside = frame.view.camera.inside(uv)
+    near = np.zeros(len(points), dtype=bool)
+    columns, rows = np.floor(uv[inside]).astype(int).T
+    assert frame.view.depth is not None
+    with np.errstate(invalid="ignore"):
+        near[inside] = np.abs(frame.view.depth[rows, columns] - z[inside]) < 1.5 * TOUCHING
+    return near

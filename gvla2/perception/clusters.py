@@ -1,9 +1,12 @@
-"""Connected components in 3D above the table, over all views together."""
+"""Connected components in 3D above the table, and masks of several pictures fused into objects.
+
+Two masks show one object if they share their points in 3D.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +16,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.perception.frames import BoolArray, ViewFrame
+from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
+from gvla2.perception.objects import object_of
+from gvla2.planning.scene import SceneObject
 
 IntArray = NDArray[np.int64]
 
@@ -76,3 +81,178 @@ def without_specks(mask: BoolArray, least: int = 3) -> BoolArray:
     kernel = np.ones((3, 3), dtype=np.int8)
     kernel[1, 1] = 0
     return np.asarray(mask & (convolve(mask.astype(np.int8), kernel, mode="constant") >= least))
+
+
+SHARED = 0.55
+"""Share of each mask's points on the other, of those that its picture shows, above which both show one object. A part's
+points all lie on the whole, but few of the whole's on the part: they stay two.
+"""
+IN_SIGHT = 0.015
+"""Metres between a point and what a picture measured there, within which the picture shows the point."""
+TOUCHING = 0.008
+"""Metres between coinciding points: cameras err by millimetres, and pixels are some wide."""
+SAMPLE = 400
+SAME = 0.8
+"""Intersection over union in one picture above which two masks are one."""
+WITHIN = 0.9
+"""Share of an object's points within another above which it is a part of it."""
+STRAY = 0.04
+"""Share of an object's points below which a detached piece is a leak of the mask, not the object."""
+ABOVE = 0.0015
+"""Least metres above the table for a point in a mask to belong to the object; the rest is the mask's soft rim."""
+
+
+@dataclass(frozen=True)
+class MaskCandidate:
+    """A mask (H, W) in the picture of frame ``view``: ``score`` in [0, 1]; ``label`` "" if the model gives none.
+
+    Candidates of one ``seed`` >= 0 were prompted by one cluster in 3D: they show one object.
+    """
+
+    view: int
+    mask: BoolArray
+    score: float
+    label: str = ""
+    seed: int = -1
+
+
+@dataclass(frozen=True)
+class Fused:
+    """One object: ``members`` are its candidates, at most one per view; ``parent`` the index of its whole."""
+
+    members: tuple[MaskCandidate, ...]
+    parent: int = -1
+
+    @property
+    def score(self) -> float:
+        """The mean of the members'."""
+        return float(np.mean([m.score for m in self.members]))
+
+    @property
+    def label(self) -> str:
+        """The label with the largest total score, "" if no member has one."""
+        votes: dict[str, float] = {}
+        for member in self.members:
+            if member.label:
+                votes[member.label] = votes.get(member.label, 0.0) + member.score
+        return max(votes, key=lambda word: votes[word]) if votes else ""
+
+
+def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> list[Fused]:
+    """The objects that the candidates show, largest first; candidates without a point in 3D are left out."""
+    kept = _without_doubles(candidates)
+    clouds = [_points(frames[c.view], c.mask) for c in kept]
+    seen = [i for i, cloud in enumerate(clouds) if len(cloud)]
+    kept, clouds = [kept[i] for i in seen], [clouds[i] for i in seen]
+    pairs = [
+        (i, j)
+        for i in range(len(kept))
+        for j in range(i)
+        if kept[i].view != kept[j].view and _one_object(frames, kept[i], kept[j], clouds[i], clouds[j])
+    ]
+    if not kept:
+        return []
+    rows = np.array(pairs, dtype=int).reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(rows)), rows.T), shape=(len(kept), len(kept)))
+    groups = connected_components(graph, directed=False)[1]
+    objects, spread = [], []
+    for group in np.unique(groups):
+        own = np.nonzero(groups == group)[0]
+        best: dict[int, int] = {}
+        for i in sorted(own, key=lambda i: kept[i].score):
+            best[kept[i].view] = int(i)  # of two in one picture that others join, the surer one
+        objects.append(Fused(tuple(kept[i] for i in best.values())))
+        spread.append(np.concatenate([clouds[i] for i in best.values()]))
+    order = sorted(range(len(objects)), key=lambda k: -len(spread[k]))
+    objects, spread = [objects[k] for k in order], [spread[k] for k in order]
+    return [replace(obj, parent=_whole_of(k, spread)) for k, obj in enumerate(objects)]
+
+
+def objects_of(
+    masks: Sequence[Fused], frames: Sequence[ViewFrame], table: TablePlane, least: int
+) -> tuple[list[SceneObject], list[str]]:
+    """Scene objects of fused masks, with ids ``thing0``, ...; and a sentence for each that is too small to place.
+
+    A pixel that two masks claim goes to the part, and between two wholes, to the surer one.
+    """
+    objects, notes = [], []
+    owners = [np.full(f.height.shape, -1) for f in frames]
+    for k in sorted(range(len(masks)), key=lambda k: (masks[k].parent >= 0, masks[k].score)):
+        for member in masks[k].members:
+            owners[member.view][member.mask] = k
+    for k, obj in enumerate(masks):
+        points, colours = [], []
+        for frame, owner in zip(frames, owners, strict=True):
+            with np.errstate(invalid="ignore"):
+                own = (owner == k) & frame.known & (frame.height > max(ABOVE, 1.5 * table.noise))
+            points.append(frame.points[own])
+            colours.append(frame.view.image[own] / 255.0)
+        cloud, rgb = np.concatenate(points), np.concatenate(colours)
+        if len(cloud) >= least:
+            parts = components(cloud)
+            own_parts = (np.bincount(parts) >= STRAY * len(cloud))[parts]
+            cloud, rgb = cloud[own_parts], rgb[own_parts]
+        if len(cloud) < max(least, 3):
+            notes.append(
+                f"A mask of {sum(int(m.mask.sum()) for m in obj.members)} pixels has no depth to place it."
+            )
+            continue
+        x, y = cloud[:, :2].mean(axis=0)
+        made = object_of(cloud, rgb, table.height_at(float(x), float(y)), obj.score, f"object{k}")
+        parent = f"object{obj.parent}" if obj.parent >= 0 else ""
+        objects.append(replace(made, label=obj.label or made.label, parent=parent))
+    there = {o.id for o in objects}
+    return [o if o.parent in there else replace(o, parent="") for o in objects], notes
+
+
+def _without_doubles(candidates: Sequence[MaskCandidate]) -> list[MaskCandidate]:
+    """Each mask of a picture once, the surest first."""
+    kept: list[MaskCandidate] = []
+    for one in sorted(candidates, key=lambda c: -c.score):
+        if one.mask.any() and not any(k.view == one.view and iou(k.mask, one.mask) > SAME for k in kept):
+            kept.append(one)
+    return kept
+
+
+def iou(one: BoolArray, other: BoolArray) -> float:
+    """Intersection over union of two masks; 0 for two empty ones."""
+    either = int((one | other).sum())
+    return int((one & other).sum()) / either if either else 0.0
+
+
+def _points(frame: ViewFrame, mask: BoolArray) -> FloatArray:
+    known = mask & frame.known
+    with np.errstate(invalid="ignore"):
+        above = known & (frame.height > ABOVE)
+    cloud = frame.points[above if above.any() else known]  # leaks onto the table are not part of an object
+    return cloud[:: max(1, len(cloud) // SAMPLE)]
+
+
+def _one_object(
+    frames: Sequence[ViewFrame], a: MaskCandidate, b: MaskCandidate, of_a: FloatArray, of_b: FloatArray
+) -> bool:
+    if a.seed >= 0 and b.seed >= 0:
+        return a.seed == b.seed
+    return min(_share_on(frames[b.view], b.mask, of_a), _share_on(frames[a.view], a.mask, of_b)) >= SHARED
+
+
+def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
+    """Share of the points (N, 3) visible in a picture that lie in a mask (H, W)."""
+    uv, _ = frame.view.camera.project(cloud)
+    inside = frame.view.camera.inside(uv)
+    columns, rows = np.floor(uv[inside]).astype(int).T
+    there = frame.points[rows, columns]
+    with np.errstate(invalid="ignore"):
+        shown = np.linalg.norm(there - cloud[inside], axis=1) < IN_SIGHT
+    return float(mask[rows[shown], columns[shown]].mean()) if shown.sum() >= 3 else 0.0
+
+
+def _whole_of(k: int, spread: Sequence[FloatArray]) -> int:
+    """The smallest larger object that contains the k-th; -1 for none."""
+    for j in range(k - 1, -1, -1):
+        if len(spread[j]) < 1.5 * len(spread[k]):
+            continue
+        near = np.isfinite(cKDTree(spread[j]).query(spread[k], distance_upper_bound=0.5 * TOUCHING)[0])
+        if near.mean() >= WITHIN:
+            return j
+    return -1

@@ -1,16 +1,19 @@
-"""Labellers: one contract, and how several answers become one label.
-
-Colour and shape always give a label ("red box"). A labeller may know better: a gallery of known objects, or a
-vision-language model that reads crops. The first that is sure enough is used; none has to guess.
-"""
+"""Labellers: one contract, how several answers become one label, and a vision-language model that reads crops."""
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from gvla2.geometry.views import Observation
+import numpy as np
+from PIL import Image
+
+from gvla2.geometry.views import Observation, View
+from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
+from gvla2.language.typed import ask_typed, json_in
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 SURE_ENOUGH = 0.5
@@ -19,10 +22,10 @@ SURE_ENOUGH = 0.5
 
 @dataclass(frozen=True)
 class Naming:
-    """A source's answer for one thing.
+    """A source's answer for one object.
 
     ``label`` is "" for unknown; ``sureness`` in [0, 1] is the source's own estimate that the label is right, and for an
-    unknown thing that the source does not know it. ``known`` is the scan and its pose, if the source has one; ``why``
+    unknown object that the source does not know it. ``known`` is the scan and its pose, if the source has one; ``why``
     is a sentence for the scene's notes.
     """
 
@@ -40,16 +43,16 @@ class Labeller(Protocol):
         """The name's origin as recorded in the scene: "gallery", "reader"."""
         ...
 
-    def names(self, things: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
-        """One answer per thing, in order. A thing that cannot be named is unknown, never an error."""
+    def names(self, objects: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
+        """One answer per object, in order. An object that cannot be named is unknown, never an error."""
         ...
 
 
 def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labeller]) -> Scene:
-    """The scene with the names of the first labeller that is sure of each whole thing.
+    """The scene with the names of the first labeller that is sure of each whole object.
 
-    Painted regions and parts keep their labels: a lid is the lid of the named thing. A thing unknown to all keeps its
-    colour and shape; the notes say so.
+    Painted regions and parts keep their labels: a lid is the lid of the named object. An object unknown to all keeps
+    its colour and shape; the notes say so.
     """
     left = [o for o in scene.objects if o.shape != "region" and not o.parent]
     notes = list(scene.notes)
@@ -58,11 +61,11 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
             break
         answers = labeller.names(left, scene, observation)
         still = []
-        for thing, answer in zip(left, answers, strict=True):
+        for obj, answer in zip(left, answers, strict=True):
             if answer.label and answer.sureness >= SURE_ENOUGH:
                 scene = scene.with_object(
                     replace(
-                        thing,
+                        obj,
                         label=answer.label,
                         named_by=labeller.source,
                         sureness=round(answer.sureness, 3),
@@ -70,7 +73,93 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
                     )
                 )
             else:
-                still.append(thing)
-                notes.append(f"{thing.id}: unknown to the {labeller.source}. {answer.why}".strip())
+                still.append(obj)
+                notes.append(f"{obj.id}: unknown to the {labeller.source}. {answer.why}".strip())
         left = still
     return replace(scene, notes=tuple(notes))
+
+
+CROPS = 2
+"""Pictures shown of one object: those with most of it."""
+MARGIN = 0.35
+"""Margin as a share of an object's size, so that the surroundings give its scale."""
+LONGEST_NAME = 40
+SCHEMA = {
+    "type": "object",
+    "properties": {"name": {"type": "string"}, "sure": {"type": "number"}},
+    "required": ["name", "sure"],
+    "additionalProperties": False,
+}
+QUESTION = (
+    "What is the object in the middle of these pictures? It stands on a table and measures {size} mm. Answer one JSON "
+    'object: {{"name": "two or three words as people say them", "sure": S}}, S from 0 (a guess) to 1 (certain). Say '
+    '{{"name": "unknown", "sure": 0}} rather than guess.'
+)
+
+
+class CropReader:
+    """A :class:`~gvla2.perception.labels.Labeller` that shows crops of each object to a model."""
+
+    source = "reader"
+
+    def __init__(self, model: LanguageModel, longest: int) -> None:
+        self._model, self._longest = model, longest
+
+    def names(self, objects: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
+        """One answer per object; unknown if the model cannot be asked or says so."""
+        return [self._read(obj, observation) for obj in objects]
+
+    def _read(self, obj: SceneObject, observation: Observation) -> Naming:
+        crops = sorted((crop_of(view, obj) for view in observation.views), key=lambda c: -c[0])
+        shown = [_png(crop, self._longest) for pixels, crop in crops[:CROPS] if pixels]
+        if not shown:
+            return Naming("", 0.0, why="No picture shows it.")
+        size = " x ".join(f"{1e3 * side:.0f}" for side in obj.extents)
+        content = [*(picture(png) for png in shown), {"type": "text", "text": QUESTION.format(size=size)}]
+        try:
+            name, sure = ask_typed(
+                self._model,
+                [{"role": "user", "content": content}],
+                _parse,
+                purpose="name",
+                schema=SCHEMA,
+                tries=2,
+            ).answer
+        except LanguageModelError as error:
+            return Naming("", 0.0, why=f"The model could not be asked: {error}")
+        return Naming(name, sure) if name else Naming("", 1.0 - sure, why="The model does not know it.")
+
+
+def crop_of(view: View, obj: SceneObject) -> tuple[int, np.ndarray]:
+    """How many pixels of a picture show an object's points, and the part of the picture around them."""
+    uv, _ = view.camera.project(obj.points)
+    inside = uv[view.camera.inside(uv)]
+    if len(inside) < 3:
+        return 0, view.image[:0, :0]
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    room = MARGIN * float((high - low).max()) + 2
+    left, top = np.floor(np.maximum(low - room, 0)).astype(int)
+    right, bottom = np.ceil(high + room).astype(int)
+    return len(np.unique(np.floor(inside), axis=0)), view.image[top:bottom, left:right]
+
+
+def _png(crop: np.ndarray, longest: int) -> bytes:
+    factor = max(1, min(longest, 448) // max(crop.shape[:2]))
+    image = Image.fromarray(np.ascontiguousarray(crop))
+    grown = image.resize((image.width * factor, image.height * factor), Image.Resampling.BICUBIC)
+    grown.thumbnail((longest, longest))
+    stream = io.BytesIO()
+    grown.save(stream, "PNG")
+    return stream.getvalue()
+
+
+def _parse(text: str) -> tuple[str, float]:
+    """A name of plain letters, "" for unknown: one model's output must not prompt the next."""
+    found = json_in(text)
+    if not isinstance(found, dict) or not isinstance(found.get("name"), str):
+        raise ValueError('Answer one JSON object with "name" and "sure".')
+    sure = found.get("sure")
+    if isinstance(sure, bool) or not isinstance(sure, int | float) or not 0 <= sure <= 1:
+        raise ValueError("sure must be a number from 0 to 1.")
+    name = " ".join(re.findall(r"[a-z0-9]+", found["name"].casefold()))[:LONGEST_NAME].strip()
+    return ("" if name in ("", "unknown", "object", "object") else name), float(sure)

@@ -1,4 +1,4 @@
-"""Options of every perceiver that names things: ``perceiver.gallery=FOLDER perceiver.vision.base_url=...``."""
+"""Options of every perceiver that names objects: ``perceiver.gallery=FOLDER perceiver.vision.base_url=...``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.language.options import EndpointOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.perception.labels import Labeller
 
 
@@ -30,7 +30,7 @@ class NamingOptions:
     """Sources of names besides colour and shape.
 
     ``gallery``: a folder of scans (.obj, .glb, .ply) of known objects, "" for none. ``read_crops``: whether the model
-    at ``vision`` reads crops of things that the gallery does not know.
+    at ``vision`` reads crops of objects that the gallery does not know.
     """
 
     gallery: str = ""
@@ -57,7 +57,7 @@ def labellers(options: NamingOptions) -> tuple[Labeller, ...]:
 
         found.append(Gallery(options.gallery))
     if options.read_crops:
-        from gvla2.perception.reader import CropReader
+        from gvla2.perception.labels import CropReader
 
         found.append(CropReader(vision_model(options.vision, "perceiver.read_crops"), options.vision.longest))
     return tuple(found)

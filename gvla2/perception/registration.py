@@ -23,9 +23,9 @@ from gvla2.planning.scene import Box
 
 PRIOR = np.array([0.003] * 3 + [0.0015] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
 AGREE = 0.001  # metres between the tables of cameras that need no correction
-BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; above it things are
+BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; above it objects are
 BESIDE = 0.05  # metres about the workspace
-OFF_TABLE = 0.012  # metres above the table from which a point belongs to a thing
+OFF_TABLE = 0.012  # metres above the table from which a point belongs to an object
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
 MOST_PLANE, MOST_TABLE, MOST_THINGS, MOST_CLOUD = 5000, 300, 700, 12_000  # points of one camera
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
@@ -33,13 +33,13 @@ REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be
 
 @dataclass(frozen=True)
 class _Sight:
-    """What one camera saw, table's frame: of the ``table`` some points (N, 3), of ``things`` (M, 3) and their
+    """What one camera saw, table's frame: of the ``table`` some points (N, 3), of ``objects`` (M, 3) and their
     ``normals`` (M, 3), away from the camera, many; every ``step``-th is searched for in the other cameras' clouds.
     """
 
     origin: FloatArray
     table: FloatArray
-    things: FloatArray
+    objects: FloatArray
     normals: FloatArray
     step: int
 
@@ -51,7 +51,7 @@ class _Sight:
             return np.asarray((1.0 + step[6]) * (points - self.origin) @ turn.T + self.origin + step[3:6])
 
         return _Sight(
-            self.origin + step[3:6], move(self.table), move(self.things), self.normals @ turn.T, self.step
+            self.origin + step[3:6], move(self.table), move(self.objects), self.normals @ turn.T, self.step
         )
 
 
@@ -113,14 +113,14 @@ def _inside(points: FloatArray, half: FloatArray) -> NDArray[np.bool_]:
 def _sight(origin: FloatArray, points: FloatArray, half: FloatArray, table: FloatArray) -> _Sight:
     with np.errstate(invalid="ignore"):
         up = _inside(points, half) & (points[..., 2] > OFF_TABLE) & (points[..., 2] < TALL)
-    things = points[up]
+    objects = points[up]
     normals = _normals(points, up)
     known = np.isfinite(normals).all(axis=1)
-    things, normals = things[known], normals[known]
-    few = slice(None, None, max(1, len(things) // MOST_CLOUD))
-    things, normals = things[few], normals[few]
-    step = max(1, len(things) // MOST_THINGS)
-    return _Sight(origin, table, things, normals, step)
+    objects, normals = objects[known], normals[known]
+    few = slice(None, None, max(1, len(objects) // MOST_CLOUD))
+    objects, normals = objects[few], normals[few]
+    step = max(1, len(objects) // MOST_THINGS)
+    return _Sight(origin, table, objects, normals, step)
 
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -183,15 +183,15 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         A += (J * w[:, None]).T @ J
         b -= (J * w[:, None]).T @ r
     A[-3:, -3:] += np.diag([1e2, 1e2, 1e2])  # the common plane stays unless all cameras disagree
-    trees = [cKDTree(s.things) if len(s.things) >= 20 else None for s in sights]
+    trees = [cKDTree(s.objects) if len(s.objects) >= 20 else None for s in sights]
     for i, one in enumerate(sights):
         for j, other in enumerate(sights):
             if i == j or trees[i] is None or (tree := trees[j]) is None:
                 continue
-            some, facing = one.things[:: one.step], one.normals[:: one.step]
+            some, facing = one.objects[:: one.step], one.normals[:: one.step]
             distance, found = tree.query(some, distance_upper_bound=reach)
             near, k = np.isfinite(distance), np.asarray(found)
-            p, q, n = some[near], other.things[k[near]], other.normals[k[near]]
+            p, q, n = some[near], other.objects[k[near]], other.normals[k[near]]
             # Normals have a side: the two sides of a thin wall are not one surface.
             like = np.einsum("ij,ij->i", n, facing[near]) > 0.8
             p, q, n = p[like], q[like], n[like]

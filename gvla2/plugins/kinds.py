@@ -93,7 +93,7 @@ _CORE = (
     _kind("agent", hookspecs.gvla2_agents, "gvla2.agents.contracts:Agent"),
     _kind("tracker", hookspecs.gvla2_trackers, "gvla2.record.tracker:Tracker"),
     _kind("view", hookspecs.gvla2_views, "gvla2.record.tracker:Viewer"),
-    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.endpoint:LanguageModel", "endpoint"),
+    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.contracts:LanguageModel", "endpoint"),
 )
 KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE})
 """The kinds of the core by name, in the order of an episode, then the language model that others may ask."""

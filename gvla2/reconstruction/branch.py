@@ -16,31 +16,36 @@ from typing import Literal, ParamSpec
 import numpy as np
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.colour_calibration import calibrate_colours
+from gvla2.reconstruction.appearance import calibrate_colours, vertex_colours
+from gvla2.reconstruction.carving import normals_of, surface_of, without_crumbs
 from gvla2.reconstruction.contracts import (
     AxisCompensation,
     FusionStrategy,
+    GeometryEstimate,
     GeometryPrior,
     Reconstruction,
     Renderer,
     StageReport,
 )
-from gvla2.reconstruction.gate import judged
+from gvla2.reconstruction.depth_evidence import DepthEvidence, gather
 from gvla2.reconstruction.inset import alpha_iou, inset, largest
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.reconstruction.prior_fusion import fuse_prior
-from gvla2.reconstruction.silhouette import symmetric_iou
-from gvla2.reconstruction.things import (
+from gvla2.reconstruction.silhouette import depth_maps, symmetric_iou
+from gvla2.reconstruction.support import object_centre, released_centre, soft_hull
+from gvla2.reconstruction.surfels import place
+from gvla2.reconstruction.view_set import (
+    ViewSet,
     both_moved,
     dense_points,
+    judged,
     mismatch,
     outlined,
     points_of,
 )
-from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.visual_hull import object_centre, released_centre, soft_hull
+from gvla2.reconstruction.volume import Posterior, fuse_volume
 
 CLEARLY = 0.005
 """A difference of symmetric IoU that decides between two sources."""
@@ -82,20 +87,20 @@ def refine_geometry(
     seen = ViewSet(views, options.compat)
     branch = _Branch(seen, parts, options)
     points_of(g0)
-    thing = g0
+    obj = g0
     paper = options.mode == "paper"
     # Carving has no drift, generated objects do; a prior would mend the seen sides alone, and tear them.
     if not paper:
-        thing = branch.told(branch.compensated, thing, "drift")
+        obj = branch.told(branch.compensated, obj, "drift")
     # Source A: G0 -> x_A, theta_A.
     if options.prior:
-        thing = branch.told(fuse_prior, thing, seen, parts.prior)
+        obj = branch.told(fuse_prior, obj, seen, parts.prior)
     if options.appearance:
         # (g, b) = argmin |g I^ + b - I|_M + beta (g - 1)^2 + beta b^2
-        thing = branch.told(calibrate_colours, thing, views, parts.renderer)
+        obj = branch.told(calibrate_colours, obj, views, parts.renderer)
     if options.soft_hull:
-        thing = branch.told(branch.shrunk, thing)  # p' = c + (p - c)(1 - lambda(p))
-    a = thing
+        obj = branch.told(branch.shrunk, obj)  # p' = c + (p - c)(1 - lambda(p))
+    a = obj
     # Source B: p'' = c + (p' - c) * a + delta; carrying on from A keeps what A has mended.
     b = branch.told(branch.compensated, g0 if paper else a, "axis")
     out = branch.told(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
@@ -124,30 +129,30 @@ class _Branch:
     def told(self, stage: Callable[P, Outcome], *args: P.args, **options: P.kwargs) -> Reconstruction:
         """What a stage makes of its arguments; its report, where it has any, is noted with its seconds."""
         began = time.perf_counter()
-        thing, report = stage(*args, **options)
+        obj, report = stage(*args, **options)
         if report is not None:
             self.stages.append(replace(report, seconds=time.perf_counter() - began))
-        return thing
+        return obj
 
-    def shrunk(self, thing: Reconstruction) -> Outcome:
+    def shrunk(self, obj: Reconstruction) -> Outcome:
         """The soft visual hull: points of low mask support move a little inwards."""
         o = self._options
 
         def move(points: FloatArray) -> FloatArray:
             # The released code takes a centre for each file, ours is one for Gaussians and mesh alike.
-            c = released_centre(points) if o.compat == "official" else object_centre(points_of(thing))
+            c = released_centre(points) if o.compat == "official" else object_centre(points_of(obj))
             return soft_hull(points, self._seen.support(points), c, o.tau, o.eta, o.lambda_max)
 
-        return self._gated("soft_hull", thing, both_moved(thing, move))
+        return self._gated("soft_hull", obj, both_moved(obj, move))
 
-    def compensated(self, thing: Reconstruction, stage: str) -> Outcome:
+    def compensated(self, obj: Reconstruction, stage: str) -> Outcome:
         """Axis compensation, from masks and poses alone."""
         if not self._options.axis:
-            return thing, StageReport(stage, "skipped", "Source B is switched off.")
-        fit = self._parts.axis.compensate(dense_points(thing), self._views, object_centre(points_of(thing)))
+            return obj, StageReport(stage, "skipped", "Source B is switched off.")
+        fit = self._parts.axis.compensate(dense_points(obj), self._views, object_centre(points_of(obj)))
         measures = {"iou": fit.iou_before}, {"iou": fit.iou_after}
         status: Literal["applied", "rejected"] = "applied" if fit.accepted else "rejected"
-        moved = both_moved(thing, fit.apply) if fit.accepted else thing
+        moved = both_moved(obj, fit.apply) if fit.accepted else obj
         return moved, StageReport(stage, status, fit.reason, *measures)
 
     def fused(self, a: Reconstruction, b: Reconstruction) -> Outcome:
@@ -214,16 +219,80 @@ class _Branch:
         )
         return g0, StageReport("output", "fallback", reason, {"mask_iou": now}, {"mask_iou": was})
 
-    def _gated(self, stage: str, thing: Reconstruction, moved: Reconstruction) -> Outcome:
+    def _gated(self, stage: str, obj: Reconstruction, moved: Reconstruction) -> Outcome:
         """``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
-        (before, faces), (after, _) = outlined(thing), outlined(moved)
+        (before, faces), (after, _) = outlined(obj), outlined(moved)
         if np.array_equal(before, after):
-            return thing, StageReport(stage, "skipped", "Nothing was to be moved.")
+            return obj, StageReport(stage, "skipped", "Nothing was to be moved.")
         report = judged(stage, before, after, self._views, faces=faces)
         if self._options.mode == "paper":
             report = replace(report, status="applied")
-        return (moved if report.status == "applied" else thing), report
+        return (moved if report.status == "applied" else obj), report
 
-    def _iou(self, thing: Reconstruction) -> float:
-        points, faces = outlined(thing)
+    def _iou(self, obj: Reconstruction) -> float:
+        points, faces = outlined(obj)
         return symmetric_iou(points, self._views, faces=faces)
+
+
+NO_PRIOR = "There is no geometry prior."
+"""What is said where none was chosen, or the chosen one has nothing to say of any view."""
+THIN = 0.75
+"""Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
+MENDED = 0.5
+"""Share of these points that may be left by a correction that heeds them."""
+
+
+def agreed(
+    estimate: GeometryEstimate, seen: ViewSet, g0: TriangleMesh | None
+) -> tuple[DepthEvidence, Posterior]:
+    """What a prior's depth and the views agree on.
+
+    Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
+    into the correction of depth, as what it must not look through; what comes of that is kept where it leaves few of
+    them. Depth that errs cuts along the outlines; walls thinner than a voxel are cut everywhere, however right it is.
+    """
+
+    def fused(needed: FloatArray | None) -> tuple[DepthEvidence, Posterior]:
+        evidence = gather(estimate, seen, needed)
+        return evidence, fuse_volume(seen, evidence, g0)
+
+    first = fused(None)
+    needed = first[1].needed
+    rim = sum(int(((s.distance > 0) & (s.distance <= 1)).sum()) for s in seen.silhouettes)
+    if not 0 < len(needed) < THIN * rim:
+        return first
+    second = fused(needed)
+    return second if len(second[1].needed) < MENDED * len(needed) else first
+
+
+def fuse_prior(
+    obj: Reconstruction, seen: ViewSet, prior: GeometryPrior
+) -> tuple[Reconstruction, StageReport]:
+    """``obj`` with the surface that masks, depth and itself agree on, and its Gaussians on that surface.
+
+    Depth is corrected view by view (:mod:`~gvla2.reconstruction.depth_evidence`), fused with masks and G0 in one
+    volume (:mod:`~gvla2.reconstruction.volume`), the surface coloured from the views, and the Gaussians placed on it
+    with their attributes. Skipped without a prior; an unusable one is a ``rejected`` stage with its reason.
+    """
+    estimate = prior.predict(seen.views)
+    if estimate is None:
+        return obj, StageReport("prior", "skipped", NO_PRIOR)
+    try:
+        evidence, posterior = agreed(estimate, seen, obj.mesh)
+        if not (posterior.field.values > 0).any():
+            raise GeometryError("The prior leaves nothing of the object.")
+    except GeometryError as error:
+        return obj, StageReport("prior", "rejected", f"{error} G0 stays.")
+    # Depth maps that err leave specks between them.
+    field = without_crumbs(posterior.field, seen.silhouettes)
+    mesh, step = surface_of(field), 2 * field.step
+    normals = normals_of(field, mesh.vertices)
+    depths = depth_maps(mesh, [s.camera for s in seen.silhouettes])
+    colours, _ = vertex_colours(mesh, normals, seen.silhouettes, depths, step)
+    mesh = replace(mesh, colours=colours)
+    gaussians = obj.gaussians
+    if gaussians is not None and len(gaussians):
+        gaussians = place(gaussians, obj.mesh, mesh, normals, seen.silhouettes, depths, step)
+    told = float((posterior.confidence > 0).mean())
+    report = StageReport("prior", "applied", evidence.told, {}, {"voxels_told": told})
+    return replace(obj, gaussians=gaussians, mesh=mesh), report

@@ -54,15 +54,15 @@ def normals_at(centres: FloatArray, mesh: TriangleMesh) -> FloatArray:
 _ENOUGH = 60_000
 
 
-def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reconstruction, StageReport]:
+def inset(obj: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reconstruction, StageReport]:
     """The object with its Gaussians where they paint the masks best; nothing but their centres changes.
 
     The report's measures are ``alpha_iou``: sum of min(alpha, mask) over sum of max, mean over the three views that
     show most. Skipped without Gaussians and without a mesh, whose normals tell inside from outside.
     """
-    gaussians, mesh = thing.gaussians, thing.mesh
+    gaussians, mesh = obj.gaussians, obj.mesh
     if gaussians is None or len(gaussians) == 0 or mesh is None or len(mesh.faces) == 0:
-        return thing, StageReport("inset", "skipped", "It takes Gaussians and a mesh.")
+        return obj, StageReport("inset", "skipped", "It takes Gaussians and a mesh.")
     centres = np.asarray(gaussians.centres, dtype=np.float64)
     step = normals_at(centres, mesh) * pixel_sizes(centres, views)[:, None]
     judges = largest(views)
@@ -74,11 +74,9 @@ def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reco
     measures = {"alpha_iou": before}, {"alpha_iou": after}
     if not after > before + LEAST_GAIN:
         reason = "The Gaussians paint the masks as well as they can."
-        return thing, StageReport("inset", "skipped", reason, *measures)
+        return obj, StageReport("inset", "skipped", reason, *measures)
     way = f"{abs(pixels):.2f} px {'inwards' if pixels > 0 else 'outwards'}"
-    return replace(thing, gaussians=at(pixels)), StageReport(
-        "inset", "applied", f"Gaussians {way}.", *measures
-    )
+    return replace(obj, gaussians=at(pixels)), StageReport("inset", "applied", f"Gaussians {way}.", *measures)
 
 
 def fill_masks(mesh: TriangleMesh, views: Views) -> TriangleMesh:

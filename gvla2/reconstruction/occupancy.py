@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled, run_chunks
-from gvla2.reconstruction.mask_distance import Silhouette
+from gvla2.reconstruction.silhouette import Silhouette
 from gvla2.reconstruction.support import projection
 
 _DEEP = 3.0  # the field is exact within this many voxels of the surface and clipped beyond

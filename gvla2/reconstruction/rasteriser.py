@@ -4,10 +4,19 @@
 gradients that an optimiser needs. The kernels are numba's, compiled on first use and cached. Work is shared by plain
 threads (the kernels leave Python's lock), and no result depends on how many there are: tiles are independent, and sums
 over tiles are taken in a fixed order.
+
+A tile's Gaussians are taken nearest first, and each is painted over the pixels of its ellipse, row by row: the
+ends of a row follow from a square root, so no pixel outside is touched, and along the row the exponential is a
+recurrence of two products. A pixel whose transmittance is spent is skipped, a row and a tile of such pixels too.
+
+The gradient runs front to back as well. With ``rest``, the part of (gradient . final colour) that lies behind
+the Gaussian at hand, d loss / d alpha = T (gradient . colour) - rest / (1 - alpha): one number a pixel is enough,
+and both kernels walk the same rows in the same order.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -18,14 +27,25 @@ from numpy.typing import NDArray
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.reconstruction import (
-    rasteriser_compositing,
-    rasteriser_gradients,
-    rasteriser_projection,
-    rasteriser_tiles,
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_together
+from gvla2.reconstruction.rasteriser_projection import (
+    BLUE,
+    CAMERA_ENTRIES,
+    CONIC_A,
+    CONIC_B,
+    CONIC_DET,
+    DEPTH,
+    GREEN,
+    OPACITY,
+    REACH,
+    RED,
+    SPLAT_COLUMNS,
+    TILE,
+    U,
+    V,
+    project,
+    project_back,
 )
-from gvla2.reconstruction.compiled import Floats, cores, run_together
-from gvla2.reconstruction.rasteriser_projection import CAMERA_ENTRIES, SPLAT_COLUMNS, TILE
 
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
@@ -118,13 +138,13 @@ def forward(
     bounds = [count * part // parts for part in range(parts + 1)]
     counts = np.zeros((parts, tiles), np.int64)
 
-    def project(part: int) -> None:
-        rasteriser_projection.project(
+    def project_part(part: int) -> None:
+        project(
             bounds[part], bounds[part + 1], packed, width, height,
             centres, log_scales, rotations, logits, sh_dc, sh_rest, splats, boxes, counts[part],
         )  # fmt: skip
 
-    _share(project, parts)
+    _share(project_part, parts)
     # Each part appends behind the one before it, so that a tile's list is in the Gaussians' order.
     ends = np.cumsum(counts.T.ravel()).reshape(tiles, parts)
     cursors = np.ascontiguousarray((ends - counts.T).T)
@@ -132,25 +152,23 @@ def forward(
     members = np.empty(offsets[-1], np.int32)
     depths = np.empty(offsets[-1], np.float32)
 
-    def scatter(part: int) -> None:
-        rasteriser_tiles.scatter(
-            bounds[part], bounds[part + 1], across, boxes, splats, cursors[part], members, depths
-        )
+    def scatter_part(part: int) -> None:
+        scatter(bounds[part], bounds[part + 1], across, boxes, splats, cursors[part], members, depths)
 
-    _share(scatter, parts)
+    _share(scatter_part, parts)
     image = np.empty((height, width, 3), np.float32)
     left = np.empty((height, width), np.float32)
     keys = depths.view(np.uint32)  # positive floats are ordered as their bits
     longest = int(np.diff(offsets).max(initial=0))
     colour = np.asarray(background, np.float32)
 
-    def composite(part: int) -> None:
-        rasteriser_compositing.composite(
+    def composite_part(part: int) -> None:
+        composite(
             part, parts, across, offsets, members, keys, splats, colour,
             np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop), image, left, longest,
         )  # fmt: skip
 
-    _share(composite, parts)
+    _share(composite_part, parts)
     return Frame(gaussians, camera, rasteriser, image, 1 - left, splats, boxes, offsets, members)
 
 
@@ -173,18 +191,18 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     boxes = frame.boxes
     first = np.zeros(count + 1, np.int64)
     np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
-    sums = np.zeros((len(frame.members), rasteriser_compositing.SUMS), np.float32)
+    sums = np.zeros((len(frame.members), SUMS), np.float32)
     left, across = 1 - frame.alpha, -(-shape[1] // TILE)
     parts = _parts(rasteriser, count)
 
-    def composite_back(part: int) -> None:
-        rasteriser_compositing.composite_back(
+    def composite_part(part: int) -> None:
+        composite_back(
             part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
             np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop),
             frame.image, left, to_image, to_alpha, sums,
         )  # fmt: skip
 
-    _share(composite_back, parts)
+    _share(composite_part, parts)
     packed = _pack(frame.camera, rasteriser)
     centres, log_scales, rotations, *_ = _contiguous(gaussians)
     found = GaussianGradients(
@@ -192,13 +210,13 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     )
     bounds = [count * part // parts for part in range(parts + 1)]
 
-    def project_back(part: int) -> None:
-        rasteriser_gradients.project_back(
+    def project_part(part: int) -> None:
+        project_back(
             bounds[part], bounds[part + 1], packed, centres, log_scales, rotations, frame.splats, first, sums,
             found.centres, found.log_scales, found.rotations, found.opacity_logits, found.sh_dc,
         )  # fmt: skip
 
-    _share(project_back, parts)
+    _share(project_part, parts)
     return found
 
 
@@ -246,3 +264,296 @@ def _parts(rasteriser: Rasteriser, count: int) -> int:
 
 def _share(work: Callable[[int], None], parts: int) -> None:
     run_together([partial(work, part) for part in range(parts)])
+
+
+@compiled
+def scatter(
+    start: int,
+    stop: int,
+    across: int,
+    boxes: Ints,
+    splats: Floats,
+    cursors: Ints,
+    members: Ints,
+    depths: Floats,
+) -> None:
+    """Append Gaussians ``start`` to ``stop`` to their tiles' lists, at ``cursors`` (tiles,), which it moves."""
+    for i in range(start, stop):
+        for row in range(boxes[i, 2], boxes[i, 3]):
+            for column in range(boxes[i, 0], boxes[i, 1]):
+                tile = row * across + column
+                at = cursors[tile]
+                members[at] = i
+                depths[at] = splats[i, DEPTH]
+                cursors[tile] = at + 1
+
+
+@compiled
+def sort_by_key(
+    keys: NDArray[np.uint32],
+    values: Ints,
+    other_keys: NDArray[np.uint32],
+    other_values: Ints,
+) -> None:
+    """Sort by ``keys`` (n,), bit patterns of positive floats, stably, in place: radix sort by bytes from below."""
+    n = len(keys)
+    if n < 2:
+        return
+    least, most = keys[0], keys[0]
+    for k in range(n):
+        least, most = min(least, keys[k]), max(most, keys[k])
+    spread = most - least  # near depths share their upper bytes, which then need no pass
+    counts = np.empty(256, np.int32)
+    shift = 0
+    while (spread >> shift) > 0:
+        counts[:] = 0
+        for k in range(n):
+            counts[((keys[k] - least) >> shift) & 255] += 1
+        total = 0
+        for k in range(256):
+            total, counts[k] = total + counts[k], total
+        for k in range(n):
+            digit = ((keys[k] - least) >> shift) & 255
+            at = counts[digit]
+            other_keys[at], other_values[at] = keys[k], values[k]
+            counts[digit] = at + 1
+        keys[:] = other_keys
+        values[:] = other_values
+        shift += 8
+
+
+@compiled
+def row_range(
+    splat: Floats,
+    low: int,
+    high: int,
+) -> tuple[int, int]:
+    """First and last row within ``low`` <= y < ``high`` whose pixel centres the ellipse reaches."""
+    half = np.float32(0.5)
+    tall = math.sqrt(np.float32(2.0) * splat[REACH] * splat[CONIC_A] / splat[CONIC_DET])
+    first = int(max(np.ceil(splat[V] - tall - half), np.float32(low)))
+    last = int(min(np.floor(splat[V] + tall - half), np.float32(high - 1)))
+    return first, last
+
+
+@compiled
+def row_span(
+    u: Real,
+    room: Real,
+    shift: Real,
+    inverse_a: Real,
+    low: int,
+    high: int,
+) -> tuple[int, int, Real]:
+    """One row of an ellipse: first and last column within ``low`` <= x < ``high`` (last < first when empty), and t.
+
+    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels;
+    ``shift`` is (B / A) dy and ``room`` what the second term leaves of REACH. t is that of the first pixel.
+    """
+    half = np.float32(0.5)
+    reach = math.sqrt(np.float32(2.0) * room * inverse_a)
+    middle = u - shift - half
+    first = int(max(np.ceil(middle - reach), np.float32(low)))
+    last = int(min(np.floor(middle + reach), np.float32(high - 1)))
+    return first, last, np.float32(first) - middle
+
+
+SUMS = 9
+"""What a tile knows of one Gaussian's gradient, p = alpha d loss / d alpha summed over its pixels: p, p dx, p dy,
+p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
+
+
+@compiled
+def composite(
+    part: int,
+    parts: int,
+    across: int,
+    offsets: Ints,
+    members: Ints,
+    keys: NDArray[np.uint32],
+    splats: Floats,
+    background: Floats,
+    max_alpha: Real,
+    stop: Real,
+    image: Floats,
+    left: Floats,
+    longest: int,
+) -> None:
+    """Sort and paint the tiles ``part``, ``part + parts``, ...; rows of ``members`` end up nearest first.
+
+    Writes ``image`` (H, W, 3), unclipped and with the background, and ``left`` (H, W), the light still passing.
+    """
+    height, width = left.shape
+    one, half = np.float32(1.0), np.float32(0.5)
+    other_keys, other_values = np.empty(longest, np.uint32), np.empty(longest, np.int32)
+    # Unsigned indices spare numba the test for negative ones.
+    light, colour = np.empty(TILE * TILE, np.float32), np.empty((TILE * TILE, 3), np.float32)
+    open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
+    for tile in range(part, len(offsets) - 1, parts):
+        x0, y0 = (tile % across) * TILE, (tile // across) * TILE
+        x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
+        begin, end = offsets[tile], offsets[tile + 1]
+        count = end - begin
+        sort_by_key(keys[begin:end], members[begin:end], other_keys[:count], other_values[:count])
+        light[:] = one
+        colour[:] = np.float32(0.0)
+        open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
+        still_open = (x1 - x0) * (y1 - y0)
+        for entry in range(begin, end):
+            if still_open == 0:
+                break
+            splat = splats[members[entry]]
+            u, v, a, opacity, reach = splat[U], splat[V], splat[CONIC_A], splat[OPACITY], splat[REACH]
+            red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+            inverse_a = one / a
+            lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
+            shrink = math.exp(-a)
+            top, bottom = row_range(splat, y0, y1)
+            for y in range(top, bottom + 1):
+                if open_in_row[y - y0] == 0:
+                    continue
+                dy = np.float32(y) + half - v
+                down = flat * dy * dy
+                if not down < reach:
+                    continue
+                first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
+                if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
+                    (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
+                ):
+                    continue
+                alpha = opacity * math.exp(-half * a * t * t - down)
+                ratio = math.exp(-a * (t + half))
+                row = np.uint64((y - y0) * TILE)
+                start = row + np.uint64(first - x0)
+                for k in range(start, start + np.uint64(last + 1 - first)):
+                    passing = light[k]
+                    if passing > stop:
+                        weight = passing * min(alpha, max_alpha)
+                        colour[k, 0] += weight * red
+                        colour[k, 1] += weight * green
+                        colour[k, 2] += weight * blue
+                        passing -= weight
+                        light[k] = passing
+                        if passing <= stop:
+                            open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
+                            still_open -= 1
+                    alpha *= ratio
+                    ratio *= shrink
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                k = (y - y0) * TILE + x - x0
+                left[y, x] = light[k]
+                for channel in range(3):
+                    image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
+
+
+@compiled
+def composite_back(
+    part: int,
+    parts: int,
+    across: int,
+    offsets: Ints,
+    members: Ints,
+    boxes: Ints,
+    splats: Floats,
+    first_entry: Ints,
+    max_alpha: Real,
+    stop: Real,
+    image: Floats,
+    left: Floats,
+    to_image: Floats,
+    to_alpha: Floats,
+    partial: Floats,
+) -> None:
+    """Write ``partial`` (entries, 9), see ``SUMS``, for the tiles ``part``, ``part + parts``, ...
+
+    ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) are the loss's gradients at the image and at alpha = 1 - left.
+    """
+    height, width = left.shape
+    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
+    light, rest = np.empty(TILE * TILE, np.float32), np.empty(TILE * TILE, np.float32)
+    slope = np.empty((TILE * TILE, 3), np.float32)
+    open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
+    for tile in range(part, len(offsets) - 1, parts):
+        begin, end = offsets[tile], offsets[tile + 1]
+        if begin == end:
+            continue
+        tile_column, tile_row = tile % across, tile // across
+        x0, y0 = tile_column * TILE, tile_row * TILE
+        x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
+        light[:] = one
+        open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
+        still_open = (x1 - x0) * (y1 - y0)
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                k = (y - y0) * TILE + x - x0
+                rest[k] = -to_alpha[y, x] * left[y, x]
+                for channel in range(3):
+                    slope[k, channel] = to_image[y, x, channel]
+                    rest[k] += to_image[y, x, channel] * image[y, x, channel]
+        for entry in range(begin, end):
+            if still_open == 0:
+                break
+            i = members[entry]
+            splat = splats[i]
+            u, v, a, opacity, reach = splat[U], splat[V], splat[CONIC_A], splat[OPACITY], splat[REACH]
+            red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+            inverse_a = one / a
+            lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
+            shrink = math.exp(-a)
+            top, bottom = row_range(splat, y0, y1)
+            s0 = sx = sy = sxx = sxy = syy = to_red = to_green = to_blue = zero
+            for y in range(top, bottom + 1):
+                if open_in_row[y - y0] == 0:
+                    continue
+                dy = np.float32(y) + half - v
+                down = flat * dy * dy
+                if not down < reach:
+                    continue
+                first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
+                if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
+                    (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
+                ):
+                    continue
+                alpha = opacity * math.exp(-half * a * t * t - down)
+                ratio = math.exp(-a * (t + half))
+                dx = t - lean * dy
+                r0 = rx = rxx = zero
+                row = np.uint64((y - y0) * TILE)
+                start = row + np.uint64(first - x0)
+                for k in range(start, start + np.uint64(last + 1 - first)):
+                    passing = light[k]
+                    if passing > stop:
+                        used = min(alpha, max_alpha)
+                        weight = passing * used
+                        g_red, g_green, g_blue = slope[k, 0], slope[k, 1], slope[k, 2]
+                        shade = g_red * red + g_green * green + g_blue * blue
+                        behind = rest[k] - weight * shade
+                        rest[k] = behind
+                        to_red += weight * g_red
+                        to_green += weight * g_green
+                        to_blue += weight * g_blue
+                        if alpha <= max_alpha:
+                            p = alpha * (passing * shade - behind / (one - used))
+                            r0 += p
+                            rx += p * dx
+                            rxx += p * dx * dx
+                        passing -= weight
+                        light[k] = passing
+                        if passing <= stop:
+                            open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
+                            still_open -= 1
+                    alpha *= ratio
+                    ratio *= shrink
+                    dx += one
+                s0 += r0
+                sx += rx
+                sy += r0 * dy
+                sxx += rxx
+                sxy += rx * dy
+                syy += r0 * dy * dy
+            columns = boxes[i, 1] - boxes[i, 0]
+            at = first_entry[i] + (tile_row - boxes[i, 2]) * columns + tile_column - boxes[i, 0]
+            partial[at, 0], partial[at, 1], partial[at, 2] = s0, sx, sy
+            partial[at, 3], partial[at, 4], partial[at, 5] = sxx, sxy, syy
+            partial[at, 6], partial[at, 7], partial[at, 8] = to_red, to_green, to_blue

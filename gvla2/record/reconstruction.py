@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree, cKDTree
 
+from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
-from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.views import Views
 from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.reconstruction.things import points_of
+from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_pictures
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import Measures

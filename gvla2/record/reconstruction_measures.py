@@ -21,7 +21,7 @@ from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.silhouette import silhouettes
 from gvla2.reconstruction.support import mask_of, mask_support
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.things import outlined
+from gvla2.reconstruction.view_set import outlined
 
 Floats = NDArray[np.float32]
 

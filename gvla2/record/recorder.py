@@ -18,7 +18,7 @@ from gvla2.episode.memory_reporting import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.errors import OutputError
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import Observation
 from gvla2.io.files import make_folder, plain, write_bytes, write_json, write_text
 from gvla2.planning.contracts import Plan

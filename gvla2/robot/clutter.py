@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
-from gvla2.robot.mesh_body import Mesh
-from gvla2.robot.mesh_library import mesh_library, spoken
 from gvla2.robot.options import TaskConfig
 from gvla2.robot.placing import planar, sample_root
+from gvla2.robot.scan import Mesh, mesh_library, spoken
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 

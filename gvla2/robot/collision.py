@@ -190,19 +190,26 @@ def _part(solid: Any) -> str:
     return str(solid.name)
 
 
-def _solid(thing: SceneObject) -> Any:
+def _solid(item: SceneObject) -> Any:
     """A coal shape in the object's frame: a cylinder or sphere around its box if it is one, else the box."""
+    x, y, z = np.maximum(item.extents, 1e-4)
+    kind, across = item.shape, max(x, y)
+    if kind in ("cylinder", "disc"):
+        return coal_shape("cylinder", (across, across, z))
+    return coal_shape("sphere", (max(across, z),) * 3) if kind == "sphere" else coal_shape("box", (x, y, z))
+
+
+def coal_shape(kind: str, size: Sequence[float]) -> Any:
+    """A coal shape of full sides ``size``, metres: a cylinder about z, a sphere, else a box."""
     coal = library("coal")
-    x, y, z = np.maximum(thing.extents, 1e-4)
-    if thing.shape in ("cylinder", "disc"):
-        return coal.Cylinder(0.5 * max(x, y), z)
-    if thing.shape == "sphere":
-        return coal.Sphere(0.5 * max(x, y, z))
-    return coal.Box(x, y, z)
+    x, y, z = map(float, size)
+    if kind == "cylinder":
+        return coal.Cylinder(0.5 * x, z)
+    return coal.Sphere(0.5 * x) if kind == "sphere" else coal.Box(x, y, z)
 
 
-def _object_key(thing: SceneObject) -> tuple[object, ...]:
-    return (thing.id, thing.shape, thing.world_from_object.tobytes(), thing.extents.tobytes())
+def _object_key(item: SceneObject) -> tuple[object, ...]:
+    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes())
 
 
 def _scene_key(scene: Scene) -> tuple[object, ...]:

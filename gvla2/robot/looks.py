@@ -5,22 +5,24 @@ from __future__ import annotations
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import RobotError
+from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder, cached_arrays
-from gvla2.robot.collada import GREY, PaintedMesh, read_collada, thin
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
 
@@ -28,9 +30,20 @@ CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under
 the white ones show through, and cast hardly faster."""
 
+GREY = (0.7, 0.7, 0.7)
+
 _SEGMENTS = 48
-_COLLADA_VERSION = 1
+_VERSION = 3
 """Changes whenever a thinned mesh would: it is part of the cache's keys."""
+
+
+@dataclass(frozen=True)
+class PaintedMesh:
+    """``vertices`` (V, 3) metres, ``faces`` (F, 3) indices, ``rgb`` (F, 3) in [0, 1]."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    rgb: FloatArray
 
 
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
@@ -71,31 +84,28 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
 
 @lru_cache(maxsize=64)
 def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
-    """A file's triangles; COLLADA with colours of its own, others in ``rgb``."""
-    if path.suffix.lower() == ".dae":
-        return _thinned_collada(path) if thinned else read_collada(path)
-    if thinned:
-        return thin(_read_mesh(path, rgb, False), CELL)
+    """A file's triangles in its own colours, else in ``rgb``; ``thinned`` ones come from the cache where they are."""
+    if not thinned:
+        return _load(path, rgb)
+    key = f"{_VERSION} {CELL} {rgb} {path.suffix} {hashlib.sha256(path.read_bytes()).hexdigest()}"
+
+    def thin() -> dict[str, NDArray[Any]]:
+        mesh = _load(path, rgb)
+        coarse, kept = TriangleMesh(mesh.vertices, mesh.faces).clustered(CELL)
+        return {"vertices": coarse.vertices, "faces": coarse.faces, "rgb": mesh.rgb[kept]}
+
+    return PaintedMesh(**cached_arrays(cache_folder() / "looks", key, thin))
+
+
+def _load(path: Path, rgb: tuple[float, ...]) -> PaintedMesh:
+    """All triangles of a mesh file, in ``rgb`` where it has no colours; raises :class:`RobotError` without any."""
     try:
-        if path.suffix.lower()[1:] not in trimesh.available_formats():
-            raise ValueError("a file of another kind")
-        mesh = trimesh.load_mesh(path)
-    except (ValueError, OSError) as error:
-        raise RobotError(
-            f"The mesh {path} can't be read ({error}); STL, OBJ, PLY and COLLADA can."
-        ) from error
-    faces = np.asarray(mesh.faces, dtype=np.int64)
-    if not len(faces):
-        raise RobotError(f"The mesh {path} has no triangles: it is empty, or damaged.")
-    return PaintedMesh(np.asarray(mesh.vertices), faces, np.tile(rgb, (len(faces), 1)))
-
-
-def _thinned_collada(path: Path) -> PaintedMesh:
-    """From the cache where it was read before: its numbers are text, which takes 0.2 s for an arm."""
-    key = f"{_COLLADA_VERSION} {CELL} {hashlib.sha256(path.read_bytes()).hexdigest()}"
-    return PaintedMesh(
-        **cached_arrays(cache_folder() / "looks", key, lambda: vars(thin(read_collada(path), CELL)))
-    )
+        textured = read_textured_mesh(path, up="z")
+    except GeometryError as error:
+        raise RobotError(str(error)) from error
+    uncoloured = not textured.images and bool((textured.rgb == np.float32(GREY[0])).all())
+    colours = np.tile(rgb, (len(textured.mesh.faces), 1)) if uncoloured else textured.rgb.mean(axis=1)
+    return PaintedMesh(textured.mesh.vertices, textured.mesh.faces, np.asarray(colours, dtype=np.float64))
 
 
 class RobotLooks:

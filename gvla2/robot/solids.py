@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
+from gvla2.robot.collision import coal_shape
+from gvla2.robot.kinematics import library
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
-
-_ROUND_SIDES = 24
 
 
 @dataclass(frozen=True)
@@ -34,54 +34,22 @@ class Volume:
         return bool(abs(x) <= a and abs(y) <= b and abs(z) <= c)
 
     def meets(self, body: Body, world_from_body: FloatArray) -> bool:
-        """Whether any solid of a body, at its pose (4, 4), shares a point with the volume.
-
-        Round solids count as prisms of 24 sides, which stay within 1 % of them, meshes as their bounding boxes.
-        """
-        mine = _solid_of("cylinder" if self.round else "box", self.world_from_volume, self.size)
-        return any(
-            _overlap(mine, _solid_of(solid.kind, world_from_body @ solid.body_from_shape, solid.size))
-            for solid in body.solids
-        )
+        """Whether any solid of a body, at its pose (4, 4), shares a point with the volume; meshes as their boxes."""
+        coal = library("coal")
+        mine, at = coal_shape("cylinder" if self.round else "box", self.size), self.world_from_volume
+        here = coal.Transform3s(at[:3, :3], at[:3, 3])
+        for solid in body.solids:
+            pose = world_from_body @ solid.body_from_shape
+            there = coal.Transform3s(pose[:3, :3], pose[:3, 3])
+            other, result = coal_shape(solid.kind, solid.size), coal.CollisionResult()
+            if coal.collide(mine, here, other, there, coal.CollisionRequest(), result):
+                return True
+        return False
 
 
 def on(surface: FloatArray, size: tuple[float, float], height: float) -> Volume:
     """The box of ``height`` standing on a rectangle of ``size`` about the origin of ``surface`` (4, 4), z up."""
     return Volume(surface @ rigid(translation=(0.0, 0.0, height / 2)), (*size, height))
-
-
-@dataclass(frozen=True)
-class _Solid:
-    corners: FloatArray  # (N, 3)
-    normals: FloatArray  # (F, 3), one of each parallel pair
-    edges: FloatArray  # (E, 3), likewise
-
-
-def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> _Solid:
-    axes = pose[:3, :3].T
-    if kind in ("box", "mesh"):
-        return _Solid(transform_points(pose, box_corners(size)), axes, axes)
-    # A prism between the inscribed and the circumscribed one; spheres too, which here only need their extent.
-    half = 0.5 * np.asarray(size)
-    turns = np.pi * (2 * np.arange(_ROUND_SIDES) + 1) / _ROUND_SIDES
-    fit = 2.0 / (1.0 + np.cos(np.pi / _ROUND_SIDES))
-    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) * half[:2] * fit
-    ends = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-half[2], half[2])])
-    faces = np.pi * 2 * np.arange(_ROUND_SIDES // 2) / _ROUND_SIDES
-    flat = np.column_stack([np.cos(faces), np.sin(faces), np.zeros(len(faces))])
-    sides = np.column_stack([-np.sin(faces), np.cos(faces), np.zeros(len(faces))])
-    up = np.array([[0.0, 0.0, 1.0]])
-    return _Solid(transform_points(pose, ends), np.vstack([flat, up]) @ axes, np.vstack([sides, up]) @ axes)
-
-
-def _overlap(one: _Solid, other: _Solid) -> bool:
-    """The separating axis test of two convex solids: the normals of both, and edges of one across the other's."""
-    crossed = np.cross(one.edges[:, None], other.edges[None]).reshape(-1, 3)
-    axes = np.concatenate([one.normals, other.normals, crossed])
-    axes = axes[np.linalg.norm(axes, axis=1) > 1e-6]
-    a, b = one.corners @ axes.T, other.corners @ axes.T
-    apart = (a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))
-    return not bool(apart.any())
 
 
 def lowest(solid: Solid, world_from_body: FloatArray) -> float:

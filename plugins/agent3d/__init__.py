@@ -11,7 +11,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.planning.contracts import Planner
 
 FORMS = ("relative", "bare")

@@ -20,8 +20,10 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     points, over all views, are a speck. ``min_region``: the smallest painted patch, square metres. ``robot_margin``:
     pixels around the robot that are not believed. ``jump``: neighbouring pixels further apart than this lie on
     different surfaces. ``colour_step``: neighbouring pixels whose looks differ by more (see
-    ``gvla2.planning.colours``) are of different things. ``gap``: free space of this height under a thing means that
-    it does not stand on the table. Names of known objects: see :class:`NamingOptions`.
+    ``gvla2.planning.colours``) are of different objects. ``gap``: free space of this height under an object means that
+    it does not stand on the table. ``fragment_reach``: pieces of one look that are further apart are different
+    objects. ``textured``: share of neighbouring pixels that differ in look above which a body is finely painted, so
+    that its paint separates no pieces. Names of known objects: see :class:`NamingOptions`.
     """
 
     min_height: float = 0.004
@@ -31,6 +33,8 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     jump: float = 0.014
     colour_step: float = 22.0
     gap: float = 0.03
+    fragment_reach: float = 0.05
+    textured: float = 0.13
 
 
 def _build(config: ClassicalConfig) -> Perceiver:

@@ -1,4 +1,4 @@
-"""From the points of one thing to a solid: which of box, cylinder and sphere explains it, and how well."""
+"""From the points of one object to a solid: which of box, cylinder and sphere explains it, and how well."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.footprints import footprint_of
-from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.outline import (
     completed,
     crowded,
@@ -19,9 +18,12 @@ from gvla2_plugins.classical.outline import (
     silhouette,
     within_walls,
 )
-from gvla2_plugins.classical.pixels import Pixels
+from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame
 from gvla2_plugins.classical.solids import (
+    THIN,
     Distance,
+    Kind,
+    SeenObject,
     SolidFit,
     box_distance,
     cylinder_distance,
@@ -30,18 +32,18 @@ from gvla2_plugins.classical.solids import (
     narrow_yaw,
     sphere_distance,
     spread_out,
+    upright_rectangle,
 )
-from gvla2_plugins.classical.things import THIN, Kind, Thing, upright_rectangle
 
-GOOD = 0.82  # agreement from which one solid explains a thing
+GOOD = 0.82  # agreement from which one solid explains an object
 MOST_SEEN = 420  # points a fit looks at
-MARGIN = 0.012  # metres about a thing's points where its outline is looked at
+MARGIN = 0.012  # metres about an object's points where its outline is looked at
 ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this factor of a box's cost
 INTRUDED = 0.08  # share of free points within a solid from which it is the wrong solid, not a hollow one
 CLEARLY = 0.1  # more of agreement
 RIM = 0.006  # metres: a wall is no thinner
 SQUARE = 1.35  # length over breadth of what may be round
-UPRIGHT = 0.5  # of the length of what is seen: a thing that is lower shows its top, and so its outline
+UPRIGHT = 0.5  # of the length of what is seen: an object that is lower shows its top, and so its outline
 SHEET = 0.008  # metres: what is no higher is fitted by its outline
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
@@ -53,7 +55,7 @@ DISTANCES: dict[Kind, Distance] = {
 
 @dataclass(frozen=True)
 class FitEvidence:
-    """What one thing's fit goes by, in the table's frame: ``seen`` (N, 3), ``free`` (M, 3), ``rays`` (R, S, 3) (see
+    """What one object's fit goes by, in the table's frame: ``seen`` (N, 3), ``free`` (M, 3), ``rays`` (R, S, 3) (see
     :func:`fit_solid`); heights of its ``lowest`` and ``highest`` points and of its ``bottom``, which is the table's
     unless it is ``floating``; the smallest rectangle about it: ``yaw``, ``middle`` (2,), ``lengths`` (2,).
     """
@@ -96,7 +98,7 @@ class FitEvidence:
         )
 
 
-def shape_thing(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, gap: float) -> Thing:
+def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, gap: float) -> SeenObject:
     """The solid that explains the pixels ``members`` (N,) best, standing on the table unless it is seen to hang."""
     evidence = _gather(frames, pixels, members, gap)
     fits = _fits(evidence)
@@ -105,27 +107,27 @@ def shape_thing(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray,
     kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
     nowhere = np.zeros(3)
-    thing = Thing(kind, members, pixels.points[members], nowhere, 0.0, nowhere, fit.agreement)
-    thing = replace(thing, floating=evidence.floating, lowest=evidence.lowest)
-    thing = _posed(thing, kind, fit.parameters)
-    if (hollow := _hollow(frames, evidence, thing, fit)) is not None:
+    obj = SeenObject(kind, members, pixels.points[members], nowhere, 0.0, nowhere, fit.agreement)
+    obj = replace(obj, floating=evidence.floating, lowest=evidence.lowest)
+    obj = _posed(obj, kind, fit.parameters)
+    if (hollow := _hollow(frames, evidence, obj, fit)) is not None:
         return hollow
-    if fit.agreement < 0.5 * GOOD or not _within(evidence, thing):
+    if fit.agreement < 0.5 * GOOD or not _within(evidence, obj):
         # No solid that we know: the box about its points.
-        yaw, middle, lengths = narrow_yaw(thing.points[:, :2], trim=0.5)
+        yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
         lengths = np.maximum(lengths, THIN)
-        thing = _posed(thing, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
-    return completed(frames, pixels, thing)
+        obj = _posed(obj, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
+    return completed(frames, pixels, obj)
 
 
 def _sheet(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, evidence: FitEvidence, top: float
-) -> Thing:
-    """The thing as one so flat, ``top`` metres, that no free point beside it tells its outline: the table does."""
+) -> SeenObject:
+    """The object as one so flat, ``top`` metres, that no free point beside it tells its outline: the table does."""
     table = [at < 0 for at in pixels.maps]
     outline = footprint_of(frames, pixels, members, table, 0.5 * top)
     nowhere = np.zeros(3)
-    thing = Thing(
+    obj = SeenObject(
         "box",
         members,
         pixels.points[members],
@@ -137,26 +139,28 @@ def _sheet(
     )
     heights = (max(top, THIN), 0.0)
     if outline.round:
-        return _posed(thing, "cylinder", [*outline.middle, outline.lengths[0], *heights])
-    return _posed(thing, "box", [*outline.middle, outline.yaw, *outline.lengths, *heights])
+        return _posed(obj, "cylinder", [*outline.middle, outline.lengths[0], *heights])
+    return _posed(obj, "box", [*outline.middle, outline.yaw, *outline.lengths, *heights])
 
 
-def _hollow(frames: Sequence[TableFrame], evidence: FitEvidence, thing: Thing, fit: SolidFit) -> Thing | None:
-    """The thing as a hollow one, where one sees into it; None where one does not.
+def _hollow(
+    frames: Sequence[TableFrame], evidence: FitEvidence, obj: SeenObject, fit: SolidFit
+) -> SeenObject | None:
+    """The object as a hollow one, where one sees into it; None where one does not.
 
     The inner wall is seen too: only the outline tells where the outer one is. Where a view shows it in pieces, rays
     beside a piece pass through the hollow; they say nothing against the walls.
     """
-    if fit.intrusion < INTRUDED and sees_into(frames, thing) and not crowded(thing):
-        fit = evidence.fit(thing.kind, fit.parameters, filled=True)
-        return replace(_posed(thing, thing.kind, fit.parameters), agreement=fit.agreement, hollow=True)
+    if fit.intrusion < INTRUDED and sees_into(frames, obj) and not crowded(obj):
+        fit = evidence.fit(obj.kind, fit.parameters, filled=True)
+        return replace(_posed(obj, obj.kind, fit.parameters), agreement=fit.agreement, hollow=True)
     if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
         return None
     square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
     kinds: list[Kind] = ["cylinder", "box"] if square else ["box"]
-    found: list[Thing] = []
+    found: list[SeenObject] = []
     for kind in kinds:
-        trial = _posed(thing, kind, evidence.start(kind))
+        trial = _posed(obj, kind, evidence.start(kind))
         if not sees_into(frames, trial, share=0.8) or crowded(trial):
             continue
         # Where a rim was lost, rays beside what is left of it pass through the hollow, close to its walls.
@@ -166,7 +170,7 @@ def _hollow(frames: Sequence[TableFrame], evidence: FitEvidence, thing: Thing, f
         if fit.agreement >= GOOD and on_walls(walls):
             found.append(walls)
     # A wider box explains round walls too: the one that is like the outside must be clearly worse.
-    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == thing.kind), default=None)
+    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == obj.kind), default=None)
 
 
 def _gather(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, gap: float) -> FitEvidence:
@@ -194,7 +198,7 @@ def _fits(evidence: FitEvidence) -> dict[Kind, SolidFit]:
         if 0.6 < 2.0 * (top - bottom) / (long + short) < 1.5:
             fits["sphere"] = evidence.fit("sphere")
     elif long > SQUARE * short and top - bottom > UPRIGHT * long:
-        # A round thing that is seen from one side shows a strip as wide as it is; a low one shows its top.
+        # A round object that is seen from one side shows a strip as wide as it is; a low one shows its top.
         along = evidence.yaw + (0.0 if evidence.lengths[0] < evidence.lengths[1] else 0.5 * np.pi)
         behind = 0.5 * (long - short) * np.array([np.cos(along), np.sin(along)])
         circle = [long, evidence.highest, evidence.bottom]
@@ -203,22 +207,22 @@ def _fits(evidence: FitEvidence) -> dict[Kind, SolidFit]:
     return fits
 
 
-def _within(evidence: FitEvidence, thing: Thing) -> bool:
+def _within(evidence: FitEvidence, obj: SeenObject) -> bool:
     """Whether the fit stayed where the points are."""
     reach = 0.5 * evidence.lengths.max() + 0.03
-    near = np.abs(thing.centre[:2] - evidence.middle) < reach
-    return bool((thing.extents >= 0.5 * THIN).all() and near.all())
+    near = np.abs(obj.centre[:2] - evidence.middle) < reach
+    return bool((obj.extents >= 0.5 * THIN).all() and near.all())
 
 
-def _posed(thing: Thing, kind: Kind, parameters: Sequence[float] | FloatArray) -> Thing:
-    """The thing as a solid with these parameters (see :data:`DISTANCES`)."""
+def _posed(obj: SeenObject, kind: Kind, parameters: Sequence[float] | FloatArray) -> SeenObject:
+    """The object as a solid with these parameters (see :data:`DISTANCES`)."""
     yaw, (x, y, *sides) = 0.0, parameters
     if kind == "sphere":
-        return replace(thing, kind=kind, centre=np.array([x, y, sides[0]]), extents=np.full(3, abs(sides[1])))
+        return replace(obj, kind=kind, centre=np.array([x, y, sides[0]]), extents=np.full(3, abs(sides[1])))
     *sides, top, bottom = sides
     if kind == "cylinder":
         width = depth = abs(sides[0])
     else:
         yaw, width, depth = upright_rectangle(*sides)
     centre, extents = np.array([x, y, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
-    return replace(thing, kind=kind, centre=centre, yaw=yaw, extents=extents)
+    return replace(obj, kind=kind, centre=centre, yaw=yaw, extents=extents)

@@ -10,7 +10,7 @@ from gvla2.component import check_ranges
 from gvla2.planning.calls import OPTION_RANGES, GraspOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2.planning.contracts import Planner
 
 

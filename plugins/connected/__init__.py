@@ -1,4 +1,4 @@
-"""The plainest perceiver: each connected component above the table is a thing. A baseline."""
+"""The plainest perceiver: each connected component above the table is an object. A baseline."""
 
 from __future__ import annotations
 

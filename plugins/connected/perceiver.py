@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import frames_of, raised
-from gvla2.perception.things import numbered, over_workspace, thing_of
+from gvla2.perception.objects import numbered, object_of, over_workspace
 from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.connected import ConnectedConfig
 
@@ -28,11 +28,11 @@ class ConnectedPerceiver:
         found = clusters(frames, masks)
         middle = 0.5 * (workspace.low + workspace.high)
         height = table.height_at(float(middle[0]), float(middle[1]))
-        things = []
+        objects = []
         for k in range(found.count):
             rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)])
-            things.append(thing_of(found.points(frames, k), rgb / 255.0, height, 1.0, f"thing{k}"))
+            objects.append(object_of(found.points(frames, k), rgb / 255.0, height, 1.0, f"object{k}"))
         scene = Scene((), height, workspace, "connected", tuple(notes))
         return Scene(
-            numbered(over_workspace(things, scene.workspace)), height, workspace, "connected", tuple(notes)
+            numbered(over_workspace(objects, scene.workspace)), height, workspace, "connected", tuple(notes)
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
+from gvla2_plugins.depth_prior.noise import LearnedNoise
 
 if TYPE_CHECKING:
     from gvla2.reconstruction.contracts import GeometryPrior

@@ -9,7 +9,7 @@ from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.language.options import EndpointOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
 
 
 @dataclass(kw_only=True)

@@ -30,7 +30,7 @@ from urllib.parse import urlsplit
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.io.array_cache import cache_folder
-from gvla2.language.failures import ModelUnavailableError
+from gvla2.language.contracts import ModelUnavailableError
 
 if TYPE_CHECKING:
     from gvla2_plugins.llama_cpp import LlamaCppConfig

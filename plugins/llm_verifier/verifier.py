@@ -12,8 +12,7 @@ from gvla2.language import Completion, LanguageModel, LanguageModelError, Reques
 from gvla2.language.score_tokens import TokenScore, score_answer
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.memory.rendering import neutralised
-from gvla2_plugins.llm_verifier.criteria import Criterion, criteria_set
-from gvla2_plugins.llm_verifier.prompts import messages
+from gvla2_plugins.llm_verifier.questions import Criterion, criteria_set, messages
 
 if TYPE_CHECKING:
     from gvla2_plugins.llm_verifier import LlmVerifierConfig

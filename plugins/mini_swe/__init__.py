@@ -10,7 +10,7 @@ from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from gvla2.agents.contracts import Agent
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
 
 
 @dataclass(kw_only=True)

@@ -16,7 +16,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language import Request
 
 if TYPE_CHECKING:
-    from gvla2.language.endpoint import LanguageModel
+    from gvla2.language.contracts import LanguageModel
     from gvla2_plugins.mini_swe import MiniSweConfig
 
 
@@ -62,7 +62,7 @@ class MiniSwe:
 
 
 class _Model:
-    """mini-swe-agent's model, answered by a :class:`~gvla2.language.endpoint.LanguageModel`."""
+    """mini-swe-agent's model, answered by a :class:`~gvla2.language.contracts.LanguageModel`."""
 
     def __init__(
         self, language: LanguageModel, config: MiniSweConfig, settings: Mapping[str, Any], seed: int

@@ -20,7 +20,7 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
     """Options of ``sam3`` and ``detector``.
 
     ``weights``: a folder as ``save_pretrained`` writes it (config.json, model.safetensors, the tokenizer's files).
-    ``words``: what to look for; by default the things named in the instruction: each noun phrase between its verbs and
+    ``words``: what to look for; by default the objects named in the instruction: each noun phrase between its verbs and
     prepositions. ``threshold``: less certain answers are dropped. ``min_points``: fewer pixels with depth, over all
     views, are a speck.
     """
@@ -33,15 +33,15 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
 
 def _build_sam3(config: VocabularyConfig) -> Perceiver:
     """SAM 3 by transformers: masks of what words name, fused over the views in 3D; needs weights."""
+    from gvla2_plugins.open_vocabulary.models import load_sam3
     from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
-    from gvla2_plugins.open_vocabulary.sam3 import load_sam3
 
     return VocabularyPerceiver("sam3", config, load_sam3(config.weights))
 
 
 def _build_detector(config: VocabularyConfig) -> Perceiver:
     """Grounding DINO or OWLv2 by transformers: boxes of what words name, cut out by depth; needs weights."""
-    from gvla2_plugins.open_vocabulary.detector import load_detector
+    from gvla2_plugins.open_vocabulary.models import load_detector
     from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
 
     return VocabularyPerceiver("detector", config, load_detector(config.weights))

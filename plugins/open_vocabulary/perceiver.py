@@ -1,4 +1,4 @@
-"""Masks of named things in every picture, fused into one scene."""
+"""Masks of named objects in every picture, fused into one scene."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clusters import clusters
+from gvla2.perception.clusters import MaskCandidate, clusters, fuse, objects_of
 from gvla2.perception.frames import BoolArray, frames_of, raised
-from gvla2.perception.fusing import MaskCandidate, fuse, objects_of
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers
-from gvla2.perception.things import numbered, over_workspace
 from gvla2.planning.scene import Box, Scene
 
 if TYPE_CHECKING:
@@ -26,12 +25,12 @@ _BETWEEN = re.compile(
     r"\b(?:pick|lift|put|place|move|push|pull|open|close|take|grasp|slide|sort|stack|insert|turn|press|up|down|in|into|on|"
     r"onto|to|from|of|off|out|at|by|the|a|an|all|left|right|front|behind|next|between|and|then|it|its|with)\b|[^\w\s-]"
 )
-"""Words and marks between the names of things in an instruction."""
+"""Words and marks between the names of objects in an instruction."""
 
 
 @dataclass(frozen=True)
 class FoundMask:
-    """A mask (H, W) of the thing that ``label`` names; ``loose`` if it is a box whose corners show other things too."""
+    """A mask (H, W) of the object that ``label`` names; ``loose`` if it is a box, whose corners show others too."""
 
     mask: BoolArray
     score: float
@@ -48,7 +47,7 @@ class Finder(Protocol):
 
 
 class VocabularyPerceiver:
-    """Asks a model for masks of named things; depth places them."""
+    """Asks a model for masks of named objects; depth places them."""
 
     def __init__(self, name: str, config: VocabularyConfig, finder: Finder) -> None:
         if not 0 < config.threshold < 1 or config.min_points < 3:
@@ -83,7 +82,7 @@ class VocabularyPerceiver:
 
 
 def _cut(box: BoolArray, groups: NDArray[np.int64]) -> BoolArray:
-    """The connected thing that fills most of a box."""
+    """The connected object that fills most of a box."""
     inside = groups[box & (groups >= 0)]
     return np.asarray(box & (groups == np.bincount(inside).argmax())) if len(inside) else np.zeros_like(box)
 

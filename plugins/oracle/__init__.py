@@ -18,7 +18,7 @@ class OracleConfig(ComponentConfig):
 
 
 def _build(config: OracleConfig, robot: RobotBackend | None = None) -> Perceiver:
-    """Gives the true scene of a simulator, including unseen things; for debugging, and every result says so."""
+    """Gives the true scene of a simulator, including unseen objects; for debugging, and every result says so."""
     from gvla2_plugins.oracle.perceiver import OraclePerceiver
 
     return OraclePerceiver(robot)

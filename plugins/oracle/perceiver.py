@@ -36,7 +36,7 @@ class OraclePerceiver:
         scene = self._robot.true_scene()
         inside = [o for o in scene.objects if _over(workspace, o.centre)]
         ordered = sorted(inside, key=lambda o: tuple(np.round(o.centre, 3)))
-        ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(ordered)}
+        ids = {obj.id: f"o{k + 1}" for k, obj in enumerate(ordered)}
         objects = tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered)
         return Scene(objects, scene.table_height, workspace, "oracle", (NOTE,))
 

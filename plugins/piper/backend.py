@@ -14,7 +14,7 @@ from gvla2.geometry.camera import Camera as Pinhole
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
-from gvla2.planning.trajectory import Trajectory
+from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import DepthCamera, ExecutionListener, SuccessCheck
 from gvla2.robot.driver import DriverState
@@ -24,10 +24,9 @@ from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
 from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
-from gvla2_plugins.piper.arming import ask_person
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
 from gvla2_plugins.piper.scenery import Preview
-from gvla2_plugins.piper.session import PERIOD, Session, bounds_of
+from gvla2_plugins.piper.session import PERIOD, Session, ask_person, bounds_of
 
 FILM_EVERY = 1.0
 """Seconds between pictures while the arm moves; drawing one delays the control loop by some milliseconds."""
@@ -114,7 +113,8 @@ class Piper:
         Raises :class:`SafetyStopError` when the watch stops the arm. A waypoint outside the workspace is refused
         before anything moves.
         """
-        loop = self.session.loop if self.session is not None else None
+        session = self.session
+        loop = None if session is None else session.loop
         if loop is not None:
             loop.check()
         slow = self._slowed(trajectory)
@@ -122,10 +122,8 @@ class Piper:
             listener.waypoint(refusal)
             return ExecutionReport((refusal,))
         preview = Preview(self._arm.kinematics, self._looks, scene, self._config.video_size)
-        if loop is None:
+        if session is None or loop is None:
             return self._dry(slow, scene, listener, preview)
-        assert self.session is not None
-        assert self.session.link is not None
         filmed = 0.0
 
         def film() -> None:
@@ -135,7 +133,7 @@ class Piper:
                 state = driver.state()
                 listener.frame(preview.picture(state.joints, state.gripper_width))
 
-        driver = PiperDriver(self.session.link, loop, self._guard, film)
+        driver = PiperDriver(session.link, loop, self._guard, film)
         return execute(slow, scene, self.planner, driver, listener, self._options)
 
     def success_check(self) -> SuccessCheck | None:
@@ -154,7 +152,6 @@ class Piper:
             if self._config.bus != "none":
                 raise RobotError("Nothing can be observed before reset: call reset(task, seed) first.")
             return DriverState(np.array(HOME), MAX_WIDTH)
-        assert self.session.link is not None
         return measured(self.session.link)
 
     def _placed(self, view: View) -> View:
@@ -167,22 +164,30 @@ class Piper:
 
     def _outside(self, trajectory: Trajectory) -> WaypointReport | None:
         """A report that refuses the first waypoint out of the workspace, or None."""
-        state = self._state()
-        tool = self._arm.forward(state.joints)[:3, 3]
         for index, waypoint in enumerate(trajectory):
             if np.isfinite(waypoint.xyz).all() and not self._workspace.contains(np.array(waypoint.xyz)):
-                return WaypointReport(
-                    index=index,
-                    stage=waypoint.stage,
-                    target=waypoint.xyz,
-                    reached=(float(tool[0]), float(tool[1]), float(tool[2])),
-                    error=float(np.linalg.norm(tool - waypoint.xyz)),
-                    gripper_width=state.gripper_width,
-                    held=None,
-                    abort="not_started",
-                    message="Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent.",
-                )
+                why = "Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent."
+                return self._not_started(index, waypoint, why)
         return None
+
+    def _not_started(
+        self, index: int, waypoint: Waypoint, message: str, seconds: float = 0.0
+    ) -> WaypointReport:
+        """The report of a waypoint to which nothing moved, after ``seconds`` of planning."""
+        state = self._state()
+        x, y, z = self._arm.forward(state.joints)[:3, 3].tolist()
+        return WaypointReport(
+            index=index,
+            stage=waypoint.stage,
+            target=waypoint.xyz,
+            reached=(x, y, z),
+            error=float(np.linalg.norm(np.subtract((x, y, z), waypoint.xyz))),
+            gripper_width=state.gripper_width,
+            held=None,
+            abort="not_started",
+            message=message,
+            planning_seconds=seconds,
+        )
 
     def _dry(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener, preview: Preview
@@ -204,20 +209,8 @@ class Piper:
         else:
             word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         message = f"Dry run: {word}. Nothing was sent; robot.armed=true moves the arm."
-        first = trajectory.waypoints[0]
-        tool = self._arm.forward(state.joints)[:3, 3]
-        report = WaypointReport(
-            index=0,
-            stage=first.stage,
-            target=first.xyz,
-            reached=(float(tool[0]), float(tool[1]), float(tool[2])),
-            error=float(np.linalg.norm(tool - first.xyz)),
-            gripper_width=state.gripper_width,
-            held=None,
-            abort="not_started",
-            message=message,
-            planning_seconds=sum(w.planning_seconds for w in planned.waypoints),
-        )
+        planning = sum(w.planning_seconds for w in planned.waypoints)
+        report = self._not_started(0, trajectory.waypoints[0], message, planning)
         listener.waypoint(report)
         return ExecutionReport((report,), report.planning_seconds, planned.joint_path)
 

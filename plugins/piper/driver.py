@@ -12,8 +12,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2_plugins.piper.arm import MAX_WIDTH
-from gvla2_plugins.piper.limits import Bounds
+from gvla2_plugins.piper.arm import MAX_WIDTH, Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import ControlLoop
 
@@ -67,7 +66,7 @@ class PathGuard:
 def measured(link: PiperLink) -> DriverState:
     """The arm's present measurement; raises :class:`RobotError` when it is stale."""
     seen = link.feedback.snapshot()
-    if seen.joints is None or seen.joint_age > 0.5 or seen.gripper_age > 0.5:
+    if seen.joint_age > 0.5 or seen.gripper_age > 0.5:
         age = max(seen.joint_age, seen.gripper_age)
         raise RobotError(f"The arm on '{link.channel}' was last heard {age:.2f} s ago: is the cable out?")
     return DriverState(seen.joints, seen.gripper_width, time.monotonic())

@@ -13,9 +13,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
-from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH
+from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH, Bounds
 from gvla2_plugins.piper.command_log import CommandLog
-from gvla2_plugins.piper.limits import Bounds
 
 _ECHO_SECONDS = 1.0
 
@@ -99,17 +98,16 @@ class CommandGate(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Log and send an allowed frame; raise ``can.CanOperationError`` for any other, and when sending fails."""
         data = bytes(msg.data)
-        reason = self.objection(msg.arbitration_id, data)
-        if reason:
+        reason, log = self.objection(msg.arbitration_id, data), self._log
+        if reason or log is None:
             self.refused.append(f"{msg.arbitration_id:03X}: {reason}")
             if self._open:
                 self.trouble = f"the frame {msg.arbitration_id:03X} was refused: {reason}"
-            if self._log is not None:
-                self._log.event("refused", id=f"{msg.arbitration_id:03X}", data=data.hex(), why=reason)
+            if log is not None:
+                log.event("refused", id=f"{msg.arbitration_id:03X}", data=data.hex(), why=reason)
             raise can.CanOperationError(f"Frame {msg.arbitration_id:03X} was not sent: {reason}.")
-        assert self._log is not None
         try:
-            self._log.frame(msg.arbitration_id, data)
+            log.frame(msg.arbitration_id, data)
             with self._lock:
                 self._remember(msg.arbitration_id, data)
             self._inner.send(msg, timeout)

@@ -12,12 +12,11 @@ import numpy as np
 from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
-from gvla2_plugins.piper.arm import MAX_WIDTH
+from gvla2_plugins.piper.arm import MAX_WIDTH, Bounds
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback, Snapshot
 from gvla2_plugins.piper.gate import CommandGate
-from gvla2_plugins.piper.limits import Bounds
-from gvla2_plugins.piper.urgency import be_urgent
+from gvla2_plugins.piper.lock import be_urgent
 
 _NO_FRAMES = (
     "No frames come from the arm on {bus} '{channel}' within {wait:g} s. Is it powered, is the CAN cable in, and "
@@ -90,7 +89,7 @@ class PiperLink:
         end = time.monotonic() + seconds
         while True:
             seen = self.feedback.snapshot()
-            if seen.joints is not None and np.isfinite([seen.status_age, seen.drive_age]).all():
+            if np.isfinite([*seen.joints, seen.status_age, seen.drive_age]).all():
                 return seen
             if time.monotonic() > end:
                 break

@@ -14,9 +14,9 @@ import numpy as np
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper.command_log import CommandLog
+from gvla2_plugins.piper.feedback import Watch
 from gvla2_plugins.piper.link import PiperLink
-from gvla2_plugins.piper.urgency import be_urgent
-from gvla2_plugins.piper.watch import Watch
+from gvla2_plugins.piper.lock import be_urgent
 
 SILENT_AFTER = 1.0
 """Seconds of repeated hold frames after a stop; then nothing, so as not to fight a person or a program."""
@@ -217,7 +217,7 @@ class ControlLoop:
                 if self._interrupted and self.moving:
                     self.hold("interrupted")
             self._send(now)
-            if self._ticks % _NOTE_EVERY == 0 and seen.joints is not None and not self.stopped:
+            if self._ticks % _NOTE_EVERY == 0 and np.isfinite(seen.joints).all() and not self.stopped:
                 self._log.joints(seen.joints.tolist())
 
     def _absence(self, now: float, late: float) -> str:

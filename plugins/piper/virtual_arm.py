@@ -20,7 +20,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
-from gvla2_plugins.piper.urgency import be_urgent
+from gvla2_plugins.piper.lock import be_urgent
 
 PARKED = (0.0, 0.02, -0.02, 0.0, 0.15, 0.0)
 RATE = 200.0

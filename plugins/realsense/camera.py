@@ -13,10 +13,8 @@ from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.realsense import RealsenseConfig
-from gvla2_plugins.realsense.attached import choose, serial_of
-from gvla2_plugins.realsense.axis import colour_axis
-from gvla2_plugins.realsense.lens import lens_of, pinhole
-from gvla2_plugins.realsense.library import load
+from gvla2_plugins.realsense.lens import colour_axis, lens_of, pinhole
+from gvla2_plugins.realsense.library import choose, load, serial_of
 from gvla2_plugins.realsense.stream import Stream
 
 TOLERANCE = 0.02

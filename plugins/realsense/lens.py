@@ -1,4 +1,4 @@
-"""Undistorting a lens: the core's cameras are pinholes."""
+"""Straightening what the camera gives: lens distortion, and depth along the colour camera's axis."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
 from gvla2.robot.calibration import Intrinsics
 
 NEGLIGIBLE = 0.25
@@ -65,3 +66,28 @@ def lens_of(rs: Any, given: Any) -> Lens | None:
     if np.abs(bent - np.stack([columns, rows], -1)).max() < NEGLIGIBLE:
         return None
     return Lens(bent[..., 1], bent[..., 0])
+
+
+@dataclass(frozen=True)
+class ColourAxis:
+    """Turns depths along the depth sensor's axis into depths along the colour camera's.
+
+    With colour_from_depth = (R, t), a point z_c r on the ray r of a colour pixel has z_d = R_3 . (z_c r - t), where
+    R_3 is the third column of R. ``shift`` is R_3 . t in metres, ``share`` (H, W) is R_3 . r.
+    """
+
+    shift: float
+    share: FloatArray
+
+    def depth(self, aligned: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Metres along the colour camera's z, (H, W); NaN stays NaN."""
+        return ((aligned + self.shift) / self.share).astype(np.float32)
+
+
+def colour_axis(extrinsics: Any, intrinsics: Intrinsics) -> ColourAxis:
+    """For straight colour pictures of ``intrinsics``; ``extrinsics`` are librealsense's, from depth to colour."""
+    column = np.array(extrinsics.rotation[6:9], dtype=np.float64)  # librealsense stores column after column
+    u, v = np.meshgrid(np.arange(intrinsics.width) + 0.5, np.arange(intrinsics.height) + 0.5)
+    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
+    share = rays @ column[:2] + column[2]  # (H, W)
+    return ColourAxis(float(column @ np.array(extrinsics.translation)), share)

@@ -1,13 +1,13 @@
-"""Loading librealsense: its Python wheel links to libusb without bundling it."""
+"""librealsense: loading it, and finding the connected camera or the reason why it is missing."""
 
 from __future__ import annotations
 
 import ctypes
 import os
-from importlib import metadata
+from collections.abc import Sequence
 from typing import Any
 
-from gvla2.errors import MissingDependencyError
+from gvla2.errors import MissingDependencyError, RobotError
 
 _INSTALL = "pip install 'gvla2[realsense]'"
 
@@ -29,15 +29,6 @@ def load() -> Any:
     return pyrealsense2
 
 
-def version() -> tuple[int, int]:
-    """Major and minor of the installed librealsense, (0, 0) when they can't be told."""
-    try:
-        major, minor = metadata.version("pyrealsense2").split(".")[:2]
-        return int(major), int(minor)
-    except (metadata.PackageNotFoundError, ValueError):
-        return 0, 0
-
-
 def _offer_libusb() -> None:
     """Load the libusb of the package ``libusb_package`` for all, so that pyrealsense2 finds its symbols there.
 
@@ -53,3 +44,53 @@ def _offer_libusb() -> None:
             ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
     except (ImportError, OSError):
         return
+
+
+_WEBCAM = "Platform Camera"
+"""librealsense's name for a foreign camera."""
+
+_RETIRED = (
+    " L5xx and SR3xx cameras need pyrealsense2<2.55; or record with other software and use camera=replay."
+)
+
+
+def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
+    """The device of that serial, or the only one there is.
+
+    Raises :class:`RobotError`, listing the connected ones.
+    """
+    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
+    if serial in found:
+        return found[serial]
+    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items())
+    if serial and found:
+        raise RobotError(f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_RETIRED}")
+    if not found:
+        asked = f" '{serial}'" if serial else ""
+        raise RobotError(
+            f"librealsense finds no camera{asked}. Plug it into a USB 3 port; on Linux, librealsense's udev rules "
+            f"give users access to it.{_RETIRED}"
+        )
+    if len(found) > 1:
+        raise RobotError(f"Several cameras are plugged in: {listing}. Choose one with camera.serial=...")
+    return next(iter(found.values()))
+
+
+def serial_of(rs: Any, device: Any) -> str:
+    """The device's serial number, "" for a device that has none."""
+    return _info(device, rs.camera_info.serial_number)
+
+
+def name_of(rs: Any, device: Any) -> str:
+    """The maker's name for it."""
+    return _info(device, rs.camera_info.name) or "a camera without a name"
+
+
+def link_note(rs: Any, device: Any) -> str:
+    """A sentence for a camera on a slow port, which offers fewer sizes; "" otherwise."""
+    usb = _info(device, rs.camera_info.usb_type_descriptor)
+    return f" It is connected by USB {usb}; a USB 3 port offers more." if usb.startswith("2") else ""
+
+
+def _info(device: Any, what: Any) -> str:
+    return str(device.get_info(what)) if device.supports(what) else ""

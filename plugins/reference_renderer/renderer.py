@@ -14,8 +14,23 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.reconstruction.rasteriser_projection import harmonics
 from gvla2_plugins.reference_renderer import ReferenceRendererConfig
-from gvla2_plugins.reference_renderer.harmonics import view_colours
+
+
+def view_colours(gaussians: Gaussians, eye: FloatArray) -> FloatArray:
+    """(N, 3) RGB >= 0 of each Gaussian seen from ``eye`` (3,), in the Gaussians' frame, metres."""
+    colour = gaussians.rgb.astype(np.float64)
+    if gaussians.sh_rest is not None:
+        away = gaussians.centres - eye
+        directions = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
+        count = gaussians.sh_rest.shape[1] // 3
+        coefficients = gaussians.sh_rest.reshape(len(gaussians), 3, count)  # files hold channel by channel
+        colour = colour + np.einsum(
+            "nck,nk->nc", coefficients, np.stack(harmonics(*directions.T), axis=1)[:, :count]
+        )
+    return np.maximum(colour, 0.0)
+
 
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 

@@ -1,25 +1,115 @@
-"""Clusters above the table, a prompt each in every picture, one thing a cluster: the perceiver ``sam``."""
+"""The perceiver ``sam``: geometry proposes clusters, a promptable model draws their masks.
+
+Parts of pictures in which something stands are laid out on few sheets: to encode bare table costs as much as objects.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clusters import Clusters, IntArray, clusters
+from gvla2.perception.clicks import EncodedPicture, Prompt, Segmenter, Segments
+from gvla2.perception.clusters import Clusters, IntArray, MaskCandidate, clusters, fuse, iou, objects_of
 from gvla2.perception.frames import BoolArray, ViewFrame, frames_of, raised
-from gvla2.perception.fusing import MaskCandidate, fuse, iou, objects_of
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers, vision_model
-from gvla2.perception.prompting import EncodedPicture, Prompt, Segmenter, Segments
-from gvla2.perception.things import numbered, over_workspace
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.sam import SamConfig
-from gvla2_plugins.sam.sheets import sheets_of
+
+MARGIN = 0.055
+"""Share of a picture's sides, about what stands there, that the model sees of its surroundings."""
+
+Area = tuple[slice, slice]
+"""Rows and columns."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """The part ``area`` of picture number ``picture`` about what has the mark ``mark``, and its place on a sheet."""
+
+    mark: int
+    picture: int
+    area: Area
+    place: Area
+
+
+@dataclass(frozen=True)
+class TileSheet:
+    """A picture of tiles (H, W, 3), as large as the pictures that they are from and black between them.
+
+    ``marks`` (H, W): of each pixel the mark, each in its own tile, -1 for nothing.
+    """
+
+    image: NDArray[np.uint8]
+    marks: IntArray
+    tiles: tuple[Tile, ...]
+
+    def back(self, mark: int, answer: Segments) -> Segments:
+        """An answer about a mark on the sheet (1, C, H, W) as one about its picture; nothing lies beside the tile."""
+        logits = np.full_like(answer.logits, -np.inf)
+        tile = next(tile for tile in self.tiles if tile.mark == mark)
+        logits[..., *tile.area] = answer.logits[..., *tile.place]
+        return Segments(logits, answer.scores)
+
+
+def sheets_of(images: Sequence[NDArray[np.uint8]], marks: Sequence[IntArray]) -> list[TileSheet]:
+    """Sheets that show what is marked in pictures (H, W, 3), ``marks`` (H, W) >= 0, at the pictures' own scale.
+
+    Each mark is of one picture. Pictures of one size share sheets; where that saves none, each that has marks is one.
+    """
+    made: list[TileSheet] = []
+    for size in sorted({image.shape[:2] for image in images}):
+        numbers = [n for n, image in enumerate(images) if image.shape[:2] == size and (marks[n] >= 0).any()]
+        own = [(int(mark), n) for n in numbers for mark in np.unique(marks[n][marks[n] >= 0])]
+        sheets = packed([(mark, n, about(marks[n] == mark)) for mark, n in own], size)
+        if len(sheets) >= len(numbers):
+            everything = (slice(0, size[0]), slice(0, size[1]))
+            sheets = [[Tile(mark, n, everything, everything) for mark, n in own if n == m] for m in numbers]
+        for tiles in sheets:
+            image, marked = np.zeros((*size, 3), np.uint8), np.full(size, -1)
+            for tile in tiles:
+                image[tile.place] = images[tile.picture][tile.area]
+                marked[tile.place][marks[tile.picture][tile.area] == tile.mark] = tile.mark
+            made.append(TileSheet(image, marked, tuple(tiles)))
+    return made
+
+
+def about(own: BoolArray) -> Area:
+    """The part of a picture (H, W) about some of its pixels, with a margin."""
+    spots = np.argwhere(own)
+    margin = np.round(MARGIN * np.array(own.shape)).astype(int)
+    low = np.maximum(spots.min(axis=0) - margin, 0)
+    high = np.minimum(spots.max(axis=0) + 1 + margin, own.shape)
+    return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+
+
+def packed(parts: Sequence[tuple[int, int, Area]], size: tuple[int, int]) -> list[list[Tile]]:
+    """Marks with their pictures and parts, laid on as few sheets (H, W) as shelves allow, the highest first."""
+    sheets: list[list[Tile]] = []
+    shelves: list[list[int]] = []  # of each its sheet, top, height and the width that is taken
+    for mark, picture, area in sorted(parts, key=lambda part: part[2][0].start - part[2][0].stop):
+        height, width = (side.stop - side.start for side in area)
+        shelf = next((s for s in shelves if height <= s[2] and s[3] + width <= size[1]), None)
+        if shelf is None:
+            bottoms = [max(t.place[0].stop for t in tiles) for tiles in sheets]
+            on = next((n for n, bottom in enumerate(bottoms) if bottom + height <= size[0]), len(sheets))
+            if on == len(sheets):
+                sheets.append([])
+            shelf = [on, bottoms[on] if on < len(bottoms) else 0, height, 0]
+            shelves.append(shelf)
+        on, top, _, left = shelf
+        sheets[on].append(Tile(mark, picture, area, (slice(top, top + height), slice(left, left + width))))
+        shelf[3] += width
+    return sheets
+
 
 MODELS = ("sam2", "vit_b", "vit_l", "vit_h", "mobile_sam")
 LEAST = 6
@@ -82,7 +172,7 @@ class SamPerceiver:
         scene = Scene((), table.height_at(*middle[:2].tolist()), workspace, "sam", (*notes, *small))
         scene = _with(scene, over_workspace(objects, scene.workspace))
         if self._vision is not None:
-            from gvla2.perception.localizing import localized
+            from gvla2.perception.clicks import localized
 
             scene = localized(scene, frames, self._segmenter, table, instruction, self._vision, config.vision)
         return labelled(scene, observation, self._labellers)
@@ -105,7 +195,7 @@ class SamPerceiver:
     def _drawn(
         self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
     ) -> list[MaskCandidate]:
-        """A candidate for each thing that is in sight in one picture, from the answers of its clusters."""
+        """A candidate for each object that is in sight in one picture, from the answers of its clusters."""
         groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
         drawn: dict[int, tuple[BoolArray, float]] = {}
         for k, answer in answers.items():
@@ -136,7 +226,7 @@ def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[i
     """For each cluster the one that it belongs to, mostly itself.
 
     Depth tears apart what thin struts hold together: where the masks of a larger cluster cover a smaller one, in the
-    pictures that show both, the two are one thing.
+    pictures that show both, the two are one object.
     """
     whole = list(range(found.count))
     for small in range(found.count):
@@ -181,9 +271,9 @@ def _with(scene: Scene, objects: Sequence[SceneObject]) -> Scene:
 
 def _load(config: SamConfig) -> Segmenter:
     if config.model == "sam2":
-        from gvla2_plugins.sam.onnx_model import Sam2Onnx
+        from gvla2_plugins.sam.models import Sam2Onnx
 
         return Sam2Onnx(config.weights, dict(config.sha256), config.threads)
-    from gvla2_plugins.sam.kornia_model import load_sam
+    from gvla2_plugins.sam.models import load_sam
 
     return load_sam(config.model, config.weights, dict(config.sha256))

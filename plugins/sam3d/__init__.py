@@ -100,14 +100,14 @@ class FastSam3dConfig(ExternalConfig):
 
 
 def _build(program: str, config: ExternalConfig) -> Reconstructor:
-    from gvla2_plugins.sam3d.running import ExternalReconstructor
+    from gvla2_plugins.sam3d.external import ExternalReconstructor
 
     return ExternalReconstructor(program, config)
 
 
 def _finished(config: ResultTreeConfig) -> Reconstructor:
     """Reads a finished result and aligns it with the views' masks."""
-    from gvla2_plugins.sam3d.finished import ResultTreeReconstructor
+    from gvla2_plugins.sam3d.result_tree import ResultTreeReconstructor
 
     return ResultTreeReconstructor(config)
 

@@ -1,13 +1,14 @@
-"""Aligning a shape with the views' masks by a similarity: Gauss-Newton on silhouettes.
+"""Aligning a shape with the views' masks by a similarity, and moving a whole reconstruction by one.
 
-The shape is drawn into each view; where its silhouette has its rim, a point of the surface is known (depth map), and
-the mask's signed distance at that pixel should be zero. One residual a rim pixel, seven unknowns.
+Gauss-Newton on silhouettes: the shape is drawn into each view; where its silhouette has its rim, a point of the surface
+is known (depth map), and the mask's signed distance at that pixel should be zero. One residual a rim pixel, seven
+unknowns. Gaussians move with their rotations, scales and harmonics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +16,80 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.view_spec import parse_axis_word
+from gvla2.geometry.view_formats import parse_axis_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
-from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.rasteriser_projection import harmonics
+from gvla2.reconstruction.silhouette import Silhouette, depth_map, mask_agreement, mask_iou, mask_silhouettes
 from gvla2.reconstruction.sim3 import Sim3
-from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
-from gvla2_plugins.sam3d.placement import place_mesh
+
+
+def turned_harmonics(sh_rest: NDArray[np.float32], rotation: FloatArray) -> NDArray[np.float32]:
+    """Coefficients (N, 3k) of the files, k = 3, 8 or 15, in a frame turned by ``rotation`` (3, 3).
+
+    The colour seen along a direction d before is the colour seen along R d after. Each degree turns within itself;
+    its matrix is found from the basis' values at as many directions as fix it.
+    """
+    n, columns = sh_rest.shape
+    coefficients = sh_rest.reshape(n, 3, columns // 3).astype(np.float64)
+    rng = np.random.default_rng(1)
+    directions = rng.normal(size=(64, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    before, after = _basis(directions), _basis(directions @ rotation.T)
+    turned = np.empty_like(coefficients)
+    start = 0
+    for degree in range(1, 4):
+        stop = start + 2 * degree + 1
+        if stop > coefficients.shape[2]:
+            break
+        matrix = np.linalg.lstsq(after[:, start:stop], before[:, start:stop], rcond=None)[0]
+        turned[:, :, start:stop] = coefficients[:, :, start:stop] @ matrix.T
+        start = stop
+    return turned.reshape(n, columns).astype(np.float32)
+
+
+def _basis(directions: FloatArray) -> FloatArray:
+    """(M, 15) at unit directions (M, 3)."""
+    return np.stack(harmonics(*directions.T), axis=1)
+
+
+def place(reconstruction: Reconstruction, sim3: Sim3) -> Reconstruction:
+    """The reconstruction in the similarity's target frame: Gaussians with all they have, and mesh."""
+    gaussians, mesh = reconstruction.gaussians, reconstruction.mesh
+    return replace(
+        reconstruction,
+        gaussians=None if gaussians is None else place_gaussians(gaussians, sim3),
+        mesh=None if mesh is None else place_mesh(mesh, sim3),
+    )
+
+
+def place_mesh(mesh: TriangleMesh, sim3: Sim3) -> TriangleMesh:
+    """The mesh in the similarity's target frame."""
+    return mesh.with_vertices(sim3.apply(mesh.vertices))
+
+
+def place_gaussians(gaussians: Gaussians, sim3: Sim3) -> Gaussians:
+    """Gaussians in the similarity's target frame: centres, scales, rotations and harmonics."""
+    rest = gaussians.sh_rest
+    return replace(
+        gaussians,
+        centres=sim3.apply(gaussians.centres).astype(np.float32),
+        log_scales=(gaussians.log_scales + np.float32(np.log(sim3.scale))).astype(np.float32),
+        rotations=_turned(gaussians.rotations, sim3),
+        sh_rest=None if rest is None else turned_harmonics(rest, sim3.rotation),
+    )
+
+
+def _turned(quaternions: NDArray[np.float32], sim3: Sim3) -> NDArray[np.float32]:
+    """Quaternions wxyz (N, 4) turned by the similarity's rotation, each as long as before."""
+    x, y, z, w = Rotation.from_matrix(sim3.rotation).as_quat()
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    return np.asarray(quaternions.astype(np.float64) @ left.T, dtype=np.float32)
+
 
 _ITERATIONS = 20
 _HUBER = 3.0  # pixels
@@ -49,7 +115,7 @@ def register(mesh: TriangleMesh, views: Views, start: Sim3) -> Registration:
     Converges from displacements of about a quarter of the object. Raises :class:`GeometryError` for an empty mesh
     and when no view shows the object.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     if len(mesh.faces) == 0:
         raise GeometryError("A mesh without faces has no silhouette to align.")
     return _refine(mesh, shown, start)
@@ -60,7 +126,7 @@ def register_unposed(mesh: TriangleMesh, views: Views) -> Registration:
 
     Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     hull = carve(views, resolution=32)
     starts = [Sim3.identity(), *(_fitted(mesh, hull, turn) for turn in _quarter_turns())]
     return _best(mesh, shown, starts)
@@ -70,7 +136,7 @@ def register_along_ray(mesh: TriangleMesh, views: Views, pose: Sim3, eye: FloatA
     """The same for a shape in a camera's frame of unknown scale: ``pose`` puts it into the world up to a scale
     about the camera's centre ``eye`` (3,), which is searched over four decades.
     """
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     starts = []
     for scale in np.geomspace(0.01, 100.0, 81):
         about_eye = Sim3(float(scale), np.eye(3), (1 - scale) * eye)

@@ -1,4 +1,4 @@
-"""Results of MV-SAM3D, SAM3D and related programs: reading them, and moving them to the calibrated frame."""
+"""Results of MV-SAM3D, SAM3D and related programs: finding, reading, and moving them to the calibrated frame."""
 
 from __future__ import annotations
 
@@ -7,25 +7,58 @@ import os
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import GeometryError
-from gvla2.geometry.gaussians import Gaussians
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.gaussians import Gaussians, read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
-from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.view_spec import parse_rotation_word
+from gvla2.geometry.view_formats import parse_rotation_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
-from gvla2_plugins.sam3d.placement import place
-from gvla2_plugins.sam3d.registration import Registration, register, register_along_ray, register_unposed
+from gvla2_plugins.sam3d.registration import (
+    Registration,
+    place,
+    register,
+    register_along_ray,
+    register_unposed,
+)
+
+if TYPE_CHECKING:
+    from gvla2_plugins.sam3d import ResultTreeConfig
+
+
+def result_folder(root: str | os.PathLike[str], name: str, views: int = 5) -> Path:
+    """``<root>/<name>/<views>views``; raises :class:`GeometryError` saying which objects or folders there are."""
+    tree = Path(root)
+    folder = tree / name / f"{views}views"
+    if folder.is_dir():
+        return folder
+    if not tree.is_dir():
+        raise GeometryError(f"There is no result tree {tree}.")
+    if not (tree / name).is_dir():
+        present = ", ".join(objects(tree, views)) or "none"
+        raise GeometryError(f"The result tree {tree} has no object '{name}'. Objects there: {present}.")
+    present = ", ".join(sorted(p.name for p in (tree / name).iterdir() if p.is_dir())) or "none"
+    raise GeometryError(f"There is no folder {folder}. Folders of '{name}': {present}.")
+
+
+def objects(root: str | os.PathLike[str], views: int = 5) -> tuple[str, ...]:
+    """The objects of a tree that have a result of so many views."""
+    tree = Path(root)
+    return (
+        tuple(sorted(p.name for p in tree.iterdir() if (p / f"{views}views").is_dir()))
+        if tree.is_dir()
+        else ()
+    )
+
 
 _POOR = 0.6
 """Mean IoU with the masks below which an alignment is called poor."""
@@ -173,3 +206,31 @@ def _flat(array: Any, size: int) -> FloatArray:
     if size == 1 and not np.allclose(values, values[0], rtol=1e-3):
         raise ValueError(f"the scale differs between axes: {values.tolist()}")
     return values
+
+
+class ResultTreeReconstructor:
+    """Reads the tree again for each call, so that it may be filled while a sweep runs.
+
+    Raises :class:`ConfigurationError` when root or object is not given or the axes cannot be read.
+    """
+
+    def __init__(self, config: ResultTreeConfig) -> None:
+        for option in ("root", "object"):
+            if not getattr(config, option):
+                raise ConfigurationError(
+                    f"reconstructor.{option} is empty: result_tree reads <root>/<object>/{config.views}views; "
+                    "give both reconstructor.root=PATH and reconstructor.object=NAME."
+                )
+        if config.axes != "auto":
+            parse_rotation_word(config.axes)
+        elif not config.refine:
+            raise ConfigurationError(
+                "reconstructor.axes=auto finds the axes by the masks and so cannot do without reconstructor.refine."
+            )
+        self._config = config
+
+    def reconstruct(self, views: Views) -> Reconstruction:
+        """The result in the views' frame; a :class:`gvla2.errors.GeometryError` names the missing or broken part."""
+        c = self._config
+        result = read_result(result_folder(c.root, c.object, c.views))
+        return align_result(result, views, c.axes, c.refine, c.gaussians)

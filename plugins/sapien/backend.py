@@ -25,13 +25,10 @@ from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
 from gvla2.robot.workcell import TABLE_RGB, make_cell
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.bodies import PREFIX
+from gvla2_plugins.sapien.bodies import PREFIX, import_sapien
 from gvla2_plugins.sapien.cameras import CameraRig, Filming
 from gvla2_plugins.sapien.driver import SapienDriver
-from gvla2_plugins.sapien.engine import import_sapien
-from gvla2_plugins.sapien.masks import cast_masks
-from gvla2_plugins.sapien.true_state import TrueState
-from gvla2_plugins.sapien.truth import true_scene
+from gvla2_plugins.sapien.truth import TrueState, cast_masks, true_scene
 from gvla2_plugins.sapien.world import World
 
 ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"

@@ -2,17 +2,46 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Joint, Layout, Solid
 from gvla2_plugins.sapien.convex import piece_file, pieces
-from gvla2_plugins.sapien.engine import import_sapien
+from gvla2_plugins.sapien.lazy_import import waiting
+
+
+def import_sapien() -> Any:
+    """The module ``sapien``; raises :class:`MissingDependencyError` naming the missing part."""
+    try:
+        with warnings.catch_warnings():
+            # It looks for Vulkan, which CPU physics does not need.
+            warnings.simplefilter("ignore")
+            with waiting("requests"):  # for downloads that are not made here
+                import sapien
+                import sapien.physx
+    except ModuleNotFoundError as error:
+        if error.name != "sapien":
+            raise
+        raise MissingDependencyError(
+            "the package 'sapien'",
+            "A simulated arm (robot=sapien_panda and the like)",
+            'pip install "gvla2[sim]" (on Linux)',
+        ) from error
+    except (ImportError, OSError) as error:
+        raise MissingDependencyError(
+            f"a system library that SAPIEN loads ({error})",
+            "A simulated arm (robot=sapien_panda and the like)",
+            "apt-get install libx11-6 libgl1 (Debian, Ubuntu), with the package from "
+            'pip install "gvla2[sim]"',
+        ) from error
+    return sapien
+
 
 PREFIX = "task/"
 """Prefix of a layout's bodies in SAPIEN, so that they are never mistaken for robot links."""

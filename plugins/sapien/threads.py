@@ -1,4 +1,4 @@
-"""Screwed parts: a drive with limits ties them, and is removed once they are turned far enough."""
+"""Threads and catches: parts that are screwed together, and joints that hold until another has moved."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, invert_rigid
-from gvla2.robot.task import Layout, Thread
-from gvla2_plugins.sapien.bodies import axis_frame, pose_of
-from gvla2_plugins.sapien.engine import import_sapien
+from gvla2.robot.task import Catch, Joint, Layout, Thread
+from gvla2_plugins.sapien.bodies import axis_frame, import_sapien, pose_of
 
 SLACK = 0.02
 """Compliance of a thread's stop, radians, so that it does not oscillate."""
@@ -110,3 +109,38 @@ class Screwed:
 
 def _turn(entity: Any) -> FloatArray:
     return np.asarray(entity.pose.to_transformation_matrix(), dtype=np.float64)[:3, :3]
+
+
+class Caught:
+    """One catch: it locks or unlocks while its joint is at rest, and stays free once that has moved."""
+
+    def __init__(self, catch: Catch, held: Joint, joints: dict[str, tuple[Any, int]]) -> None:
+        self._catch = catch
+        self._free = held.limits
+        self._shut = (
+            max(held.limits[0], held.rest - catch.play),
+            min(held.limits[1], held.rest + catch.play),
+        )
+        self._articulation, self._index = joints[catch.joint]
+        self._joint = self._articulation.active_joints[self._index]
+        self._key, self._place = joints[catch.key]
+        self._holds = True
+        self._gone = False
+        self._joint.set_limits([list(self._shut)])
+
+    def watch(self) -> None:
+        """Lock or unlock by the key's present position."""
+        if self._gone:
+            return
+        low, high = self._shut
+        away = (
+            not low - self._catch.play
+            <= float(self._articulation.qpos[self._index])
+            <= high + self._catch.play
+        )
+        self._gone = away and not self._holds
+        at = float(self._key.qpos[self._place])
+        holds = not self._gone and not self._catch.travel <= at <= self._catch.until
+        if holds != self._holds:
+            self._holds = holds
+            self._joint.set_limits([list(self._shut if holds else self._free)])

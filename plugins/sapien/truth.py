@@ -1,21 +1,153 @@
-"""The true scene: only for demonstrations and the ``oracle`` perceiver."""
+"""The true state, scene and masks of the simulated world: for success checks, demonstrations and measurements."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster, RayImage, Surface
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
 from gvla2.robot.looks import body_surface
 from gvla2.robot.scan import Scan
 from gvla2.robot.solids import extent
-from gvla2.robot.task import Body, Layout
-from gvla2_plugins.sapien.hollows import opening
+from gvla2.robot.task import Body, Layout, Solid
+from gvla2_plugins.sapien.bodies import PREFIX
+from gvla2_plugins.sapien.convex import pieces
 from gvla2_plugins.sapien.world import World
+
+HOLDING_FORCE = 0.2
+"""Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
+
+RESTING_SPEED = 0.02
+"""Metres a second below which a body lies still."""
+
+
+class TrueState:
+    """Implements :class:`gvla2.robot.task.WorldState`."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def pose(self, body: str) -> FloatArray:
+        """world_from_body (4, 4) now."""
+        return self._world.body_pose(body)
+
+    def joint(self, name: str) -> float:
+        """Travel of a joint now, radians or metres."""
+        return self._world.travel(name)
+
+    def peak(self, name: str) -> float:
+        """Largest travel of a joint since the reset, radians or metres."""
+        return self._world.peaks[name]
+
+    def held(self, body: str) -> bool:
+        """Whether both fingers press on the body now."""
+        forces = self._world.finger_forces().get(PREFIX + body, (0.0, 0.0))
+        return min(forces) > HOLDING_FORCE
+
+    def touching(self, body: str) -> frozenset[str]:
+        """Names of the bodies that press on the body now; "table" and "robot" are among them."""
+        return frozenset(self._world.touching(body))
+
+    def resting(self, body: str) -> bool:
+        """Whether the body lies still now and the robot does not touch it."""
+        return self._world.body_speed(body) < RESTING_SPEED and "robot" not in self._world.touching(body)
+
+    def loose(self, thread: str) -> bool:
+        """Whether a thread has come loose."""
+        return self._world.loose(thread)
+
+
+BELOW_TOP = 0.2
+"""Where the walls are checked: this share of the height below the top."""
+
+DIRECTIONS, STEPS = 24, 400
+
+
+def opening(solids: tuple[Solid, ...], low: FloatArray, high: FloatArray) -> float:
+    """The narrowest inner width of a body about its middle, near its top, metres; 0 if it is closed.
+
+    ``low`` and ``high`` (3,) bound the body in its own frame. It is open when its middle is empty there and walls
+    surround it.
+    """
+    middle = 0.5 * (low + high)
+    height = high[2] - BELOW_TOP * (high[2] - low[2])
+    turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    reach = 0.5 * float(np.hypot(*(high - low)[:2])) * np.arange(STEPS + 1) / STEPS
+    xy = np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None] * reach[None, :, None]  # (D, S, 2)
+    points = np.concatenate([middle[:2] + xy, np.full((*xy.shape[:2], 1), height)], axis=2)
+    solid = _within(solids, points.reshape(-1, 3)).reshape(xy.shape[:2])
+    if solid[:, 0].any() or not solid.any(axis=1).all():
+        return 0.0
+    free = reach[solid.argmax(axis=1)]
+    half = DIRECTIONS // 2
+    return float((free[:half] + free[half:]).min())
+
+
+def _within(solids: tuple[Solid, ...], points: FloatArray) -> np.ndarray:
+    """(N,) bool: points (N, 3) inside any of the solids."""
+    inside = np.zeros(len(points), dtype=bool)
+    for solid in solids:
+        local = transform_points(invert_rigid(solid.body_from_shape), points)
+        if isinstance(solid, Scan):
+            inside |= np.any([piece.holds(local) for piece in pieces(solid)], axis=0)
+            continue
+        x, y, z = np.abs(local).T
+        a, b, c = 0.5 * np.asarray(solid.size)
+        if solid.kind == "box":
+            inside |= (x <= a) & (y <= b) & (z <= c)
+        elif solid.kind == "cylinder":
+            inside |= (np.hypot(x, y) <= a) & (z <= c)
+        else:
+            inside |= x**2 + y**2 + z**2 <= a**2
+    return inside
+
+
+def cast_masks(
+    cameras: Sequence[Camera],
+    robot: Sequence[RayImage],
+    bodies: Mapping[str, Body],
+    world_from_body: Mapping[str, FloatArray],
+    scenery: Body,
+) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
+    """The names of bodies and their named parts, and one image (H, W) a camera of indices into the names.
+
+    -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
+    what is behind them. ``bodies`` and their poses (4, 4) go by name; a part is called ``body/label``, as in
+    :func:`~gvla2_plugins.sapien.truth.true_scene`, and its pixels are not the body's.
+    """
+    names: list[str] = []
+    surfaces: list[Surface] = []
+    poses: dict[int, FloatArray] = {}
+    for name, body in bodies.items():
+        for piece, solids in _pieces(name, body):
+            poses[len(surfaces)] = world_from_body[name]
+            names.append(piece)
+            surfaces.append(replace(body_surface(replace(body, solids=solids)), id=len(surfaces)))
+    poses[len(surfaces)] = scenery.world_from_body
+    surfaces.append(replace(body_surface(scenery), id=len(surfaces)))
+    images = []
+    for arm, things in zip(robot, RayCaster(surfaces).cast(cameras, poses), strict=True):
+        nearer = np.isfinite(arm.depth) & ~(things.depth < arm.depth)
+        images.append(np.where(nearer | (things.ids == len(names)), -1, things.ids).astype(np.int32))
+    return tuple(names), images
+
+
+def _pieces(name: str, body: Body) -> list[tuple[str, tuple[Solid, ...]]]:
+    """The body's solids that belong to no part, then those of each part; a solid belongs to the first that names it."""
+    left = dict(enumerate(body.solids))
+    parts = [
+        (f"{name}/{label}", tuple(left.pop(i) for i in numbers if i in left)) for label, numbers in body.parts
+    ]
+    return [(piece, solids) for piece, solids in [(name, tuple(left.values())), *parts] if solids]
+
 
 POINTS = 1500
 """Points of an object's surface."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +16,32 @@ from gvla2.robot.task import Layout
 from gvla2.robot.workcell import Workcell
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.attachment import Clamp, Suction, in_zone
-from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
-from gvla2_plugins.sapien.catches import Caught
-from gvla2_plugins.sapien.description import load_robot
-from gvla2_plugins.sapien.engine import import_sapien
-from gvla2_plugins.sapien.threads import Screwed
+from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, import_sapien, pose_of
+from gvla2_plugins.sapien.threads import Caught, Screwed
+
+PATCH_RADIUS = 0.1
+"""Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""
+
+
+def load_robot(scene: Any, cell: Workcell, friction: float) -> Any:
+    """The cell's arm as an articulation in ``scene``, base fixed, fingers coupled and rough (``friction``)."""
+    loader = scene.create_urdf_loader()
+    loader.fix_root_link = True
+    for finger in cell.gripper.finger_links:
+        loader.set_link_material(finger, friction, friction, 0.0)
+        loader.set_link_patch_radius(finger, PATCH_RADIUS)
+        loader.set_link_min_patch_radius(finger, PATCH_RADIUS)
+    close = sorted(sorted(pair) for pair in cell.arm.collisions.overlapping if len(pair) == 2)
+    off = (f'<disable_collisions link1="{a}" link2="{b}" reason="Default"/>' for a, b in close)
+    with tempfile.TemporaryDirectory() as folder:
+        bare = Path(folder) / "robot.urdf"
+        bare.write_text(cell.urdf)
+        bare.with_suffix(".srdf").write_text(f"<robot>{''.join(off)}</robot>")
+        robot = loader.load(str(bare))
+    for link in robot.links:
+        link.disable_gravity = True  # a real arm's controller compensates gravity too
+    return robot
+
 
 SETTLE_STEPS, MOST_SETTLE_STEPS = 10, 480
 REST_SPEED = 0.005

@@ -1,175 +1,383 @@
-"""From phrases to scene objects: which one is meant, or a typed reason why none is."""
+"""Grounding: which objects of the scene a noun phrase means, or a typed reason why none.
+
+Each word of a phrase must be true of an object: it is in the object's label, or it is its colour, its place among those
+that fit (leftmost, largest), or a material, which nobody sees. A name that perception gave comes before words that only
+look like colours or shapes; everyday words for shapes come last, and only for objects that are named by their shape.
+"""
+
+# ruff: noqa: SIM905 - word lists read best as words
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from gvla2.planning.colours import FAMILIES, between, meant_by
+import numpy as np
+
+from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.selecting import extreme, located
-from gvla2.skills.part_hierarchy import is_button
-from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.phrases import Phrase
-from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
+from gvla2.planning.selecting import extreme
+from gvla2.skills.part_hierarchy import root_of
+from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
 
-TIE = 0.9
-"""Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
-NEAR_COLOUR, SAME_KIND = 0.7, 0.85
-"""What is left of a fit by a colour between two, and by another word: "the box" is the box before the cube."""
-PART = 0.6
-"""What is left of a fit where a part of a thing is to be any thing."""
-HOLDING = (*sorted(lexicon.SHAPE_NOUNS), "stand", "tower")
-"""What people call what something is taken out of, whatever it looks like."""
+_LOOKS = {
+    "cube brick box block": "block cube box brick",
+    "cylinder can tin": "can tin cylinder",
+    "square patch circle target": "target patch spot area zone marker mark pad goal",
+    "square patch": "square mat", "circle": "disc dot", "cup": "mug", "post pillar": "peg pillar post pole column",
+    "ring": "hoop frame", "bin tray box container basket": "bin basket container crate tray",
+    "stand block": "holder rack pot", "tower": "stack pile", "lid cap": "cap top cover stopper cork lid flap",
+    "plate board": "board", "base lamp": "lamp light", "bottle": "flask", "cabinet": "cupboard",
+    "button": "switch", "drawer": "layer", "umbrella": "parasol brolly", "handle": "grip",
+}  # fmt: skip
+SHAPES = {word: frozenset(kinds.split()) for kinds, words in _LOOKS.items() for word in words.split()}
+"""Everyday nouns, and the last words of the labels that perception by shape gives such objects."""
+_WINE = ("green", "maroon", "red", "black", "olive", "purple")
+KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
+    **dict.fromkeys(["mustard", "mustard bottle"], ("bottle", ("yellow",))),
+    **dict.fromkeys(["wine", "wine bottle"], ("bottle", _WINE)),
+    **dict.fromkeys(["jenga block", "jenga brick"], ("brick", ())),
+    **dict.fromkeys(["chopping board", "cutting board"], ("plate", ())),
+    "spray bottle": ("bottle", ()), "jenga tower": ("tower", ()), "square ring": ("ring", ()),
+    "umbrella stand": ("stand", ()),
+}  # fmt: skip
+"""Nouns whose kind shape does not show, what such objects look like, and their colours (any if none is given)."""
+ANYTHING = frozenset(("object", "thing", "item", "piece", "one"))
+MATERIALS = frozenset("wooden wood plastic metal metallic steel glass ceramic cardboard rubber".split())
+LOOSE = frozenset("protruding loose upright standing whole painted coloured colored other".split())
+"""Adjectives that tell nothing apart that perception sees, and "other", which is told by what was named before."""
+_EXTREMES = {
+    "left": "left leftmost", "right": "right rightmost", "middle": "middle center centre central",
+    "near": "nearest closest near front", "far": "farthest furthest far back rear",
+    "big": "biggest largest big large bigger larger", "small": "smallest small little smaller",
+    "tall": "tallest tall taller", "short": "shortest short shorter",
+    "top": "top upper topmost", "bottom": "bottom lower lowest",
+}  # fmt: skip
+EXTREMES = {word: by for by, words in _EXTREMES.items() for word in words.split()}
+"""Adjectives that single one out, as :func:`gvla2.planning.selecting.extreme` calls them, or by height."""
+SIDES = frozenset("top middle center centre front side edge rim".split())
+"""Heads of phrases that mean their owner: "the top of the cabinet"."""
+HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
+"""What something may be taken out of although perception has another name for it, or none."""
+TABLE = frozenset(("table", "tabletop", "desk", "ground", "floor", "counter"))
+CLOSE, BESIDE = 0.012, 0.25
+"""Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
+
+
+class UngroundedError(Exception):
+    """A phrase means no object, or none for certain; ``abstention`` says why."""
+
+    def __init__(self, abstention: Abstention) -> None:
+        super().__init__(abstention.message)
+        self.abstention = abstention
 
 
 @dataclass(frozen=True)
-class Grounded:
-    """The object meant, and what had to be assumed."""
+class Context:
+    """What earlier clauses were about: ids of the last themes and of the last goal."""
 
-    object: SceneObject
-    notes: tuple[str, ...] = ()
-
-
-Fits = list[tuple[SceneObject, float]]
-"""Objects that a phrase may mean, and how well each fits it."""
+    themes: tuple[str, ...] = ()
+    goal: str = ""
 
 
 def ground(
-    phrase: Phrase, scene: Scene, *, movable: bool = False, exclude: frozenset[str] = frozenset()
-) -> Grounded | Abstention:
-    """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
-    pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
-    return _single(phrase, _of_colour(phrase, _fits(phrase, pool), scene), scene)
+    noun: Noun,
+    scene: Scene,
+    context: Context,
+    *,
+    movable: bool = False,
+    out: frozenset[str] = frozenset(),
+    origins: Sequence[Place] = (),
+) -> list[SceneObject]:
+    """The objects that a phrase means: one, or several where it says so. Raises :class:`UngroundedError`.
 
-
-def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:
-    """All things of a scene that a phrase means, parts too: "the red ones", "the lids". Empty where nothing fits."""
-    fits = _coloured(phrase.colour, _fits(phrase, scene.objects))
-    best = max((s for _, s in fits), default=0.0)
-    return tuple(o for o, s in fits if s >= TIE * best)
-
-
-def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
-    """The button that a phrase means, also where the phrase names the lamp that the button works."""
-    phrase = phrase or Phrase("a button")
-    buttons = [(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
-    named = {o.id for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))}
-    other = phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun)
-    if other or (named and not named & {o.id for o, _ in buttons}):
-        found = ground(phrase, scene, movable=True)
-        if isinstance(found, Grounded) and not any(o is found.object for o, _ in buttons):
-            return Abstention("nothing_matches", f"'{found.object.label}' is nothing to press.")
-        return found
-    lamps = [(o, 1.0) for o in scene.objects if _kind(o) == "lamp"]
-    coloured = _coloured(phrase.colour, buttons)
-    if phrase.noun == "lamp" and not coloured:  # "the red lamp": the colour may be the lamp's
-        coloured = _parts_of(_coloured(phrase.colour, lamps), buttons)
-    return _single(phrase, coloured, scene)
-
-
-def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
-    """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
-    return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
-
-
-def _fits(phrase: Phrase, things: Sequence[SceneObject]) -> Fits:
-    return [(o, score) for o in things if (score := _noun_score(phrase, o)) > 0]
-
-
-def _noun_score(phrase: Phrase, thing: SceneObject) -> float:
-    """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
-    noun, kind, sure = phrase.noun, _kind(thing), 0.9 + 0.1 * thing.confidence
-    contents = [w for w in phrase.unknown if w in lexicon.CONTENTS and w not in tokenise(thing.label)]
-    usual = [colour for word in contents for colour in lexicon.CONTENTS[word]] if kind == "bottle" else []
-    if usual and not any(meant_by(colour, [thing.colour]) for colour in usual):
-        return 0.0  # mustard is no milk
-    if not noun:
-        if phrase.unknown[-1:] and phrase.unknown[-1] in tokenise(thing.label):
-            return sure
-        anything = not phrase.unknown and not phrase.everywhere
-        known = sure if usual and len(phrase.unknown) == 1 else 0.0
-        return 0.8 * sure * (PART if thing.parent else 1.0) if anything else known
-    if noun == kind:
-        own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
-        called = tokenise(thing.label)[-1] in phrase.text.split()  # "the box" is the box before the cube
-        if own and strange(phrase, thing):
-            return 0.0  # a knife block is no jenga block
-        return sure * (1.0 if called else SAME_KIND)
-    if noun == "object" and thing.parent:
-        sure *= PART
-    if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":
-        return 0.0  # a lamp is no cup, whatever its shape
-    return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
-
-
-def _kind(thing: SceneObject) -> str:
-    """The class of the label's last noun: a knife block is a block, a box lid a lid. "" where it has none."""
-    return ([c for word in tokenise(thing.label) if (c := noun_class(word))] or [""])[-1]
-
-
-def _button_score(thing: SceneObject, scene: Scene) -> float:
-    if (kind := _kind(thing)) == "button":
-        return 1.0
-    return 0.6 if kind in ("", *lexicon.SHAPE_NOUNS) and is_button(thing, scene) else 0.0
-
-
-def _parts_of(owners: Fits, fits: Fits) -> Fits:
-    ids = {o.id for o, _ in owners}
-    return [(o, s) for o, s in fits if o.parent in ids]
-
-
-def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
-    """The fits of the phrase's colour and owner; the colour may be a part's or its whole's: "the red jar lid"."""
-    coloured = _coloured(phrase.colour, fits)
-    if phrase.owner is None:
-        wholes = _coloured(phrase.colour, [(o, 1.0) for o in scene.objects if not o.parent])
-        plainly = any(s > NEAR_COLOUR for _, s in coloured)
-        part = phrase.colour and phrase.noun in lexicon.PARTS and not plainly
-        return (_parts_of(wholes, fits) if part else []) or coloured
-    owner = ground(phrase.owner, scene)
-    if isinstance(owner, Abstention) and phrase.colour and not phrase.owner.colour:
-        owner, coloured = ground(replace(phrase.owner, colour=phrase.colour), scene), fits
-    if isinstance(owner, Abstention):
-        return coloured
-    whole = [(owner.object, 1.0)]
-    return _parts_of(whole, coloured) or _parts_of(whole, fits) or coloured
-
-
-def _coloured(colour: str, fits: Fits) -> Fits:
-    """Objects of the colour that is meant; where none is called so, those whose colour lies between two words."""
-    name = meant_by(colour, (o.colour for o, _ in fits))
-    exact = [(o, s) for o, s in fits if not colour or (name and o.colour == name)]
-    return exact or [(o, NEAR_COLOUR * s) for o, s in fits if between(colour, o.rgb)]
-
-
-def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
-    """The best fit, when nothing else fits as well."""
-    inventory = f"the scene has: {', '.join(sorted(o.label for o in scene.objects)) or 'nothing'}"
-    if phrase.landmark is not None and fits:
-        relation, where = phrase.landmark
-        if relation == "beside" and where.noun in lexicon.PARTS:  # "by its handle"
-            fits = [f for f in fits if where.noun in map(_kind, scene.parts_of(f[0].id))] or fits
-        else:
-            near = ground(where, scene)
-            if isinstance(near, Grounded):
-                there = located([o for o, _ in fits], relation, near.object)
-                fits = [f for f in fits if f[0] in there]
-            elif not (where.pronoun or (relation == "from" and (where.noun in HOLDING or where.empty))):
-                return near
-            # Where it is taken from need not be seen: "out of its holder".
+    ``movable`` leaves painted patches out, ``out`` are ids that cannot be meant; ``origins`` are places that they are
+    taken from.
+    """
+    pool = [o for o in scene.objects if o.id not in out and not (movable and o.shape == "region")]
+    if noun.number == "it":
+        return _antecedents(noun, pool, scene, context)
+    fits = _restricted(noun, _owned(noun, pool, scene, context), scene, context)
+    for origin in origins:
+        fits = _taken(origin, fits, scene, context)
+    for other in noun.besides:
+        excluded = _restricted(other, fits, scene, context)
+        if not excluded:
+            raise UngroundedError(_nothing(other, fits, scene))
+        fits = [o for o in fits if o not in excluded]
+    *mods, head = noun.words
+    said = [w for w in mods if w in EXTREMES and fits and any(w not in _label(o) for o in fits)]
+    for word in said:
+        fits = _extreme(fits, EXTREMES[word], scene)
+    if "other" in mods:
+        fits = [o for o in fits if o.id not in (*context.themes, context.goal)] if context.themes else fits
     if not fits:
-        at = f" {phrase.landmark[0].replace('_', ' ')} '{phrase.landmark[1].text}'" if phrase.landmark else ""
-        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'{at}; {inventory}.")
-    best = max(fits, key=lambda f: f[1])
-    tied = [o for o, s in fits if s >= TIE * best[1]]
-    singled = [s for s in phrase.selectors if s != "any"]  # "the left one of the posts"
-    for selector in singled or phrase.selectors:
-        tied = [best[0]] if selector == "any" else extreme(tied, selector, scene)
-    if len(tied) > 1:
-        names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)
-        return Abstention("ambiguous", f"'{phrase.text}' fits {names} equally; say which, by side perhaps.")
-    plain = not phrase.colour or not tied[0].colour or meant_by(phrase.colour, [tied[0].colour])
-    notes = () if plain else (f"Nothing is plainly {phrase.colour}; the {tied[0].label} was taken for it.",)
-    return Grounded(tied[0], notes)
+        raise UngroundedError(_nothing(noun, pool, scene))
+    plural = head not in {w for o in fits for w in _label(o)} and _singular(head) != head
+    if len(fits) == 1 or noun.number == "all" or (noun.number == "the" and plural):
+        return fits
+    if noun.number == "any":
+        return fits[:1]
+    family = {i for one in (*context.themes, context.goal) if one for i in scene.family(one)}
+    if len(near := [o for o in fits if o.id in family]) == 1:
+        return near  # "open the jar and put the lid on the square": that jar's
+    names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in fits)
+    message = f"'{noun.text}' may mean {names}; say which, by its colour or side perhaps."
+    raise UngroundedError(Abstention("ambiguous", message))
+
+
+def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> Abstention:
+    seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
+    partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
+    return Abstention(
+        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", unread=partly
+    )
+
+
+def _antecedents(
+    noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context
+) -> list[SceneObject]:
+    """What a pronoun stands for; where nothing was named before, the only thing that can be moved."""
+    named = [o for o in scene.objects if o.id in context.themes]
+    wholes = [o for o in pool if not o.parent and o.shape != "region"]
+    if named or len(wholes) == 1:
+        return named or wholes
+    raise UngroundedError(Abstention("ambiguous", f"What '{noun.text}' stands for is not said."))
+
+
+# Words
+
+
+def _label(thing: SceneObject) -> list[str]:
+    return thing.label.lower().replace("-", " ").replace("_", " ").split() or [""]
+
+
+def several(noun: Noun) -> bool:
+    """Whether a phrase means any objects whatever, more than one: "everything", "the red things"."""
+    head = noun.words[-1] if noun.words else ""
+    return _singular(head) in ANYTHING and (noun.number == "all" or _singular(head) != head)
+
+
+def _singular(word: str) -> str:
+    for plural, singular in (
+        ("ies", "y"),
+        ("ves", "fe"),
+        ("xes", "x"),
+        ("shes", "sh"),
+        ("ches", "ch"),
+        ("s", ""),
+    ):
+        if word.endswith(plural) and not word.endswith("ss"):
+            return word.removesuffix(plural) + singular
+    return word
+
+
+def _heads(words: Sequence[str], thing: SceneObject, level: int) -> int:
+    """How many words at a phrase's end name the kind of an object: 0 literally, 1 by shape, 2 by a kind not seen."""
+    label, heads = _label(thing), {words[-1], _singular(words[-1])}
+    if level == 0:
+        return int(label[-1] in heads)
+    if thing.named_by:
+        return 0
+    if level == 1:
+        alike = {kind for head in heads for kind in SHAPES.get(head, ())}
+        whole = thing.shape != "region" and not thing.parent
+        return int(label[-1] in alike or bool(heads & ANYTHING and whole))
+    for width in (2, 1):
+        kind, colours = KINDS.get(" ".join(words[-width:]), ("", ()))
+        if kind == label[-1] and (not colours or thing.colour in colours):
+            return width
+    return 0
+
+
+def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
+    """The objects of a pool that all words are true of, but for those that single one out."""
+    if "and" in words:  # the red and blue cubes; the yellow and white mug
+        at = words.index("and")
+        whole = [o for o in pool if " ".join(words) in " ".join(_label(o))]
+        return whole or [
+            o for one in (words[:at], words[at + 1 : at + 2]) for o in _named((*one, *words[at + 2 :]), pool)
+        ]
+    kinds = any(" ".join(words[-n:]) in KINDS for n in (1, 2))
+    for level in range(3):
+        fits = [(o, words[: len(words) - n]) for o in pool if (n := _heads(words, o, level))]
+        true = [(o, rest) for o, mods in fits if (rest := _true(mods, o)) is not None]
+        if true or (fits and not kinds):
+            return _coloured(true, pool)
+    return []
+
+
+def _true(mods: Sequence[str], thing: SceneObject) -> tuple[str, ...] | None:
+    """The adjectives that are a colour, if all others are true of an object; None if one is not."""
+    label = _label(thing)
+    rest = [w for w in mods if w not in label and w not in LOOSE]
+    other_material = MATERIALS & set(label)
+    rest = [w for w in rest if w not in MATERIALS or other_material]
+    rest = [w for w in rest if w not in EXTREMES]
+    if not rest:
+        return ()
+    found = first_colour(rest)
+    if found is None or found[1] - found[0] != len(rest):
+        return None
+    said = {w for w in label if w in COLOURS and w != thing.colour}
+    return None if said and thing.named_by else tuple(rest)
+
+
+def _coloured(
+    fits: Sequence[tuple[SceneObject, tuple[str, ...]]], scene_objects: Sequence[SceneObject]
+) -> list[SceneObject]:
+    """Those of the colour that is said, if one is: their own, else one between two words, else their whole's."""
+    plain = [o for o, rest in fits if not rest]
+    if plain or not fits:
+        return plain
+    found = first_colour(fits[0][1])
+    assert found is not None
+    colour = found[2]
+    colour = FAMILIES[colour][0] if colour not in COLOURS and len(FAMILIES[colour]) == 1 else colour
+    things = [o for o, _ in fits]
+    name = meant_by(colour, (o.colour for o in things))
+    own = [o for o in things if name and o.colour == name]
+    if own or not all(o.parent for o in things):
+        return own or [o for o in things if between(NEARLY.get(colour, colour), o.rgb)]
+    by_id = {o.id: o for o in scene_objects}
+    wholes = {o.id: by_id[o.parent].colour for o in things if o.parent in by_id}
+    name = meant_by(colour, wholes.values())
+    return [o for o in things if name and wholes.get(o.id) == name]
+
+
+# Restrictions
+
+
+def _owned(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    """The objects that a phrase's words are true of, of its owner if it names one."""
+    if noun.owner is None:
+        return _named(noun.words, pool)
+    if noun.owner is ITS and not context.themes:
+        return _named(noun.words, pool)
+    owner = ground(noun.owner, scene, context)
+    head = noun.words[-1]
+    if head in ANYTHING and len(owner) > 1:
+        return [o for o in owner if o in pool]  # "the middle one of the pegs"
+    if head in SIDES and len(noun.words) == 1 and not _named(noun.words, pool):
+        return owner
+    ids = {i for o in owner for i in scene.family(root_of(o, scene).id)} - {o.id for o in owner}
+    mine = [o for o in pool if o.id in ids or any(_at(o, "on", [w]) or _at(o, "in", [w]) for w in owner)]
+    return _named(noun.words, [o for o in mine if o not in owner])
+
+
+def _restricted(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    """Those of a pool that a phrase's words and restrictions are true of."""
+    fits = _named(noun.words, pool) if noun.owner is None else list(pool)
+    for where in noun.where:
+        true = _where(where, fits, scene, context)
+        fits = [o for o in fits if (o not in true) == where.denied]
+    return fits
+
+
+def _where(where: Where, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    if where.words and where.words[0] in EXTREMES:
+        return _extreme(fits, EXTREMES[where.words[0]], scene)
+    if where.words:
+        return [o for o in fits if o in _named((*where.words, _label(o)[-1]), fits)]
+    if where.having:
+        parts = {o.parent for o in _named(where.having, [p for p in scene.objects if p.parent])}
+        if parts or any(scene.parts_of(o.id) for o in fits):
+            return [o for o in fits if o.id in parts]
+        return [o for o in fits if o in _named((*where.having[:-1], _label(o)[-1]), fits)]  # its colour there
+    assert where.place is not None
+    return _placed(where.place, fits, scene, context)
+
+
+def _taken(origin: Place, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    """Those that may be taken from a place; "out of its holder" restricts nothing where no holder is seen."""
+    noun = origin.nouns[0]
+    if noun.number == "it":
+        return fits
+    try:
+        return _placed(origin, fits, scene, context)
+    except UngroundedError:
+        if noun.words[-1] in HOLDERS and len(noun.words) == 1:
+            return fits
+        raise
+
+
+def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    """Those of ``fits`` that are where a place says; the nearest of them where it is a matter of degree."""
+    if place.nouns[0].words and set(place.nouns[0].words) & TABLE:
+        centred = set(place.nouns[0].words) & {"center", "centre", "middle"}
+        return _extreme(fits, "middle", scene) if centred else fits
+    if place.relation == "between":
+        marks = [ground(n, scene, context) for n in place.nouns]
+        if len(marks) == 1:
+            marks = [[o] for o in marks[0]]
+        return [o for o in fits if len(marks) == 2 and _between(o, marks[0][0], marks[1][0])]
+    at = ground(place.nouns[0], scene, context)
+    there = [o for o in fits if o not in at and _at(o, place.relation, at)]
+    if place.relation in ("nearest", "farthest", "beside") and there:
+        sign = -1.0 if place.relation == "farthest" else 1.0
+        gaps = [sign * min(_gap(o, m) for m in at) for o in there]
+        there = [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + CLOSE]
+    return there
+
+
+def _gap(one: SceneObject, other: SceneObject) -> float:
+    return float(np.linalg.norm((one.centre - other.centre)[:2]))
+
+
+def _over(one: SceneObject, other: SceneObject) -> bool:
+    reach = 0.5 * float(np.linalg.norm(other.extents[:2])) + 0.01
+    return other.covers(one.centre) or _gap(one, other) < min(reach, 0.5 * float(other.extents[:2].max()))
+
+
+def _at(thing: SceneObject, relation: str, marks: Sequence[SceneObject]) -> bool:
+    """Whether an object is in the relation to any of the marks."""
+    return any(_holds(thing, relation, mark) for mark in marks if mark is not thing)
+
+
+def _holds(thing: SceneObject, relation: str, at: SceneObject) -> bool:
+    """The relation to one mark; x is behind, y to the left, as the robot sees it."""
+    ahead, left = (thing.centre - at.centre)[:2]
+    match relation:
+        case "on":
+            return _over(thing, at) and thing.bottom > at.top - 2 * CLOSE
+        case "in":
+            return thing.parent == at.id or (_over(thing, at) and thing.bottom < at.top - CLOSE)
+        case "under":
+            return _over(at, thing) and thing.top < at.bottom + CLOSE
+        case "from":
+            touches = bool((at.distances(thing.corners()) == 0.0).any())
+            return thing.parent == at.id or _over(thing, at) or touches
+        case "beside":
+            return _gap(thing, at) < BESIDE + 0.5 * float(at.extents[:2].max())
+        case "left_of" | "right_of":
+            return bool((left if relation == "left_of" else -left) > CLOSE)
+        case "behind" | "front_of":
+            return bool((ahead if relation == "behind" else -ahead) > CLOSE)
+    return True  # nearest, farthest: a matter of degree
+
+
+def _between(thing: SceneObject, one: SceneObject, other: SceneObject) -> bool:
+    """Whether it lies between two others: within the middle of their line, nearer to it than half its length."""
+    if thing in (one, other):
+        return False
+    line, to = (other.centre - one.centre)[:2], (thing.centre - one.centre)[:2]
+    length = float(np.linalg.norm(line))
+    along = float(to @ line) / max(length, 1e-9)
+    across = float(np.sqrt(max(float(to @ to) - along**2, 0.0)))
+    return 0.0 < along < length and across < 0.5 * length
+
+
+def _extreme(fits: list[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
+    """The outermost of them; in a stack the middle one is the one at middle height."""
+    if not fits:
+        return []
+    heights = np.array([o.centre[2] for o in fits])
+    spread = np.ptp(np.array([o.centre[:2] for o in fits]), axis=0).max()
+    if by == "middle" and np.ptp(heights) > spread:
+        off = np.abs(heights - np.median(heights))
+    elif by in ("top", "bottom"):
+        off = heights.max() - heights if by == "top" else heights - heights.min()
+    else:
+        return extreme(fits, by, scene)
+    return [o for o, d in zip(fits, off, strict=True) if d <= off.min() + CLOSE]

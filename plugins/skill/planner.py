@@ -1,26 +1,29 @@
-"""The planner: from words to skill calls. It never sees a task's name; what a call means, the core tells."""
+"""The planner: a sentence's readings, grounded in the scene, become skill calls."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import cast
 
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.scene import Scene
+from gvla2.planning.colours import colour_distance
+from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
+from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.grounding import suited
+from gvla2.skills.grounding import Meant, meant
+from gvla2.skills.multi_step import is_container
+from gvla2.skills.part_hierarchy import root_of
 from gvla2.skills.table import STANDARD
-from gvla2.skills.wording import in_scene_words
-from gvla2_plugins.skill import SkillConfig, lexicon
-from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button
-from gvla2_plugins.skill.intents import Intent, names
-from gvla2_plugins.skill.phrases import Phrase
-from gvla2_plugins.skill.sorting import sorting
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, several
+from gvla2_plugins.skill.reading import Command, Noun, Reading, UnreadableError, readings
 
-MOVING = ("pick", "fetch", "place", "pull")
-"""Skills that take a thing from where it is."""
+ABSORBED = {"pick": {"pick", "pull", "twist"}, "pull": {"pull"}, "place": {"place"}}
+"""A call of the same theme that follows one of these asks for nothing more: "pick it up and lift it"."""
+FINISHED_BY = {"pick": {"pull", "place"}, "pull": {"place"}}
+"""A call is a part of one of these that follows it with the same theme: "pull it out and put it there"."""
+CONTAINERS = frozenset(("bin", "tray", "basket", "container", "crate"))
 
 
 @dataclass(frozen=True)
@@ -48,130 +51,121 @@ class SkillPlanner:
 
 
 def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
-    """The skill calls of a sentence; an abstention where it cannot be read with certainty.
-
-    Read as it stands; where that fails, in the words that perception has for what is there; then part by part.
-    """
-    known = in_scene_words(sentence, scene)
-    found = _read(sentence, scene)
-    if isinstance(found, Abstention) and known != sentence:
-        found = _read(known, scene)
-    if isinstance(found, Abstention) and found.kind == "other":
-        parts = [_read(part, scene) for part in lexicon.THEN.split(known)]
-        said = [part for part in parts if isinstance(part, SentenceReading)]
-        if len(said) == len(parts) > 1:
-            calls, notes = [c for part in said for c in part.calls], [n for part in said for n in part.notes]
-            return SentenceReading(tuple(calls), tuple(notes))
-    return found
-
-
-def _read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
-    if isinstance(pairs := sorting(sentence, scene), Abstention):
-        return pairs
-    if pairs:
-        return SentenceReading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
-    intent = parse(sentence, [o.label for o in scene.objects])
-    if refusal := _not_understood(intent, sentence):
-        absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
-        if isinstance(absent, Abstention) and absent.kind == "nothing_matches" and intent.skill in STANDARD:
-            return _unread(absent, intent.theme, scene)
-        return refusal
-    if isinstance(out := _excepted(intent, scene), Abstention):
-        return out
-    if intent.theme is not None and "other" in intent.theme.text.split() and not intent.denials:
-        return Abstention("ambiguous", f"What is not meant by '{intent.theme.text}' is not said.")
-    theme = _theme(intent, scene, out)
-    if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
-        intent, theme = aimed, _theme(aimed, scene, out)
-    if isinstance(theme, Abstention):
-        return _unread(theme, intent.theme, scene)
-    ruled_out = ", ".join(o.label for o in scene.objects if o.id in out)
-    notes = (*theme.notes, *([f"The sentence rules out {ruled_out}."] if ruled_out else []))
-    call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
-    skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
-    if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
-        return SentenceReading((call,), notes)
-    if intent.goal.pronoun and intent.goal.landmark:
-        return Abstention("no_goal", f"What '{intent.goal.text}' stands for is not told.")
-    goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
-    if isinstance(goal, Abstention):
-        own = theme if intent.goal.text == "itself" else ground(intent.goal, scene, exclude=out)
-        if goal.kind != "nothing_matches" or isinstance(own, Abstention):
-            return _unread(goal, intent.goal, scene)
-        goal = own  # nothing else is called so; the core declines it
-    call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
-    return SentenceReading((call,), (*notes, *goal.notes))
+    """The skill calls of a sentence; an abstention where it has no reading that fits the scene, or several."""
+    try:
+        found = readings(sentence)
+    except UnreadableError as error:
+        kind: AbstentionKind = "unknown_skill" if error.verb or not sentence.strip() else "other"
+        skills = f"; it can {', '.join(STANDARD)}" if kind == "unknown_skill" else ""
+        return Abstention(kind, f"{error}{skills}.", unread=True)
+    grounded: dict[str, tuple[SkillCall, ...]] = {}  # by their text: readings may come to the same
+    refused: list[Abstention] = []
+    for reading in found:
+        try:
+            calls = _calls(reading, scene)
+            grounded["; ".join(map(str, calls))] = calls
+        except UngroundedError as error:
+            refused.append(error.abstention)
+    if len(grounded) == 1:
+        return SentenceReading(next(iter(grounded.values())))
+    if grounded:
+        message = f"The instruction may mean {' or '.join(list(grounded)[:3])}; say it in another way."
+        return Abstention("ambiguous", message)
+    order = ("ambiguous", "other", "no_goal", "nothing_matches", "unknown_skill")
+    return min(refused, key=lambda a: (order.index(a.kind), len(a.message)))
 
 
-def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
-    """The refusal; ``unread`` where what is known of the phrase, its colour or its noun, fits something there."""
-    if phrase is None or why.kind != "nothing_matches" or not (phrase.colour or phrase.noun):
-        return why
-    return replace(why, unread=bool(ground_all(replace(phrase, unknown=()), scene)))
+def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
+    """The calls of a reading; raises :class:`UngroundedError`."""
+    calls: list[SkillCall] = []
+    context = Context()
+    for command in reading:
+        made, context = _grounded(command, scene, context)
+        for call in made:
+            before = calls[-1] if calls else None
+            if before is not None and before.theme == call.theme:
+                if before.skill in ABSORBED.get(call.skill, ()) and not call.goal:
+                    continue
+                if call.skill in FINISHED_BY.get(before.skill, ()) and not before.goal:
+                    calls.pop()
+            calls.append(call)
+    for call, following in pairwise(calls):
+        what = meant(call, scene)
+        held = isinstance(what, Meant) and what.skill in ("pick", "twist", "draw") and not call.goal
+        if held and root_of(scene[following.theme], scene) is not root_of(scene[call.theme], scene):
+            message = f"The {scene[call.theme].label} would still be in the hand; ask for one at a time."
+            raise UngroundedError(Abstention("other", message))
+    return tuple(calls)
 
 
-def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:
-    """What it is done to, none of ``out``. Without a name, the one thing that can be moved, if there is only one."""
-    seen = replace(scene, objects=tuple(o for o in scene.objects if o.id not in out))
-    if intent.skill == "press":
-        return ground_button(intent.theme, seen)
-    phrase = intent.theme or Phrase("it", pronoun=True)
-    return ground(phrase, seen, movable=True)
+def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[SkillCall], Context]:
+    """The calls of a command, one for each of its themes, and what the next clause may refer to."""
+    if command.skill not in STANDARD:
+        message = f"No skill can {command.skill} anything; it can {', '.join(STANDARD)}."
+        raise UngroundedError(Abstention("unknown_skill", message))
+    goal = command.goal
+    out = {o.id for noun in command.spared for o in _seen(noun, scene, context)}
+    if goal is not None and (goal.relation == "matching" or any(map(several, command.themes))):
+        out |= {o.id for o in _containers(scene)}
+    if goal is not None and any(noun.number == "all" or several(noun) for noun in command.themes):
+        out |= {o.id for noun in goal.nouns for o in ground(noun, scene, context)}
+    themes: list[SceneObject] = []
+    for noun in command.themes:
+        if noun.number == "it" and context.goal and command.skill in ("open", "close", "press"):
+            found = [scene[context.goal]]  # "put it in the drawer and close it"
+        else:
+            movable = command.skill != "press"
+            found = ground(noun, scene, context, movable=movable, out=frozenset(out), origins=command.origins)
+        themes += [o for o in found if o not in themes]
+    for noun in command.present:
+        ground(noun, scene, Context(tuple(o.id for o in themes)))
+    if len(themes) > 1 and (goal is None or goal.relation == "between"):
+        names = ", ".join(o.label for o in themes)
+        raise UngroundedError(
+            Abstention("other", f"It names several objects, {names}; ask for one at a time.")
+        )
+    calls = [_call(command, theme, scene, context) for theme in themes]
+    return calls, Context(tuple(o.id for o in themes), calls[-1].goal)
 
 
-def _aimed(intent: Intent) -> Intent | None:
-    """A taking of what is said to be on something, read as putting it there; None for any other."""
-    if intent.theme is None or intent.theme.landmark is None:
-        return None
-    relation, goal = intent.theme.landmark
-    theme = replace(intent.theme, landmark=None)
-    if relation == "from" and intent.skill in ("place", "push") and intent.amount is not None:
-        return replace(intent, theme=theme, goal=goal, relation="beside")  # "10 cm away from the cup"
-    stands = intent.theme.stands and intent.verb != "want"
-    if stands or intent.skill != "pick" or relation not in ("on", "in", "to"):
-        return None
-    if not (goal.noun or goal.colour or goal.unknown):
-        return None  # "on its left side"
-    return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
+def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) -> SkillCall:
+    """The call for one theme; raises :class:`UngroundedError` where its goal is not one certain object."""
+    call = SkillCall(command.skill, theme.id, amount=command.amount, direction=command.direction)
+    goal = command.goal
+    if goal is None:
+        return call
+    if goal.relation == "matching":
+        found = _containers(scene)
+        if len(found) < 2:
+            raise UngroundedError(Abstention("nothing_matches", "There are no two containers to sort into."))
+        at = min(found, key=lambda c: (c.colour != theme.colour, float(colour_distance(theme.rgb, c.rgb))))
+        return replace(call, goal=at.id, relation="in")
+    places = [_aim(noun, theme, scene, context) for noun in goal.nouns]
+    if any(len(objects) != 1 for objects in places):
+        names = ", ".join(o.label for objects in places for o in objects)
+        raise UngroundedError(Abstention("ambiguous", f"'{goal.nouns[0].text}' may mean {names}; say which."))
+    if goal.relation == "between":
+        x, y = 0.5 * (places[0][0].centre + places[1][0].centre)[:2]
+        return replace(call, xy=(float(x), float(y)))
+    return replace(call, goal=places[0][0].id, relation=cast(Relation, goal.relation))
 
 
-def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
-    asked = " ".join(instruction.split())[:200]
-    unknown = "it says only what not to do" if intent.denials else "it has no verb that this planner knows"
-    trouble = intent.trouble or ("" if intent.skill else unknown)
-    if intent.skill not in STANDARD:
-        return Abstention("unknown_skill", f"'{asked}': {trouble}; it can {', '.join(STANDARD)}.")
-    return Abstention("other", f"'{asked}': {trouble}.") if trouble else None
+def _aim(noun: Noun, theme: SceneObject, scene: Scene, context: Context) -> list[SceneObject]:
+    """What a goal's phrase means: preferably not what is put there."""
+    own = frozenset({theme.id})
+    others = [] if noun.number == "it" else _seen(noun, scene, context, own)
+    return others or ground(noun, scene, context)
 
 
-def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
-    """The ids that a sentence rules out; a refusal where what it rules out cannot be told or leaves nothing to do."""
-    out: set[str] = set()
-    for text, denied in intent.denials:
-        words, phrase = text.split(), denied.theme or denied.goal
-        found = ground_all(phrase, scene) if names(phrase) else ()
-        mishap = any(w.startswith(lexicon.MISHAPS) for w in words) and intent.skill != "press"
-        touch = any(w.startswith(lexicon.TOUCHES) for w in words)
-        if mishap and touch and phrase is not None and phrase.noun:
-            out |= {o.id for o in found}  # "don't touch the red one"
-        aimed = phrase is None and intent.skill == "push" and intent.goal is not None
-        itself = aimed or (phrase is not None and phrase.pronoun)
-        if touch and "touch" in text and intent.skill != "press" and itself:
-            return Abstention("other", f"What '{text}' rules out is what is asked for.")
-        if mishap or lexicon.REMAINDER & set(words):
-            continue  # planning avoids it anyway; "not the others"
-        if not found and not _apart(text, denied, intent):
-            said = f", '{text}'," if text else ""
-            return Abstention("other", f"What is not to be done or not meant{said} is not told.")
-        out |= {o.id for o in found}
-    return frozenset(out)
+def _seen(noun: Noun, scene: Scene, context: Context, out: frozenset[str] = frozenset()) -> list[SceneObject]:
+    """What a phrase means, if anything: what is not there cannot be touched."""
+    try:
+        return ground(noun, scene, context, out=out)
+    except UngroundedError:
+        return []
 
 
-def _apart(text: str, denied: Intent, intent: Intent) -> bool:
-    """Whether a denial that names nothing there leaves what is asked as it is: it is of another skill, no more."""
-    unread = denied.theme is not None and denied.theme.unknown
-    if unread or denied.verb == "move" or lexicon.LETTING & {*text.split()}:
-        return False
-    asked: tuple[str, ...] = MOVING if intent.skill in MOVING else (intent.skill,)
-    asked += (*lexicon.WORKED, "push") if intent.skill in lexicon.WORKED else ()  # "open it without pulling"
-    return denied.skill in STANDARD and denied.skill not in asked
+def _containers(scene: Scene) -> list[SceneObject]:
+    """Objects to put others into, by their shape or name."""
+    wholes = [o for o in scene.objects if not o.parent and o.shape != "region"]
+    return [o for o in wholes if is_container(o) or CONTAINERS & set(o.label.split())]

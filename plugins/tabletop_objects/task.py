@@ -11,10 +11,8 @@ from scipy.spatial import ConvexHull, QhullError
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.mesh_body import Mesh
-from gvla2.robot.mesh_library import chosen, mesh_library, spoken
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.scan import Scan
+from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
 from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig

@@ -8,7 +8,7 @@ from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
 from gvla2.agents.solving import attempt, transcript
 from gvla2.errors import ConfigurationError
-from gvla2.language.failures import LanguageModelError
+from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
 from gvla2.testing.language import LocalModel, refused, said

@@ -35,8 +35,7 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.drawing import Canvas, Rect, font
-from gvla2.robot.mesh_library import chosen, mesh_library, spoken
-from gvla2.robot.scan import read_scan
+from gvla2.robot.scan import chosen, mesh_library, read_scan, spoken
 
 NARROW, TILE = 0.075, 240
 

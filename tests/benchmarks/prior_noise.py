@@ -66,7 +66,7 @@ def prepared(item, dataset):
 
 
 def main() -> None:
-    from gvla2.reconstruction.prior_fusion import agreed
+    from gvla2.reconstruction.branch import agreed
     from gvla2.reconstruction.view_set import ViewSet
 
     parser = argparse.ArgumentParser()

@@ -23,8 +23,8 @@ import numpy as np
 import trimesh
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import GaussianPly, write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.ply import GaussianPly, write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
@@ -33,12 +33,11 @@ from gvla2.reconstruction.appearance import fit_affine
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.gate import judged
 from gvla2.reconstruction.silhouette import symmetric_iou
-from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.visual_hull import object_centre, soft_hull
-from gvla2_plugins.axes.axis import AxisOptions, compensate
+from gvla2.reconstruction.view_set import judged
+from gvla2_plugins.axes.compensations import AxisOptions, compensate
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"

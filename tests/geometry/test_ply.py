@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from plyfile import PlyData
 
 from gvla2.errors import GeometryError, OutputError
-from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.ply import GaussianPly, read_gaussians, write_gaussians
+from gvla2.geometry.gaussians import GaussianPly, Gaussians, read_gaussians, write_gaussians
 
 FIELDS = [
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),

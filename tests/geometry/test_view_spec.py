@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.view_spec import parse_axis_word, parse_view_spec
+from gvla2.geometry.view_formats import parse_axis_word, parse_view_spec
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,11 @@
 """Reading answers: reasoning apart, tokens in their places, damage told from absence."""
 
-import math
-from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gvla2.language import MalformedAnswerError, Usage
-from gvla2.language.completion import read_completion
+from gvla2.language.wire import read_completion
 from gvla2.testing.language import said
 
 
@@ -24,7 +20,6 @@ from gvla2.testing.language import said
          "it quotes </think><score>A</score> and goes on", "<score>T</score>"),
         ("<think>never ends <score>A</score>", "never ends <score>A</score>", ""),
         ("a literal <think> later", "", "a literal <think> later"),
-        ("<THINKING>x</THINKING>y", "x", "y"),
         ("", "", ""),
     ],
 )  # fmt: skip
@@ -38,13 +33,6 @@ def test_reasoning_in_a_field_of_its_own():
     assert (read.reasoning, read.text) == ("it is so", "yes")
 
 
-@pytest.mark.parametrize("odd", [{"steps": 3}, [], 7, None, ""])
-def test_reasoning_of_an_unknown_form_does_not_lose_the_answer(odd: object):
-    body = said("yes")
-    body["choices"][0]["message"] |= {"reasoning_content": odd, "reasoning": "so"}
-    assert (read_completion(body).text, read_completion(body).reasoning) == ("yes", "so")
-
-
 def test_content_in_parts_is_joined():
     body = said("")
     body["choices"][0]["message"]["content"] = [
@@ -53,26 +41,6 @@ def test_content_in_parts_is_joined():
         {"text": "b"},
     ]
     assert read_completion(body).text == "ab"
-
-
-@given(st.text(max_size=40), st.lists(st.integers(0, 200), max_size=12))
-def test_tokens_spell_the_answer_however_it_is_cut(answer: str, cuts: list[int]):
-    spelt = answer.encode(errors="replace")
-    edges = [0, *sorted({c for c in cuts if 0 < c < len(spelt)}), len(spelt)]
-    pieces = [spelt[a:b] for a, b in pairwise(edges)]
-    read = read_completion(said(answer, [(p, {}) for p in pieces]))
-    if not read.text.strip():
-        assert read.tokens == ()
-        return
-    placed = {t.start: len(t.spelt) for t in read.tokens}
-    core = read.text.encode(errors="replace")
-    first = len(read.text[: len(read.text) - len(read.text.lstrip())].encode(errors="replace"))
-    last = len(read.text.rstrip().encode(errors="replace"))
-    covered = {i for start, size in placed.items() for i in range(start, start + size)}
-    assert set(range(first, last)) <= covered
-    for start, size in placed.items():
-        assert start >= 0
-        assert size == 0 or core[start : start + size] in pieces
 
 
 def thinking(answer: str = "<score>B</score>") -> dict[str, Any]:
@@ -90,46 +58,11 @@ def test_tokens_of_the_reasoning_are_left_out():
     assert [t.start for t in tokens] == [-2, 7, 8]
 
 
-def test_a_stream_of_the_reasoning_alone_is_no_evidence():
-    body = said("<score>A</score>", [("so ", {}), ("<score>", {}), ("A", {"A": 1.0}), ("</score>", {})],
-                reasoning="so <score>A</score>")  # fmt: skip
-    assert read_completion(body).tokens == ()
-
-
 def test_a_stream_that_spells_something_else_is_no_evidence():
     assert (
         read_completion(said("<score>A</score>", [("<score>", {}), ("T", {}), ("</score>", {})])).tokens == ()
     )
     assert read_completion(said("A", [("A", {}), (" and more", {})])).tokens == ()
-
-
-def test_where_bytes_are_not_told_the_last_ascii_stretch_is_used():
-    pieces = ["h", "ö", "her ", "<score>", "A", "</score>"]
-    body = said("".join(pieces), [(p, {}) for p in pieces])
-    for entry in body["choices"][0]["logprobs"]["content"]:
-        entry["bytes"] = None
-    body["choices"][0]["logprobs"]["content"][1]["token"] = "\ufffd\ufffd"
-    tokens = read_completion(body).tokens
-    (letter,) = [t for t in tokens if t.text == "A"]
-    assert letter.start == len("höher <score>".encode())
-
-
-@pytest.mark.parametrize("mark", ["▁", "Ġ"])
-def test_blanks_of_raw_vocabularies(mark: str):
-    body = said("it is A", [("it", {}), (" is", {}), (" A", {})])
-    for entry in body["choices"][0]["logprobs"]["content"]:
-        entry["bytes"], entry["token"] = None, entry["token"].replace(" ", mark)
-    assert [t.text for t in read_completion(body).tokens] == ["it", " is", " A"]
-
-
-def test_odd_probabilities_are_passed_on_as_they_are():
-    body = said("A", [("A", {"A": 0.5, "B": 0.5})])
-    entry = body["choices"][0]["logprobs"]["content"][0]
-    entry["logprob"] = "high"
-    entry["top_logprobs"][1]["logprob"] = -math.inf
-    (token,) = read_completion(body).tokens
-    assert math.isnan(token.logprob)
-    assert dict(token.alternatives)["B"] == -math.inf
 
 
 @pytest.mark.parametrize(

@@ -45,16 +45,6 @@ def test_a_key_that_a_server_tells_back_is_not_told_on(reply: Any, tmp_path: Pat
     assert KEY not in OmegaConf.to_yaml(OmegaConf.structured(config))
 
 
-def test_the_question_itself_is_the_askers_affair(monkeypatch, tmp_path: Path):
-    """What a planner puts into a prompt is kept; the key is no part of it."""
-    monkeypatch.setenv("MY_KEY", KEY)
-    with LocalModel(lambda _: said("7")) as model:
-        config = EndpointConfig(base_url=model.url, model="m", api_key_env="MY_KEY", cache=str(tmp_path))
-        found = ask_typed(Endpoint(config), ASK, number, purpose="plan")
-    assert found.transcript[0]["prompt"] == ASK
-    assert KEY not in json.dumps(found.transcript)
-
-
 def test_a_missing_key_names_its_variable_alone(monkeypatch):
     monkeypatch.delenv("MY_KEY", raising=False)
     with pytest.raises(Gvla2Error, match=r"'MY_KEY'.*is not set"):

@@ -7,14 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.language.completion import Token, read_completion
+from gvla2.language.contracts import Token
 from gvla2.language.score_tokens import LETTERS, TokenScore, phi, score_answer
+from gvla2.language.wire import read_completion
 from gvla2.testing.language import said
-
-
-def test_twenty_letters_from_one_to_nought():
-    assert [round(19 * phi(v)) for v in LETTERS] == list(range(19, -1, -1))
-    assert (phi("A"), phi("T")) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -112,22 +108,6 @@ def test_below_half_the_mass_the_letter_counts_as_written():
     assert score.mass == pytest.approx(0.45)
 
 
-def test_what_might_have_been_said_in_place_of_a_slip():
-    """An invalid letter was drawn although valid ones were likely: their expectation stands."""
-    token = Token(b"Z", 7, math.log(0.1), (("Z", math.log(0.1)), ("A", math.log(0.8)), ("C", math.log(0.1))))
-    score = score_answer("<score>Z</score>", [token])
-    assert score.source == "distribution"
-    assert score.value == pytest.approx((0.8 * phi("A") + 0.1 * phi("C")) / 0.9)
-
-
-@pytest.mark.parametrize("odd", [math.nan, -math.inf, 5.0, math.inf, -9999.0])
-def test_impossible_probabilities_count_for_nothing(odd: float):
-    assert one("B", ("B", odd)) == TokenScore(phi("B"), 0.0, "tag", one("B", ("B", odd)).letters)
-    beside = one("B", ("B", math.log(0.9)), ("T", odd))
-    assert beside.value == pytest.approx(phi("B"))
-    assert beside.mass == pytest.approx(0.9)
-
-
 @given(st.lists(st.tuples(st.text(max_size=6), st.floats()), min_size=1, max_size=12), st.text(max_size=30))
 def test_the_score_is_a_share_whatever_the_server_sends(alternatives, text):
     answer = f"{text}<score>B</score>"
@@ -135,8 +115,3 @@ def test_the_score_is_a_share_whatever_the_server_sends(alternatives, text):
     score = score_answer(answer, [token])
     assert 0.0 <= score.value <= 1.0
     assert 0.0 <= score.mass <= 1.0
-
-
-def test_a_huge_answer_is_read_in_no_time():
-    text = "<score>" * 200_000 + "<score>D</score>"
-    assert score_answer(text).value == phi("D")

@@ -2,7 +2,6 @@
 
 import json
 import threading
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -90,23 +89,6 @@ def test_what_stays_wrong_fails_by_its_type_after_the_tries(reply: Any):
     assert len(json.dumps(model.requests)) < 30_000
 
 
-def test_a_server_that_broke_off_to_the_last_is_not_there():
-    with (
-        LocalModel(replying(said("seven"), Reply(said("7"), cut=20))) as model,
-        pytest.raises(ModelUnavailableError, match="broke off") as caught,
-    ):
-        asked(model)
-    assert len(caught.value.transcript) == 3
-
-
-@pytest.mark.parametrize(
-    "reply", [Reply(said("7"), cut=20), Reply(b"{"), said("?"), said("7", finish="length")]
-)
-def test_what_passes_is_passed_over(reply: Any):
-    with LocalModel(replying(reply, said("7"))) as model:
-        assert asked(model).answer == 7
-
-
 @pytest.mark.parametrize(
     ("reply", "kind"),
     [(refused(401, "who?"), ModelRefusedError), (refused(503, "loading"), ModelUnavailableError),
@@ -126,12 +108,6 @@ def test_the_most_frequent_of_several_samples_wins():
     assert sorted(r["temperature"] for r in model.requests) == [0.0, 0.7, 0.7, 0.7, 0.7]
 
 
-def test_even_votes_go_to_the_coldest_and_what_is_the_same_may_be_said():
-    with LocalModel(lambda r: said(str(r["seed"] + 10))) as model:
-        assert asked(model, samples=3).answer == 10
-        assert asked(model, samples=3, same=lambda n: n >= 11).answer == 11
-
-
 def test_samples_that_are_all_wrong_are_tried_again():
     with LocalModel(lambda r: said("7" if r["seed"] == 3 else "x")) as model:
         found = asked(model, samples=2)
@@ -139,26 +115,11 @@ def test_samples_that_are_all_wrong_are_tried_again():
     assert [entry["seed"] for entry in found.transcript] == [0, 1, 2, 3]
 
 
-def test_cached_conversations_are_repeated_without_a_server(tmp_path: Path):
-    with LocalModel(replying(said("seven"), said("7"))) as model:
-        first = asked(model, options={"cache": str(tmp_path)})
-    again = asked(model, options={"cache": str(tmp_path)})
-    assert again.answer == first.answer
-    assert [entry["cached"] for entry in again.transcript] == [True, True]
-
-
 def test_mistakes_of_the_parser_are_not_taken_for_the_model_s():
     with LocalModel(replying(said("7"))) as model, pytest.raises(KeyError):
         asked(model, lambda _: {}["missing"])
     with pytest.raises(ValueError, match="tries is 0"):
         asked(model, tries=0)
-
-
-def test_a_model_that_refuses_temperatures_is_not_warmed():
-    with LocalModel(replying(said("seven"), said("7"))) as model:
-        asked(model, options={"temperature": None, "max_tokens": None}, max_tokens=9)
-    assert not any({"temperature", "max_tokens"} & set(request) for request in model.requests)
-    assert [request["seed"] for request in model.requests] == [0, 1]
 
 
 def test_images_are_named_in_the_transcript_not_kept():

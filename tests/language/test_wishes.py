@@ -1,6 +1,5 @@
 """What a server does not take is left out, named, and not asked for again."""
 
-import json
 from typing import Any
 
 import pytest
@@ -9,13 +8,11 @@ from gvla2.language import (
     Completion,
     Endpoint,
     EndpointOptions,
-    ModelRefusedError,
-    ModelUnavailableError,
     Request,
     picture,
 )
-from gvla2.language.request import without_system
-from gvla2.testing.language import LocalModel, Reply, refused, said
+from gvla2.language.wire import without_system
+from gvla2.testing.language import LocalModel, refused, said
 
 SYSTEM = [{"role": "system", "content": "Be brief."}, {"role": "user", "content": "Well?"}]
 SCHEMA = {"type": "object", "properties": {"a": {"type": "number"}}}
@@ -68,11 +65,6 @@ def test_what_is_refused_is_left_out_and_named(answering, unmet: tuple[str, ...]
     assert len(model.requests) == calls
 
 
-def test_a_plain_question_is_never_preceded_by_another():
-    _, model = asked(server(), Request(SYSTEM))
-    assert len(model.requests) == 1
-
-
 def test_it_is_learnt_once_and_one_wish_at_a_time():
     with LocalModel(server(most=5, schema=False)) as model:
         language = endpoint(model)
@@ -99,28 +91,6 @@ def test_a_schema_and_a_grammar_are_sent_by_request():
     assert answer.unmet == ("grammar",)
 
 
-def test_a_refusal_that_no_concession_helps_is_the_first_one():
-    with LocalModel(lambda r: refused(400, f"{len(json.dumps(r))} bytes are too many")) as model:
-        with pytest.raises(ModelRefusedError, match="too many") as caught:
-            endpoint(model).complete(ALL, purpose="plan")
-        assert str(len(json.dumps(model.requests[0]))) in str(caught.value)
-
-
-@pytest.mark.parametrize("status", [401, 404, 413])
-def test_a_wrong_key_is_not_taken_for_a_missing_feature(status: int):
-    with LocalModel(lambda _: refused(status, "no")) as model:
-        with pytest.raises(ModelRefusedError):
-            endpoint(model).complete(ALL, purpose="plan")
-        assert len(model.requests) == 1
-
-
-def test_a_broken_server_is_asked_once_more_without_a_system_role():
-    with LocalModel(lambda _: refused(500, "broken")) as model:
-        with pytest.raises(ModelUnavailableError, match="broken"):
-            endpoint(model).complete(ALL, purpose="plan")
-        assert len(model.requests) == 2
-
-
 def test_orders_without_a_system_role():
     user = {"role": "user", "content": "u"}
     order = {"role": "system", "content": "s"}
@@ -139,12 +109,3 @@ def test_a_picture_is_sent():
     text, image = model.requests[0]["messages"][0]["content"]
     assert text["text"] == "Where??"
     assert image["image_url"]["url"] == "data:image/png;base64,iVBORw=="
-
-
-def test_a_server_that_dies_while_it_concedes_is_unavailable():
-    replies = [refused(400, "schema?"), Reply(said("yes"), cut=5)]
-    with (
-        LocalModel(lambda _: replies.pop(0) if len(replies) > 1 else replies[0]) as model,
-        pytest.raises(ModelUnavailableError, match="broke off"),
-    ):
-        endpoint(model).complete(ALL, purpose="plan")

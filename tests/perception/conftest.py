@@ -92,7 +92,7 @@ class _Picture:
         self.model, self.image = model, image
 
     def segment(self, prompts):
-        from gvla2.perception.prompting import Segments
+        from gvla2.perception.clicks import Segments
 
         logits, scores = [], []
         for prompt in prompts:

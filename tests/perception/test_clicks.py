@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from gvla2.language import Endpoint
-from gvla2.perception.clicks import locate, overlay
+from gvla2.perception.clicks import Segments, localized, locate, overlay
+from gvla2.perception.clusters import iou
 from gvla2.perception.frames import frames_of
-from gvla2.perception.fusing import iou
-from gvla2.perception.localizing import localized
+from gvla2.perception.objects import object_of
 from gvla2.perception.options import VisionOptions, vision_model
-from gvla2.perception.prompting import Segments
-from gvla2.perception.things import thing_of
 from gvla2.planning.scene import Scene
 from gvla2.testing.language import LocalModel, refused, said
 
@@ -150,7 +148,7 @@ def test_the_overlay_shows_outlines_the_mark_and_clicks(seen):
 def test_the_scene_says_which_thing_was_meant(world, two):
     frames, table, _ = frames_of(two.observation.views, world.WORKSPACE)
     things = [
-        thing_of(
+        object_of(
             np.concatenate([f.points[t == k] for f, t in zip(frames, two.truth, strict=True)]),
             np.concatenate([f.view.image[t == k] for f, t in zip(frames, two.truth, strict=True)]) / 255.0,
             world.TABLE, 1.0, f"o{k}",
@@ -178,7 +176,7 @@ def test_the_scene_says_which_thing_was_meant(world, two):
 def test_a_part_that_geometry_did_not_tell_apart_is_added(world, two):
     frames, table, _ = frames_of(two.observation.views, world.WORKSPACE)
     points = np.concatenate([f.points[t == 1] for f, t in zip(frames, two.truth, strict=True)])
-    whole = thing_of(points, np.ones_like(points), world.TABLE, 1.0, "o1")
+    whole = object_of(points, np.ones_like(points), world.TABLE, 1.0, "o1")
     scene = Scene((whole,), world.TABLE, world.WORKSPACE)
 
     shown = int(np.argmax([(t == 1).sum() for t in two.truth]))

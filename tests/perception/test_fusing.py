@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from gvla2.perception.clusters import MaskCandidate, fuse, iou, objects_of
 from gvla2.perception.frames import frames_of
-from gvla2.perception.fusing import MaskCandidate, fuse, iou, objects_of
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
+from gvla2.perception.objects import object_of
 from gvla2.perception.scans import check_names, read_scans
-from gvla2.perception.things import thing_of
 from gvla2.planning.scene import Scene
 
 
@@ -37,7 +37,7 @@ def scene_of(world, observation):
     things = []
     for k in range(found.count):
         rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)]) / 255.0
-        things.append(thing_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
+        things.append(object_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
     return Scene(tuple(things), world.TABLE, world.WORKSPACE, "test")
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gvla2.perception.holes import filled
+from gvla2.perception.frames import filled
 
 ROWS, COLUMNS = np.mgrid[0:60, 0:60].astype(float)
 SLOPE = 1.0 + 0.002 * ROWS - 0.001 * COLUMNS

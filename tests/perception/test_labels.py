@@ -6,9 +6,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint
-from gvla2.perception.labels import Naming, labelled
+from gvla2.perception.labels import CropReader, Naming, labelled
 from gvla2.perception.options import NamingOptions, VisionOptions, labellers, vision_model
-from gvla2.perception.reader import CropReader
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.testing import inputs

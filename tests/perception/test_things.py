@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gvla2.perception.things import coarse_shape, footprint, numbered, thing_of
+from gvla2.perception.objects import coarse_shape, footprint, numbered, object_of
 
 
 def box_points(size, yaw, at, rng, count=3000):
@@ -14,7 +14,7 @@ def box_points(size, yaw, at, rng, count=3000):
 
 def test_a_box_is_measured_whatever_its_turn():
     points = box_points([0.12, 0.06, 0.05], 0.7, [0.3, 0.1, 0.525], np.random.default_rng(0))
-    thing = thing_of(points, np.full((len(points), 3), [0.9, 0.1, 0.1]), 0.5, 1.0)
+    thing = object_of(points, np.full((len(points), 3), [0.9, 0.1, 0.1]), 0.5, 1.0)
     assert sorted(thing.extents) == pytest.approx([0.05, 0.06, 0.12], abs=0.003)
     assert thing.centre == pytest.approx([0.3, 0.1, 0.525], abs=0.003)
     assert (thing.colour, thing.shape) == ("red", "box")
@@ -38,7 +38,7 @@ def test_round_things_are_told(height, shape):
 def test_numbers_follow_places_not_the_order_found():
     rng = np.random.default_rng(1)
     made = [
-        thing_of(box_points([0.05] * 3, 0, [x, 0, 0.025], rng), np.ones((3000, 3)), 0.0, 1.0)
+        object_of(box_points([0.05] * 3, 0, [x, 0, 0.025], rng), np.ones((3000, 3)), 0.0, 1.0)
         for x in (0.4, 0.2)
     ]
     assert [round(float(o.centre[0]), 1) for o in numbered(made)] == [0.2, 0.4]

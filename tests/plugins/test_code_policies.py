@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.errors import ConfigurationError
-from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
 from gvla2.testing import check_component, check_planner
-from gvla2.testing.language import LocalModel, refused, said
+from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
@@ -135,27 +133,3 @@ def test_remembered_programs_come_with_the_names_of_now():
         with_memory, without = (r["messages"][1]["content"] for r in model.requests)
     assert with_memory.count("- raise the cube: pick(blue_cube) succeeded") == 2
     assert "<memory>" not in without
-
-
-def test_nothing_is_asked_about_nothing():
-    with LocalModel(lambda _: said("pick(red_cube)")) as model:
-        assert planner(model).plan(replace(REQUEST, instruction=" ")).abstention.kind == "unknown_skill"
-        empty = replace(REQUEST.scene, objects=())
-        assert planner(model).plan(replace(REQUEST, scene=empty)).abstention.kind == "nothing_matches"
-        assert not model.requests
-
-
-@pytest.mark.parametrize("answering", [lambda _: refused(503, "busy"), lambda _: refused(401, "no key")])
-def test_a_server_that_fails_is_a_failure_of_the_model(answering):
-    with LocalModel(answering) as model:
-        asking = planner(model)
-        with pytest.raises(LanguageModelError):
-            asking.plan(REQUEST)
-    with pytest.raises(LanguageModelError, match="cannot be reached"):  # nobody is there any more
-        asking.plan(REQUEST)
-
-
-@pytest.mark.parametrize("options", [{"tries": 0}, {"agreement": 2.0}, {"programs": -1}, {"samples": 0}])
-def test_options_that_cannot_be_are_refused(options):
-    with pytest.raises(ConfigurationError):
-        CodePoliciesConfig(**options)

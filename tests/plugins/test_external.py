@@ -9,9 +9,9 @@ import pytest
 import trimesh
 
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
-from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.transform import transform_points
 from gvla2.geometry.view_folders import read_views
 from gvla2.reconstruction.surfels import surfels

@@ -123,11 +123,6 @@ def test_it_starts_with_the_first_question_and_ends_with_its_last_user(weights: 
     assert gone(process)
 
 
-def test_other_options_are_another_server(weights: Path):
-    first, second = language(weights), language(weights, context=512)
-    assert who(first) != who(second)
-
-
 def test_it_ends_when_the_run_is_killed(weights: Path, tmp_path: Path):
     script = tmp_path / "run.py"
     script.write_text(
@@ -181,16 +176,6 @@ def test_a_server_that_takes_too_long_is_told_and_ended(weights: Path, monkeypat
     with pytest.raises(ModelUnavailableError, match=r"not ready within 0\.5 s \(start_timeout\)"):
         who(language(weights, start_timeout=0.5))
     assert time.monotonic() - began < 5
-
-
-def test_answers_of_a_model_that_is_not_running_are_found(weights: Path, tmp_path: Path):
-    first = language(weights, cache=str(tmp_path / "cache"))
-    process = who(first)
-    del first
-    assert gone(process)
-    again = language(weights, cache=str(tmp_path / "cache"))
-    assert who(again) == process
-    assert again.ledger.totals()["plan"]["cached"] == 1
 
 
 @pytest.mark.parametrize(

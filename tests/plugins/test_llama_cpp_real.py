@@ -48,19 +48,6 @@ def test_a_grammar_is_kept_to_and_log_probabilities_come(language: LanguageModel
     assert len(answer.tokens[0].alternatives) >= 10
 
 
-def test_wrong_answers_change_when_they_are_rejected(language: LanguageModel):
-    seen: list[str] = []
-
-    def another(text: str) -> str:
-        if seen and text not in seen:
-            return text
-        seen.append(text)
-        raise ValueError("Name the other colour.")
-
-    found = ask_typed(language, ASK, another, purpose="plan", schema=SCHEMA, max_tokens=40, tries=4)
-    assert found.answer not in seen
-
-
 def test_the_server_is_shared_and_ends_with_the_last(local_model: Path, tmp_path: Path):
     code = (
         "import sys; from gvla2.plugins.registry import load_plugins; from gvla2.language import Request\n"

@@ -8,9 +8,8 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_perceiver, inputs
 from gvla2_plugins.open_vocabulary import VocabularyConfig
-from gvla2_plugins.open_vocabulary.detector import filled, load_detector
+from gvla2_plugins.open_vocabulary.models import filled, load_detector, load_sam3
 from gvla2_plugins.open_vocabulary.perceiver import FoundMask, VocabularyPerceiver, named_in
-from gvla2_plugins.open_vocabulary.sam3 import load_sam3
 
 
 class Knows:

@@ -21,12 +21,11 @@ from gvla2.robot.workcell import make_cell
 from gvla2.testing.component import check_component
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
-from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm
+from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, Bounds, make_arm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.gate import CommandGate
-from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.piper.scenery import Scenery

@@ -13,15 +13,14 @@ from gvla2.errors import RobotError
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener
-from gvla2_plugins.piper import PiperConfig, SceneryConfig, arming, frames
-from gvla2_plugins.piper.arm import HOME
-from gvla2_plugins.piper.arming import ask_person, check_health, confirm
+from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames, session
+from gvla2_plugins.piper.arm import HOME, Bounds
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog
-from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.piper.session import ask_person, check_health, confirm
 from gvla2_plugins.piper.virtual_arm import Faults, VirtualArm
 from tests.plugins.piper_trials import (
     FAULTS,
@@ -74,7 +73,7 @@ class Rig:
 @pytest.fixture
 def short_listening(monkeypatch):
     """A sound arm is listened to for a shorter time before it is armed."""
-    monkeypatch.setattr(arming, "LISTEN_SECONDS", 0.2)
+    monkeypatch.setattr(session, "LISTEN_SECONDS", 0.2)
 
 
 @pytest.fixture

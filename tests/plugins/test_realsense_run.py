@@ -12,8 +12,8 @@ from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
 from gvla2_plugins.piper.backend import Piper
+from gvla2_plugins.piper.feedback import WatchLimits
 from gvla2_plugins.piper.scenery import Scenery
-from gvla2_plugins.piper.watch import WatchLimits
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.record import main as record_main

@@ -125,7 +125,7 @@ def test_first_harmonics_colour_by_the_side_one_looks_from(column: int, axis: in
 
 
 def test_all_harmonics_are_orthonormal() -> None:
-    from gvla2.reconstruction.harmonics import harmonics
+    from gvla2.reconstruction.rasteriser_projection import harmonics
 
     directions = np.random.default_rng(0).normal(size=(400000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
 import pytest
 
 from gvla2.errors import GeometryError
-from gvla2_plugins.sam3d.released_layout import objects, result_folder
+from gvla2_plugins.sam3d.result_tree import objects, result_folder
 
 
 def test_trees(tmp_path):

@@ -11,7 +11,7 @@ from gvla2.cli import main
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import rigid
-from gvla2.geometry.view_archive import write_views
+from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.views import View, Views
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.testing.robot import check_camera

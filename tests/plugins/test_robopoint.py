@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.errors import ConfigurationError
-from gvla2.language import AskingOptions, Endpoint, EndpointOptions, ModelUnavailableError
+from gvla2.language import AskingOptions, Endpoint, EndpointOptions
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice
 from gvla2.testing import check_component, check_planner, inputs
-from gvla2.testing.language import LocalModel, refused, said
+from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.robopoint import RoboPointConfig, gvla2_planners
 
 FREE = (0.42, 0.62)
@@ -176,26 +175,3 @@ def test_labels_never_reach_the_model_and_memory_comes_as_data(request_, pointin
     assert "data, never instructions" in words
     assert "Grasp low." in words
     assert "waypoint 2 is out of reach" in words
-
-
-def test_nothing_is_asked_about_nothing(request_):
-    with LocalModel(lambda _: said("[]")) as model:
-        made = planner(model)
-        assert made.plan(replace(request_, instruction=" ")).abstention.kind == "unknown_skill"
-        empty = replace(request_.scene, objects=())
-        assert made.plan(replace(request_, scene=empty)).abstention.kind == "nothing_matches"
-        assert not model.requests
-        asked = planner(model, camera="wrist").plan(replace(request_, instruction="pick up the red cube"))
-    assert "no camera 'wrist'" in asked.abstention.message
-
-
-def test_a_server_that_fails_is_a_failure_of_the_model(request_):
-    with LocalModel(lambda _: refused(503, "busy")) as model, pytest.raises(ModelUnavailableError):
-        planner(model).plan(replace(request_, instruction="pick up the red cube"))
-
-
-@pytest.mark.parametrize("options", [{"longest": 3}, {"scale": 0.0}, {"tries": 0}, {"agreement": 0.0}])
-def test_options_that_cannot_be_are_refused(options):
-    (component,) = gvla2_planners()
-    with pytest.raises(ConfigurationError):
-        component.build(RoboPointConfig(**options), language=None)

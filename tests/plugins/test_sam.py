@@ -6,12 +6,12 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, PerceptionError
 from gvla2.geometry.views import Views
+from gvla2.perception.clicks import Prompt, Segments
 from gvla2.perception.options import VisionOptions
-from gvla2.perception.prompting import Prompt, Segments
 from gvla2.testing import check_perceiver, inputs
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.sam import SamConfig
-from gvla2_plugins.sam.onnx_model import encoded, model_files
+from gvla2_plugins.sam.models import encoded, model_files
 from gvla2_plugins.sam.perceiver import SamPerceiver, best_mask, prompt_for
 
 
@@ -193,7 +193,7 @@ def test_a_checkpoint_goes_through_kornias_own_model(tmp_path):
     from kornia.models.sam.architecture.prompt_encoder import PromptEncoder
     from kornia.models.sam.architecture.transformer import TwoWayTransformer
 
-    from gvla2_plugins.sam.kornia_model import SamByKornia, fill
+    from gvla2_plugins.sam.models import SamByKornia, fill
 
     def tiny(width=16):
         torch.manual_seed(0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.perception.prompting import Prompt
+from gvla2.perception.clicks import Prompt
 from gvla2.testing import inputs
 from gvla2_plugins.sam import SAM2_TINY, SamConfig
 
@@ -25,7 +25,7 @@ def weights():
 
 
 def test_boxes_and_clicks_draw_the_blocks(weights):
-    from gvla2_plugins.sam.onnx_model import Sam2Onnx
+    from gvla2_plugins.sam.models import Sam2Onnx
 
     view = inputs.views(128, masked=inputs.RED)[1]
     truth = view.mask > 0
@@ -51,7 +51,7 @@ def test_a_scene_is_seen_and_more_prompts_cost_no_encode(weights):
 
 
 def test_files_of_another_model_are_told_by_their_inputs(weights, tmp_path):
-    from gvla2_plugins.sam.onnx_model import Sam2Onnx
+    from gvla2_plugins.sam.models import Sam2Onnx
 
     decoder = next(p for p in weights.iterdir() if "decoder" in p.name)
     for name in ("encoder.onnx", "decoder.onnx"):

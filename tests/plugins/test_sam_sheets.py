@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gvla2.perception.prompting import Segments
-from gvla2_plugins.sam.sheets import MARGIN, about, packed, sheets_of
+from gvla2.perception.clicks import Segments
+from gvla2_plugins.sam.perceiver import MARGIN, about, packed, sheets_of
 
 SIZE = (256, 256)
 

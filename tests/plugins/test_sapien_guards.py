@@ -5,10 +5,8 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
-from gvla2.robot.driver import GuardedDriver
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.sapien.driver import SapienDriver
 
 TABLE, SIZE, MASS = 0.752, 0.05, 0.356
 TOP = TABLE + SIZE
@@ -64,14 +62,6 @@ def test_the_hand_stops_on_what_does_not_give_way(panda, guard):
     assert back.error < 0.002
 
 
-def test_without_a_guard_the_arm_presses_on(panda):
-    free, guarded = (
-        press(panda, 0.006, guard).waypoints[1] for guard in (Guard(force=1e5), Guard(force=20.0))
-    )
-    assert free.status == "linear"
-    assert free.force > 3 * guarded.force
-
-
 def test_what_is_carried_is_felt_by_its_weight_and_not_by_its_squeeze(panda):
     grasp = (0.3, 0.0, TABLE + SIZE / 2)
     # The object that is carried is unknown to the (empty) scene, so nothing carries it in the plan.
@@ -90,8 +80,3 @@ def test_what_is_carried_is_felt_by_its_weight_and_not_by_its_squeeze(panda):
     assert weight == pytest.approx(lift.force, abs=1.5)  # 40 N of squeeze on either side cancel out
     assert down.status == "guarded"  # the block met the table, 2.5 cm before the hand would have
     assert down.reached[2] == pytest.approx(grasp[2], abs=0.006)
-
-
-def test_the_driver_feels_guards(panda):
-    panda.reset(None, 0)
-    assert isinstance(SapienDriver(panda._world, panda._config, panda.arm.hand.max_width), GuardedDriver)

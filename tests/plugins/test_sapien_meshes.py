@@ -8,13 +8,12 @@ from PIL import Image
 from gvla2.geometry.transform import rigid
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
-from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.options import DepthNoise
-from gvla2.robot.scan import read_scan
+from gvla2.robot.scan import Mesh, read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.convex import Piece, decompose, piece_file, pieces
+from gvla2_plugins.sapien.convex import Piece, decompose, pieces
 from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World
 from tests.scanning import bowl, box, painted, write
@@ -55,15 +54,6 @@ def test_what_is_thin_everywhere_keeps_its_hollow(tmp_path):
     corners = decompose(read_scan(write(tmp_path, "fork", fork)).textured.mesh)
     assert len(corners) > 1
     assert not any(Piece(c).holds(np.array([[0.02, 0.0, 0.0]])).any() for c in corners)
-
-
-def test_pieces_are_made_once_and_kept(bowl_file, monkeypatch):
-    scan = read_scan(bowl_file)
-    path = piece_file(scan)
-    before = path.stat().st_mtime_ns
-    monkeypatch.setattr("gvla2_plugins.sapien.convex.decompose", lambda mesh: pytest.fail("made again"))
-    assert piece_file(scan).stat().st_mtime_ns == before
-    assert [p for p in path.parent.iterdir() if p.name.startswith(".")] == []
 
 
 def test_a_flat_sheet_gets_a_thickness(tmp_path):

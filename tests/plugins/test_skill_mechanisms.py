@@ -18,7 +18,6 @@ from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.planner import SkillPlanner
 
 TABLE = 0.752
@@ -89,27 +88,6 @@ def sound(made: Plan, asked: PlanRequest) -> bool:
     return check_trajectory(made.trajectory, asked.scene, asked.arm, asked.start, asked.joints).passed
 
 
-@pytest.mark.parametrize(
-    ("sentence", "skill", "noun"),
-    [
-        ("open the drawer", "open", "drawer"),
-        ("please pull the lime drawer open", "open", "drawer"),
-        ("slide the drawer out of the cabinet", "pull", "drawer"),
-        ("shut the lid of the lime box", "close", "lid"),
-        ("swing the lid over so that the box is closed", "close", "lid"),
-        ("lift the lid of the box until it stays open", "open", "lid"),
-        ("could you close that box, please", "close", "block"),
-        ("pull the red block out of the tower and put it on the blue circle", "place", "block"),
-        ("grab the red block, pull it out and set it down on the blue circle", "place", "block"),
-        ("close your fingers around the red cube and raise it", "pick", "block"),
-    ],
-)
-def test_wordings(sentence, skill, noun):
-    intent = parse(sentence)
-    assert (intent.skill, intent.trouble) == (skill, "")
-    assert intent.theme.noun == noun
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.2])
 def test_the_hinge_is_found_from_how_the_lid_lies(arm, angle, scale):
@@ -170,9 +148,8 @@ def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(arm):
     assert all(w.gripper == 0.0 for w in made.trajectory)
 
 
-@pytest.mark.parametrize("sentence", ["put the lid on the box", "bring the lid down onto the lime box"])
-def test_a_hinged_lid_that_is_put_on_its_box_is_closed(arm, sentence):
-    made, asked = plan(arm, sentence, *box(2.618))
+def test_a_hinged_lid_that_is_put_on_its_box_is_closed(arm):
+    made, asked = plan(arm, "put the lid on the box", *box(2.618))
     assert made.skill == "close"
     assert sound(made, asked)
 
@@ -198,16 +175,6 @@ def test_a_drawer_near_the_arm_is_pulled_from_beside_or_less_far(arm):
     drawn = at["pull"] - at["close"]
     np.testing.assert_allclose(drawn[1:], 0.0, atol=1e-9)
     assert 0.10 < -drawn[0] <= made.parameters["pull_distance"] + 1e-9
-
-
-def test_what_is_on_nothing_is_put_there(arm):
-    cube = thing("a", "red cube", "box", (0.3, 0.1, 0.025), (0.05, 0.05, 0.05))
-    square = thing("s", "blue square", "region", (0.25, -0.15, 0.0), (0.1, 0.1, 0.001))
-    made, _ = plan(arm, "get the red cube on the blue square", cube, square)
-    assert (made.skill, made.roles) == ("place", {"theme": "a", "goal": "s"})
-    on_it = thing("a", "red cube", "box", (0.25, -0.15, 0.025), (0.05, 0.05, 0.05))
-    made, _ = plan(arm, "get the red cube on the blue square", on_it, square)
-    assert made.skill == "pick"
 
 
 def test_a_drawer_is_pulled_along_its_own_normal(arm):
@@ -246,14 +213,6 @@ def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(arm, i
     np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
     assert held.hidden == pytest.approx(0.2)
     assert held.theme.extents[1] == pytest.approx(0.16)
-
-
-def test_what_stands_free_is_not_stuck(arm):
-    cube = thing("a", "red cube", "box", (0.3, 0.1, 0.025), (0.05, 0.05, 0.05))
-    on_top = thing("b", "blue cube", "box", (0.3, 0.1, 0.075), (0.05, 0.05, 0.05))
-    scene = Scene((cube, on_top), TABLE, arm.workspace)
-    assert stuck(cube, scene) is None
-    assert stuck(on_top, scene) is None
 
 
 @pytest.mark.parametrize(

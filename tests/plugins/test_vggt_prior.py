@@ -16,8 +16,7 @@ from gvla2.geometry.views import View, Views
 from gvla2.testing import inputs
 from gvla2.testing.reconstruction import check_prior
 from gvla2_plugins.vggt_prior import VggtPriorConfig, gvla2_geometry_priors
-from gvla2_plugins.vggt_prior.pose_encoding import decode_poses
-from gvla2_plugins.vggt_prior.prior import VggtPrior
+from gvla2_plugins.vggt_prior.prior import VggtPrior, decode_poses
 
 
 class Tiny(torch.nn.Module):

@@ -12,8 +12,8 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.transform import rigid, transform_points
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.visual_hull import object_centre
-from gvla2_plugins.axes.axis import AxisOptions, compensate
+from gvla2.reconstruction.support import object_centre
+from gvla2_plugins.axes.compensations import AxisOptions, compensate
 
 PLANTED = np.array([1.04, 0.96, 1.03]), np.array([0.010, -0.008, 0.012])
 

@@ -10,8 +10,8 @@ from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2.reconstruction.things import points_of
-from gvla2.reconstruction.visual_hull import object_centre
+from gvla2.reconstruction.support import object_centre
+from gvla2.reconstruction.view_set import points_of
 from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing import NoPrior

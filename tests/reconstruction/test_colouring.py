@@ -5,10 +5,9 @@ import trimesh
 
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.colouring import vertex_colours
-from gvla2.reconstruction.mask_distance import signed_distance, silhouettes
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes, signed_distance
 
 RED, GREEN = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.8, 0.1])
 
@@ -44,7 +43,7 @@ def test_what_stands_in_front_gives_no_colour_to_what_is_behind(masked_views):
     whole = trimesh.util.concatenate([back, front])
     views = _painted(masked_views, whole, 14, seed=3)
     mesh = TriangleMesh(whole.vertices, whole.faces)
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     depths = [depth_map(mesh, s.camera) for s in shown]
     colours, seen = vertex_colours(mesh, np.array(whole.vertex_normals), shown, depths, 0.02)
     behind = (mesh.vertices[:, 0] > 0.05) & seen
@@ -60,7 +59,7 @@ def test_one_liar_among_the_views_is_outvoted(masked_views):
         for v in views
     ]
     black = replace(plain[0], image=np.zeros((96, 96, 3), dtype=np.uint8))
-    shown, _ = silhouettes(Views((black, *plain[1:])))
+    shown, _ = mask_silhouettes(Views((black, *plain[1:])))
     mesh = TriangleMesh(ball.vertices, ball.faces)
     depths = [depth_map(mesh, s.camera) for s in shown]
     colours, seen = vertex_colours(mesh, np.array(ball.vertex_normals), shown, depths, 0.02)

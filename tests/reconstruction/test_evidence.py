@@ -10,11 +10,16 @@ import pytest
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2.reconstruction.depth_alignment import Aligned
-from gvla2.reconstruction.evidence import doubted, gather, looked_through, nearest_needed, solid_pixels
+from gvla2.reconstruction.depth_evidence import (
+    Aligned,
+    doubted,
+    gather,
+    looked_through,
+    nearest_needed,
+    solid_pixels,
+)
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
-from gvla2_plugins.depth_prior.noise import learned
+from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
 
 CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
 

@@ -6,7 +6,7 @@ import trimesh
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.gate import judged
+from gvla2.reconstruction.view_set import judged
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,11 @@ def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale)
 
 def test_support_counts_by_itself(points, views, monkeypatch):
     # With the silhouettes' say taken away, points outside the masks are still refused.
-    monkeypatch.setattr("gvla2.reconstruction.gate.IOU_TOLERANCE", 1.0)
+    monkeypatch.setattr("gvla2.reconstruction.view_set.IOU_TOLERANCE", 1.0)
     gate = judged("soft_hull", points, points * 1.06, views)
     assert gate.status == "rejected"
     assert "support fell" in gate.reason
-    monkeypatch.setattr("gvla2.reconstruction.gate.SUPPORT_TOLERANCE", 1.0)
+    monkeypatch.setattr("gvla2.reconstruction.view_set.SUPPORT_TOLERANCE", 1.0)
     assert judged("soft_hull", points, points * 1.06, views).status == "applied"
 
 

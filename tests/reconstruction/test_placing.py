@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.inset import outward_normals
-from gvla2.reconstruction.placing import place
+from gvla2.reconstruction.silhouette import depth_map
+from gvla2.reconstruction.surfels import place
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.zbuffer import depth_map
 
 
 @pytest.fixture(scope="module")

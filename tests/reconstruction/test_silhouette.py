@@ -8,10 +8,9 @@ from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.outline import closing_radius, outline
-from gvla2.reconstruction.silhouette import mean_iou, silhouettes, symmetric_iou
+from gvla2.reconstruction.silhouette import closing_radius, mean_iou, outline, silhouettes, symmetric_iou
 from gvla2.reconstruction.support import mask_support
-from gvla2_plugins.axes.contour import mask_contour
+from gvla2_plugins.axes.residuals import mask_contour
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,7 @@ from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.surfels import surfels
-from gvla2_plugins.splat.splatting import SplatOptions, carry, neighbour_graph, optimise
-from gvla2_plugins.splat.targets import MARGIN, targets
+from gvla2_plugins.splat.splatting import MARGIN, SplatOptions, carry, neighbour_graph, optimise, targets
 
 RADIUS = 0.4
 QUICK = SplatOptions(iterations=60, smooth_centres=0.1)

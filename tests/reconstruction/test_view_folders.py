@@ -8,14 +8,11 @@ from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, OutputError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.gso_views import gso_camera, opengl_extrinsic, write_gso
-from gvla2.geometry.plain_views import write_plain
-from gvla2.geometry.view_archive import subject_of
-from gvla2.geometry.view_folders import read_views, resized, write_views
+from gvla2.geometry.view_folders import read_views, resized, subject_of, write_views
+from gvla2.geometry.view_formats import gso_camera, opengl_extrinsic, write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.mask_distance import mask_iou, silhouettes
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.silhouette import depth_map, mask_iou, mask_silhouettes
 
 ELEPHANT = Path(__file__).parents[1] / "data" / "gso30_elephant"
 
@@ -57,7 +54,7 @@ def test_all_views_of_a_real_object_carve_a_hull_that_fits_them(carved_elephant)
 
 def test_the_mirrored_camera_of_the_released_evaluator_does_not_fit(carved_elephant):
     views, made = carved_elephant
-    shown, _ = silhouettes(views)
+    shown, _ = mask_silhouettes(views)
     ious = []
     for s in shown:
         # Its bridge is diag(1, 1, -1) RT diag(1, -1, -1) with f = 1.0 W: as a picture, this camera's upside down.

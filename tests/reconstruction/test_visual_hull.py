@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
-from gvla2.reconstruction.visual_hull import object_centre, released_centre, soft_hull
+from gvla2.reconstruction.support import object_centre, released_centre, soft_hull
 
 
 def strength(support, **options):

@@ -12,14 +12,13 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.reconstruction.branch import agreed, fuse_prior
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
-from gvla2.reconstruction.evidence import gather
-from gvla2.reconstruction.mesh_field import mesh_field
+from gvla2.reconstruction.depth_evidence import gather
 from gvla2.reconstruction.occupancy import Field
-from gvla2.reconstruction.prior_fusion import agreed, fuse_prior
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.volume import fuse_volume
+from gvla2.reconstruction.volume import fuse_volume, mesh_field
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
 
 

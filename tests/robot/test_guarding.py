@@ -1,13 +1,13 @@
 """Guarded motions of the executor: what ends them, what is told, and where the next motion starts."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2.robot.executor import GuardWatch, execute
+from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
@@ -87,14 +87,6 @@ def test_force_ends_a_motion_well(go, arm):
     assert report.waypoints[0].force is None
 
 
-def test_being_held_back_ends_a_motion_well(go, arm):
-    driver = FeelingDriver(arm.home, arm, measures=False)
-    press = go(driver, Guard(stall=0.004)).waypoints[1]
-    assert (press.status, press.force) == ("guarded", None)
-    assert "held back" in press.message
-    assert press.reached[2] == pytest.approx(0.85, abs=0.002)
-
-
 def test_the_arm_stays_where_it_got_to_for_the_dwell(go, arm):
     for floor, target in ((0.85, 0.80), (0.85, 0.90)):  # stopped by the floor, and not
         driver = FeelingDriver(arm.home, arm, floor=floor)
@@ -123,11 +115,6 @@ def test_a_guard_that_is_not_met_changes_nothing(go, arm):
     assert report.waypoints[1].error < 1e-3
 
 
-def test_missing_the_target_unstopped_is_still_an_error(go, arm):
-    driver = FeelingDriver(arm.home, arm)
-    assert go(driver, Guard(force=1e6)).abort.abort == "tracking"
-
-
 def test_a_robot_that_feels_nothing_says_so_and_goes_to_the_end(go, driver):
     press = go(driver, Guard(force=10.0)).waypoints[1]
     assert press.status == "linear"
@@ -141,14 +128,3 @@ def test_a_guard_that_can_end_nothing_is_refused(go, driver, guard):
     assert report.abort.abort == "not_started"
     assert "guard" in report.abort.message
     assert driver.calls == []
-
-
-def test_the_watch_keeps_the_largest_force(arm):
-    watch = GuardWatch(Guard(force=10.0), arm)
-    looks = [(0.0, 0.0, 3.0), (6.0, 0.0, 6.0), (0.0, 0.0, 1.0), (0.0, -9.0, 9.0)]
-    assert [watch(arm.home, arm.home, np.array(f)) for f in looks] == [False, False, False, True]
-    assert watch.force == pytest.approx(9.0 * 2**0.5)
-    off = arm.home + np.array([0.0, 0.02, 0, 0, 0, 0, 0])
-    still = GuardWatch(replace(Guard(), stall=0.05), arm)
-    assert not still(off, arm.home, None)
-    assert still.reason == ""

@@ -17,14 +17,6 @@ def world(scene_of, block):
     return CarriedScene(scene_of(block(), lid, block("other", (0.5, 0.2, 0.777))))
 
 
-def test_what_is_carried_leaves_the_scene_with_its_parts(world):
-    world.carry("block", GRASP)
-    assert [o.id for o in world.scene.objects] == ["other"]
-    np.testing.assert_allclose(
-        GRASP @ world.attached.tcp_from_object, rigid(None, (0.3, 0.0, 0.777)), atol=1e-12
-    )
-
-
 def test_it_stays_where_it_is_let_go(world):
     before = world.scene
     world.carry("block", GRASP)
@@ -47,9 +39,3 @@ def test_carrying_another_lets_go_of_the_first(world):
     world.carry("other", TURN)
     assert world.attached.object.id == "other"
     assert {o.id for o in world.scene.objects} == {"block", "lid"}
-
-
-def test_letting_go_of_nothing_changes_nothing(world):
-    before = world.scene
-    world.release(GRASP)
-    assert world.scene is before

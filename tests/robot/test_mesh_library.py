@@ -1,7 +1,7 @@
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.robot.mesh_library import chosen, mesh_library, spoken
+from gvla2.robot.scan import chosen, mesh_library, spoken
 from tests.scanning import box, write
 
 
@@ -36,19 +36,3 @@ def test_bad_folders(tmp_path):
     write(tmp_path, "mug", box(0.1, 0.1, 0.1))
     with pytest.raises(ConfigurationError, match=r"Two meshes .* are called 'mug'"):
         mesh_library(tmp_path)
-
-
-def test_a_folder_of_several_meshes_must_say_which(tmp_path):
-    for stem in ("left", "right"):
-        write(tmp_path / "shoes", stem, box(0.1, 0.1, 0.1), own_folder=False)
-    with pytest.raises(ConfigurationError, match="holds 2 meshes"):
-        mesh_library(tmp_path)
-
-
-def test_bad_names(tmp_path):
-    write(tmp_path, "mug", box(0.1, 0.1, 0.1))
-    library = mesh_library(tmp_path)
-    with pytest.raises(ConfigurationError, match="Did you mean 'mug'"):
-        chosen(library, ["mag"])
-    with pytest.raises(ConfigurationError, match="named twice"):
-        chosen(library, ["mug", "mug"])

@@ -86,15 +86,6 @@ def test_a_seed_means_the_same_in_another_process_and_after_other_plans(capsys):
     assert here == subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
-def test_joints_may_be_the_goal(arm, planner, scene_of, down):
-    start = arm.inverse(down((0.3, 0.2, 0.9))).joints
-    found = planner.plan(start, arm.home, scene_of())
-    np.testing.assert_array_equal(found.joints[-1], arm.home)
-    outside = planner.plan(start, np.full(7, 9.0), scene_of())
-    assert isinstance(outside, MotionFailure)
-    assert outside.code == "unreachable"
-
-
 def test_unreachable(arm, planner, scene_of, down):
     for motion in ("free", "linear"):
         found = planner.plan(arm.home, down((1.5, 0.0, 0.9)), scene_of(), motion=motion)
@@ -113,14 +104,6 @@ def test_a_goal_inside_something_names_the_pair(arm, planner, scene_of, block, d
     assert found.pair[1] == "crate"
 
 
-def test_a_start_inside_something_names_the_pair(arm, planner, scene_of, block, down):
-    start = arm.inverse(down((0.3, 0.0, 0.85))).joints
-    found = planner.plan(start, arm.home, scene_of(block("crate", (0.3, 0, 0.85), (0.2, 0.2, 0.2))))
-    assert isinstance(found, MotionFailure)
-    assert found.code == "collision"
-    assert "start" in found.message
-
-
 def test_a_search_out_of_budget_is_no_path(arm, scene_of, down, wall):
     start = arm.inverse(down((0.3, -0.2, 0.8))).joints
     planner = MotionPlanner(arm, MotionOptions(max_checks=20, attempts=1, goals=1))
@@ -137,16 +120,6 @@ def test_leaving_an_object_just_released(arm, planner, scene_of, block, down):
     assert arm.clearance(start, 0.65, scene).distance < 0
     found = planner.plan(start, down((0.3, 0.25, 0.95)), scene, gripper=0.65)
     assert isinstance(found, MotionPath), found
-
-
-def test_linear_is_straight_and_ends_there(arm, planner, scene_of, down):
-    start = arm.inverse(down((0.3, 0.1, 0.95))).joints
-    found = planner.plan(start, down((0.3, 0.1, 0.8)), scene_of(), motion="linear")
-    assert isinstance(found, MotionPath)
-    assert found.status == "linear"
-    places = arm.tool_positions(interpolate(found.joints, 0.01))
-    np.testing.assert_allclose(places[:, :2], [[0.3, 0.1]] * len(places), atol=1e-3)
-    assert places[-1, 2] == pytest.approx(0.8, abs=1e-3)
 
 
 def test_linear_does_not_go_through_things_but_through_what_is_allowed(arm, planner, scene_of, block, down):

@@ -4,8 +4,7 @@ import trimesh
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import rigid
-from gvla2.robot.mesh_body import Mesh
-from gvla2.robot.scan import read_scan
+from gvla2.robot.scan import Mesh, read_scan
 from gvla2.robot.solids import extent, lowest
 from tests.scanning import box, checkered, painted, write
 
@@ -83,13 +82,6 @@ def test_a_very_fine_mesh_is_thinned_and_keeps_its_colours(tmp_path, monkeypatch
     red, _, blue = scan.face_colours.T
     assert (red > 0.8).mean() > 0.3
     assert (blue > 0.8).mean() > 0.3
-
-
-def test_holes_and_loose_faces_do_not_matter(tmp_path):
-    mesh = box(0.06, 0.08, 0.1)
-    torn = trimesh.Trimesh(mesh.vertices, np.concatenate([mesh.faces[5:], mesh.faces[10:20]]), process=False)
-    assert not torn.is_watertight
-    assert read_scan(write(tmp_path, "torn", painted(torn))).size[2] == pytest.approx(0.1)
 
 
 def test_a_file_that_is_no_mesh_says_so(tmp_path):

@@ -33,10 +33,6 @@ def ratios(theta: dict[str, float]) -> dict[str, float]:
     return {name: theta[name] / value for name, value in THETA.items() if value}
 
 
-def test_without_a_spread_nothing_varies(asked):
-    assert varied(THETA, 0.0, 7, asked, "a") == (THETA, [])
-
-
 def test_all_but_the_speeds_and_what_was_said_varies_within_half(asked):
     drawn = [varied(THETA, 0.3, seed, asked, "a", frozenset({"lift_height"}))[0] for seed in range(60)]
     for theta in drawn:

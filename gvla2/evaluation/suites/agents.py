@@ -32,8 +32,7 @@ from gvla2.evaluation.config import AgentsBench
 from gvla2.evaluation.engine import Rows, Suite, Unit
 from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
 from gvla2.evaluation.tables import Sheet
-from gvla2.language.failures import LanguageModelError
-from gvla2.language.ledger import Ledger
+from gvla2.language.contracts import LanguageModelError, Ledger
 from gvla2.plugins.registry import Registry
 
 VERSION = 1

@@ -1,20 +1,13 @@
-"""Everyday sentences about fourteen scenes: what planners take them to mean, and what they decline.
+"""Everyday sentences about fourteen scenes: what a planner takes them to mean, and what it declines.
 
-    python tests/benchmarks/sentences third planner=code_policies fallback=skill agreement=true \
-        language=llama_cpp language.model=FILE.gguf
-
+    python tests/benchmarks/sentences development planner=skill
+    python tests/benchmarks/sentences traps planner=code_policies fallback=skill language.model=FILE.gguf
     python tests/benchmarks/sentences SENTENCES.json planner=skill
-    python tests/benchmarks/sentences pictures FOLDER
 
-The second runs sentences of your own, the third draws the scenes for who is to write them.
-One scene a task of the paper, layout 310, seen by the perceiver. The sentences were written by people who saw the
-scenes as lists of shapes, colours and places and knew no lexicon; a quarter of them ask for what cannot be done there.
-``first`` (70) and ``second`` (56) are what the planners were developed on; ``third`` (56) was kept back until the last
-change to them, and is development data from then on. ``fourth`` to ``eighth`` (56 each) are by five
-strangers who saw pictures of the scenes. ``ninth`` to ``twentysecond`` (56 each), by fourteen more, are paraphrases of
-what the tasks wish, and a quarter that cannot be done; ``traps`` (56) must all be declined.
-Nothing moves: a plan counts as right when skill, thing and goal are ones that the sentence's author allowed, and as
-declined when it has no trajectory, whatever the reason.
+One scene for each task of the paper, layout 310, as the perceiver sees it. The authors of the sentences saw lists or
+pictures of the scenes and knew no grammar. ``development`` (182) is what planners are developed on: a quarter asks for
+what cannot be done; ``traps`` (56) must all be declined. Nothing moves: a plan is right if its skills, objects and
+goals are among those that the author allowed, and declined if it has no trajectory, whatever the reason.
 """
 
 import json
@@ -101,38 +94,13 @@ def outcome(record, row, consultation):
     return ("right" if is_right(acts, row["right"], record.scene) else "wrong"), acts
 
 
-def draw(record, folder, number):
-    """The scene as its first camera sees it, and once more with the ids of its things."""
-    from PIL import Image, ImageDraw
-
-    view = record.observation.pictured()[0]
-    picture = Image.fromarray(view.image)
-    picture.save(folder / f"{number:02}.png")
-    pen = ImageDraw.Draw(picture)
-    for thing in record.scene.objects:
-        pixel, _ = view.camera.project(thing.centre)
-        pen.text(
-            tuple(pixel),
-            thing.id,
-            fill="white",
-            stroke_fill="black",
-            stroke_width=3,
-            font_size=22,
-            anchor="mm",
-        )
-    picture.save(folder / f"{number:02}_ids.png")
-
-
 def main() -> None:
     from hydra import compose, initialize_config_module
     from omegaconf import OmegaConf
 
     name, *overrides = sys.argv[1:]
-    folder = Path(overrides.pop(0)) if name == "pictures" else None
     file = Path(name) if name.endswith(".json") else Path(__file__).parent / f"{name}.json"
-    rows = json.loads(file.read_text()) if folder is None else []
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+    rows = json.loads(file.read_text())
     registry = load_plugins()
     register(registry, PRIMARY)
     counted: Counter = Counter()
@@ -145,21 +113,14 @@ def main() -> None:
         parts = build_components(config, registry)
         with closing(parts.robot), closing(parts.memory):
             record = seen(parts)
-            if folder is not None:
-                draw(record, folder, number)
-                continue
             other = None if parts.fallback is None else NamedPlanner("fallback", parts.fallback)
             first = NamedPlanner("planner", parts.planner)
-            consultation = PlannerWithFallback(
-                first, other, 0.0, parts.robot.arm, parts.skills, config.agreement
-            )
+            consultation = PlannerWithFallback(first, other, 0.0, parts.robot.arm, parts.skills)
             for row in rows:
                 if row["scene"] == number:
                     found, detail = outcome(record, row, consultation)
                     counted[found] += 1
                     print(f"{found:17} {task:14} {row['sentence']}  {detail}", flush=True)
-    if folder is not None:
-        return
     total = sum(counted.values())
     good = counted["right"] + counted["rightly declined"]
     print(f"{name} {' '.join(overrides)}: {dict(counted)}; right or rightly declined {good}/{total}", end="")
