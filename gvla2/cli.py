@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -13,6 +14,8 @@ from gvla2.commands import COMMANDS
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a sub-command; returns the exit status (0 success, 1 error, 2 wrong usage, 130 interrupted)."""
+    # Imports and configurations make many objects that stay: collecting garbage among them costs 8 % of the start.
+    gc.set_threshold(500_000, 50, 50)
     try:
         status = _dispatch(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,11 +44,12 @@ class ReportConfig:
             raise ConfigurationError("results.fresh does nothing in a report, which measures nothing.")
 
 
-def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
-    """Make the report into ``folder``; returns the number of cells in it.
+def job(config: ReportConfig, registry: Registry, folder: Path, suite: str = "") -> int:
+    """Make the report into ``folder``; returns the number of cells in it. ``suite`` replaces the configured one.
 
     Raises :class:`ConfigurationError` when the database does not exist, or nothing in it fits the selection.
     """
+    config = replace(config, suite=suite) if suite else config
     from gvla2.evaluation.results import Results, file_of
     from gvla2.evaluation.suites import REPORTED
 
@@ -147,7 +149,10 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("report", job, list(map(_plain, argv)))
+    # To Hydra `suite=` is the group that `gvla2 bench` chooses from.
+    suites = [word.removeprefix("suite=") for word in argv if word.startswith("suite=")]
+    others = [_plain(word) for word in argv if not word.startswith("suite=")]
+    return launch("report", partial(job, suite=suites[-1] if suites else ""), others)
 
 
 def _plain(override: str) -> str:
