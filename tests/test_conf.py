@@ -78,7 +78,7 @@ def test_every_component_is_a_choice(registry: Registry):
 def test_the_arms_of_the_memory_ablation():
     """Each arm is what its name says, and has a bank of its own."""
     files = (CONF / "experiment").glob("memory_*.yaml")
-    arms = sorted(file.stem for file in files if "\nsuite: " not in file.read_text())
+    arms = sorted(file.stem for file in files if "override /bench_suite: " not in file.read_text())
     chosen = {arm.removeprefix("memory_"): composed(f"+experiment={arm}").memory for arm in arms}
     governed = chosen.pop("governed")
     assert governed.name == "governed"

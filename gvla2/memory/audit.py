@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Embedder
+from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import (
     GENESIS,
     Event,
@@ -157,7 +158,11 @@ def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) 
     """Orphaned and damaged vectors; with the embedder also those by its model that do not match their records, unless
     already ``named``.
     """
-    texts = {one.id: one.text for one in view.records() if one.id not in named} if embedder else {}
+    texts = (
+        {one.id: (one.query, one.content) for one in view.records() if one.id not in named}
+        if embedder
+        else {}
+    )
     held: list[tuple[str, NDArray[np.float32]]] = []
     for row in view.vector_rows():
         id, model, dimension, stored, state = tuple[Any, ...](row)
@@ -168,7 +173,7 @@ def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) 
             yield Problem("vector", id, "damaged: not finite, or of the wrong length")
         elif embedder and model == embedder.model and id in texts:
             held.append((id, vector))
-    made = embedder.embed([texts[id] for id, _ in held]) if embedder and held else ()
+    made = record_vectors(embedder, [texts[id] for id, _ in held]) if embedder and held else ()
     for (id, vector), own in zip(held, made, strict=True):
         vector = vector.astype(float)  # of damaged ones the square may not fit into 32 bits
         length = np.linalg.norm(vector) * np.linalg.norm(own)

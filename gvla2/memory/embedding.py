@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.memory.contracts import Embedder
 
 if TYPE_CHECKING:
     from tokenizers import Tokenizer
@@ -27,6 +28,18 @@ TABLE = Path("weights", "l2_supercat_256.safetensors")
 TOKENIZER = Path("tokenizers", "l2_supercat_tokenizer_config.json")
 _MAX_CHARS = 8192
 """Characters read of a text."""
+
+
+def record_vectors(embedder: Embedder, records: Sequence[tuple[str, str]]) -> NDArray[np.float32]:
+    """(N, D) unit vectors of records, given as their instructions and content; zero for empty ones.
+
+    Half of each is the instructions' own vector, half that of the whole text: a task in other words is otherwise
+    drowned out by a long lesson.
+    """
+    whole = embedder.embed([f"{query} {content}" for query, content in records])
+    found = whole + embedder.embed([query for query, _ in records])
+    lengths = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(found / np.where(lengths > 0, lengths, 1.0), np.float32)
 
 
 class StaticEmbedder:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
+from gvla2.memory.embedding import record_vectors
 from gvla2.memory.records import Record
 from gvla2.memory.text import questions, terms
 
@@ -369,7 +370,8 @@ class Index:
         if len(missing) > _MANY:
             message = "%d records of the bank '%s' have no vectors by %s: embedding them."
             log.info(message, len(missing), self.bank, model)
-        made = self._embedder.embed([changes[i].record.text for i in missing]) if missing else ()
+        texts = [(changes[i].record.query, changes[i].record.content) for i in missing]
+        made = record_vectors(self._embedder, texts) if missing else ()
         for i, vector in zip(missing, made, strict=True):
             found[i] = sound = np.nan_to_num(np.asarray(vector, np.float32))
             if not changes[i].model or (self._replace and changes[i].model != model):

@@ -29,6 +29,7 @@ from gvla2.memory.admission import (
 )
 from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Trust, Verdict
 from gvla2.memory.contradiction import conflict_of, same_lesson
+from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import StoredEpisode
 from gvla2.memory.forgetting import SUMMED_UP
 from gvla2.memory.governance import Governed, Governing
@@ -130,11 +131,11 @@ def _weighed(
     """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
     weighed = [(one, _admitted(bank, one, tally, most)) for one in brought]
     texts = [
-        f"{phrasings('', one.episode.task.query)} {candidate.lesson.content}"
+        (phrasings("", one.episode.task.query), candidate.lesson.content)
         for one, some in weighed
         for candidate in some
     ]
-    vectors = iter(bank.embedder.embed(texts) if texts else ())
+    vectors = iter(record_vectors(bank.embedder, texts) if texts else ())
     return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder, Inducer
+from gvla2.memory.embedding import record_vectors
 from gvla2.memory.forgetting import Transaction
 from gvla2.memory.index import SERVED, STATES, Index
 from gvla2.memory.options import BankOptions
@@ -156,7 +157,7 @@ class Ledger:
         self.put(replace(self.latest(record), state="archive", note=note or why), action, why)
 
     def _embedded(self, record: Record) -> NDArray[np.float32]:
-        return np.asarray(self._embedder.embed([record.text])[0], np.float32)
+        return record_vectors(self._embedder, [(record.query, record.content)])[0]
 
 
 def _read(origins: Iterable[str]) -> list[Origin]:

@@ -101,7 +101,7 @@ class HybridOptions:
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
     constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
-    own (tests/benchmarks/memory/data: calibration, and the first examiner); they suit both static and MiniLM.
+    own (tests/benchmarks/memory/data/calibration.jsonl); they suit both static and MiniLM.
 
     A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
     differ by ``max_difference`` of the larger one.
@@ -116,7 +116,7 @@ class HybridOptions:
     top_k_constraints: int = 3
     programs: int = 2
     words_count: float = 0.15
-    min_evidence: float = 0.32
+    min_evidence: float = 0.3
     min_words: float = 0.6
     min_score: float = 1.2
     max_difference: float = 0.5

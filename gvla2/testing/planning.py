@@ -119,10 +119,7 @@ def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
         f"plan(){what}: a plan has either a trajectory or an abstention, never both or neither.",
     )
     if plan.abstention is not None:
-        require(
-            plan.abstention.kind and plan.abstention.message,
-            f"An abstention{what} needs a kind and a message.",
-        )
+        require(plan.abstention.message, f"plan(){what}: an abstention needs a message.")
     ids = {o.id for o in request.scene.objects}
     for role, name in plan.roles.items():
         require(

@@ -21,7 +21,8 @@ from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, mesh_of
 from gvla2.io.array_cache import cache_folder
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor
+from gvla2_plugins.depth_prior import LearnedNoise
+from gvla2_plugins.depth_prior.noise import learned, sensor
 
 CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
 NOISES = {

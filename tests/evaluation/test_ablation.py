@@ -15,8 +15,7 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2_plugins.depth_prior import DepthPriorConfig
-from gvla2_plugins.depth_prior.noise import LearnedNoise
+from gvla2_plugins.depth_prior import DepthPriorConfig, LearnedNoise
 from gvla2_plugins.depth_prior.prior import DepthPrior
 
 

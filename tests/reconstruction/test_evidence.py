@@ -19,7 +19,8 @@ from gvla2.reconstruction.depth_evidence import (
     solid_pixels,
 )
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
+from gvla2_plugins.depth_prior import LearnedNoise
+from gvla2_plugins.depth_prior.noise import learned
 
 CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
 

@@ -19,7 +19,8 @@ from gvla2.reconstruction.depth_evidence import gather
 from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import fuse_volume, mesh_field
-from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
+from gvla2_plugins.depth_prior import LearnedNoise
+from gvla2_plugins.depth_prior.noise import learned
 
 
 def bowl() -> trimesh.Trimesh:
