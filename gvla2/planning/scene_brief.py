@@ -152,4 +152,4 @@ def _mm(metres: float) -> int:
 def _plain(text: str) -> str:
     """Lower case letters, digits and underscores, bounded: a valid name in programs."""
     name = re.sub(r"[^a-z0-9]+", "_", text.casefold())[:LONGEST_NAME].strip("_")
-    return f"thing_{name}" if name and (name in TAKEN or name[0].isdigit()) else name
+    return f"object_{name}" if name and (name in TAKEN or name[0].isdigit()) else name

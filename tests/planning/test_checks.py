@@ -24,14 +24,16 @@ CHECKS = ("schema", "workspace", "gripper", "kinematics", "clearance", "memory")
 ACROSS = Orientation("grasp", closing=(0.0, 1.0, 0.0))
 
 
-def thing(name: str, xy: tuple[float, float], size=(0.05, 0.05, 0.05), shape="box") -> SceneObject:
+def make_object(name: str, xy: tuple[float, float], size=(0.05, 0.05, 0.05), shape="box") -> SceneObject:
     extents = np.array(size)
     pose = rigid(translation=(*xy, TABLE + extents[2] / 2))
     return SceneObject(name, name, shape, "", pose, extents, np.zeros((0, 3)))
 
 
 ARM = Gantry(SPACE)
-SCENE = Scene((thing("cube", (0.3, 0.0)), thing("wall", (0.3, 0.25), (0.3, 0.02, 0.2))), TABLE, SPACE)
+SCENE = Scene(
+    (make_object("cube", (0.3, 0.0)), make_object("wall", (0.3, 0.25), (0.3, 0.02, 0.2))), TABLE, SPACE
+)
 
 
 def at(x: float, y: float, z: float, gripper: float, stage: str = "move", **more) -> Waypoint:
@@ -209,8 +211,8 @@ def test_memory_bounds_hold_for_their_own_skill():
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere"])
-def test_the_width_of_a_thing_is_that_of_its_outline(shape):
-    turned = thing("a", (0.0, 0.0), (0.04, 0.04, 0.1 if shape != "sphere" else 0.04), shape)
+def test_the_width_of_a_object_is_that_of_its_outline(shape):
+    turned = make_object("a", (0.0, 0.0), (0.04, 0.04, 0.1 if shape != "sphere" else 0.04), shape)
     diagonal = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
     assert width_along(turned, diagonal) == pytest.approx(0.04 * np.sqrt(2.0) if shape == "box" else 0.04)
 

@@ -155,29 +155,31 @@ def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():
     )  # fmt: skip
 
 
-def thing(id_: str, colour: str, parent: str = "") -> SceneObject:
+def make_object(id_: str, colour: str, parent: str = "") -> SceneObject:
     return SceneObject(
-        id_, f"{colour} thing", "box", colour, rigid(), np.ones(3), np.zeros((0, 3)), parent=parent
+        id_, f"{colour} object", "box", colour, rigid(), np.ones(3), np.zeros((0, 3)), parent=parent
     )
 
 
-def scene(*things: SceneObject) -> Scene:
-    return Scene(things, 0.75, Box(-np.ones(3), np.ones(3)))
+def scene(*objects: SceneObject) -> Scene:
+    return Scene(objects, 0.75, Box(-np.ones(3), np.ones(3)))
 
 
-def turn(value: float, thing: str = "", skill: str = "twist", parameter: str = "turn") -> Bound:
-    return Bound(parameter, value, ">=", skill=skill, object=thing)
+def turn(value: float, obj: str = "", skill: str = "twist", parameter: str = "turn") -> Bound:
+    return Bound(parameter, value, ">=", skill=skill, object=obj)
 
 
 def test_a_part_looks_like_itself_on_its_whole():
-    jar, lid = thing("jar", "red"), thing("lid", "gray", parent="jar")
+    jar, lid = make_object("jar", "red"), make_object("lid", "gray", parent="jar")
     assert look_of(jar, scene(jar, lid)) == "red"
     assert look_of(lid, scene(jar, lid)) == "gray on red"
     assert look_of(None, scene()) == ""
-    assert look_of(thing("x", ""), scene()) == "", "unsure of the colour: it looks like nothing in particular"
-    knob = thing("knob", "blue", parent="lid")
+    assert look_of(make_object("x", ""), scene()) == "", (
+        "unsure of the colour: it looks like nothing in particular"
+    )
+    knob = make_object("knob", "blue", parent="lid")
     assert look_of(knob, scene(jar, lid, knob)) == "blue on red", "the whole, however deep the part"
-    one, other = thing("a", "red", parent="b"), thing("b", "blue", parent="a")
+    one, other = make_object("a", "red", parent="b"), make_object("b", "blue", parent="a")
     assert look_of(one, scene(one, other)) == "red on blue", "parents in a ring come to an end"
 
 

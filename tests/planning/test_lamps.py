@@ -14,11 +14,11 @@ def part(id_: str, label: str, x: float, grey: float, parent: str = "base") -> S
 
 
 def lamp(shade: float, label: str = "gray lamp shade") -> Scene:
-    things = (
+    objects = (
         part("base", "black lamp base", 0.0, 0.15, ""), part("shade", label, 0.1, shade),
         part("button", "red button", -0.1, 0.4),
     )  # fmt: skip
-    return Scene(things, 0.75, Box(-np.ones(3), np.ones(3)))
+    return Scene(objects, 0.75, Box(-np.ones(3), np.ones(3)))
 
 
 def test_a_lamp_that_got_brighter_shines():

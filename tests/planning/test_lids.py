@@ -45,7 +45,7 @@ def test_lid_and_box_are_found_from_either():
     handle = SceneObject(
         "h", "handle", "bar", "", np.eye(4), np.array([0.1, 0.01, 0.01]), np.zeros((0, 3)), parent="b"
     )
-    things = (box, handle, plate)
-    assert hinged(box, things) == (plate, box)
-    assert hinged(plate, things) == (plate, box)
+    objects = (box, handle, plate)
+    assert hinged(box, objects) == (plate, box)
+    assert hinged(plate, objects) == (plate, box)
     assert hinged(handle, (handle,)) == (None, handle)

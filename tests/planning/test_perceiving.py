@@ -30,7 +30,7 @@ def ask(answer):
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "reported"),
     [
         (None, "must be Scene, got NoneType"),
         ([], "must be Scene, got list"),
@@ -47,8 +47,8 @@ def ask(answer):
         (changed(points=[[1.0, 2.0], [3.0]]), "inhomogeneous"),
     ],
 )  # fmt: skip
-def test_what_is_no_scene_is_told_with_its_perceiver(answer, told):
-    with pytest.raises(PerceptionError, match=f"{WHO} gave no valid scene. .*{told}"):
+def test_what_is_no_scene_is_reported_with_its_perceiver(answer, reported):
+    with pytest.raises(PerceptionError, match=f"{WHO} gave no valid scene. .*{reported}"):
         ask(answer)
 
 

@@ -74,7 +74,7 @@ def test_holes_are_filled_from_the_nearest_surface(observation, scene):
     assert np.linalg.norm(seen.point - TOP["red cube"]) < 0.015
 
 
-def test_a_flying_pixel_is_outvoted_and_a_thin_thing_is_not(observation):
+def test_a_flying_pixel_is_outvoted_and_a_thin_object_is_not(observation):
     view = observation.views[0]
     pixel = pixel_of(view, TOP["red cube"])
     row, column = int(pixel.v), int(pixel.u)
@@ -180,7 +180,7 @@ def test_what_leaves_the_workspace_has_no_place(scene):
     assert np.isnan(found).all()
 
 
-def test_a_near_miss_finds_the_thing_beside_it(observation, scene):
+def test_a_near_miss_finds_the_object_beside_it(observation, scene):
     view = observation.views[0]
     on = pixel_of(view, TOP["red cube"])
     beside = Pixel(view.name, on.u - 8, on.v)

@@ -18,8 +18,8 @@ WAYPOINTS = waypoints_program(STEPS, SCENE, **ABOUT)
 
 
 def larger(share):
-    things = tuple(replace(o, id=f"new_{o.id}", extents=o.extents * share) for o in SCENE.objects)
-    return replace(SCENE, objects=things)
+    objects = tuple(replace(o, id=f"new_{o.id}", extents=o.extents * share) for o in SCENE.objects)
+    return replace(SCENE, objects=objects)
 
 
 def test_names_become_roles_and_lengths_shares():
@@ -30,7 +30,7 @@ def test_names_become_roles_and_lengths_shares():
     assert WAYPOINTS.roles == {"theme": "red cube box", "goal": "blue cube box"}
 
 
-def test_a_program_is_told_with_the_names_and_sizes_of_another_scene():
+def test_a_program_is_reported_with_the_names_and_sizes_of_another_scene():
     scene = larger(2.0)
     names = {o.id: o.id for o in scene.objects}
     assert adapted(CALLS, scene, names, "put red on blue") == ("place(new_red_cube, new_blue_cube, on)",)
@@ -77,7 +77,7 @@ def test_what_is_no_program_is_refused(changes):
         Program.from_json({**WAYPOINTS.to_json(), **changes})
 
 
-def test_shares_survive_a_thing_without_height():
+def test_shares_survive_a_object_without_height():
     flat = replace(SCENE.objects[0], extents=np.array([0.1, 0.1, 0.0]))
     scene = replace(SCENE, objects=(flat,))
     program = waypoints_program([["red_cube", 5, 0, -5, 0]], scene, roles={"theme": "red_cube"})

@@ -74,7 +74,7 @@ def test_the_answer_is_read():
         ("[1, 2]", "not a JSON object"),
         ('{"skill": "juggle", "theme": "a"}', "no skill 'juggle'; there are pick, open and none"),
         ('{"skill": ["open"], "theme": "a"}', "no skill"),
-        ('{"skill": "open", "theme": ""}', "name the thing"),
+        ('{"skill": "open", "theme": ""}', "name the object"),
         ('{"skill": "open", "theme": 3}', "short texts"),
         ('{"skill": "open", "theme": "' + "a" * 90 + '"}', "short texts"),
         ('{"skill": "open", "theme": "a", "relation": "over"}', "no relation 'over'"),

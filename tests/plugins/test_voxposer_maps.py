@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.testing import inputs
-from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapVocabulary, read_program
+from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapInterpreter, read_program
+from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 SCENE = inputs.scene()
 IDS = {o.id: o.id for o in SCENE.objects}
@@ -17,7 +17,7 @@ CUBE = SCENE["red_cube"]
 
 def value(expression, points=CENTRES, lines=""):
     program = read_program(f"{lines}\nmove('m', affordance={expression})")
-    return MapVocabulary(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
+    return MapInterpreter(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
 
 
 def point(*mm):
@@ -53,7 +53,7 @@ def test_what_expressions_mean(expression, number):
     assert value(expression, point(300, -80, 100))[0] == pytest.approx(number, abs=1e-6)
 
 
-def test_the_highest_value_of_at_is_where_the_thing_is():
+def test_the_highest_value_of_at_is_where_the_object_is():
     peak = CENTRES.reshape(-1, 3)[np.argmax(value("at(red_cube)"))]
     assert np.linalg.norm(peak - CUBE.centre) < 0.02
 
@@ -100,14 +100,14 @@ def test_what_is_no_program(text, said):
 @pytest.mark.parametrize(
     ("expression", "said"),
     [
-        ("at(green_ball)", "no thing 'green_ball'; there are red_cube, blue_cube"),
+        ("at(green_ball)", "no object 'green_ball'; there are red_cube, blue_cube"),
         ("at()", "does not take these 0 arguments"),
         ("at(red_cube, 1, 2)", "does not take these 3 arguments"),
         ("above(red_cube, x)", "does not take these 2 arguments"),
         ("min(1, 2, z)", "does not take these 3 arguments"),
         ("red_cube.__class__", "no '__class__'; they have x, y, z"),
         ("red_cube.points", "no 'points'"),
-        ("().__class__", "no thing"),
+        ("().__class__", "no object"),
         ("open('/etc/passwd')", r"no open\(\)"),
         ("__import__('os')", r"no __import__\(\)"),
         ("[z for z in range(9)]", "not allowed here"),

@@ -1,18 +1,18 @@
-"""Waypoints relative to things: told from a trajectory, and the same places again."""
+"""Waypoints relative to objects: derived from a trajectory, and the same places again."""
 
 from gvla2.planning.programs import relative_steps
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.programs.waypoint_programs import path_of
 from gvla2.testing import inputs
+from gvla2_plugins.agent3d.waypoint_programs import path_of
 
 SCENE = inputs.scene()
 RED, BLUE = SCENE.objects
 DOWN = Orientation("grasp")
 
 
-def at(thing, up, gripper, *, carries="", aside=(0.0, 0.0)):
-    x, y = thing.centre[:2] + aside
-    return Waypoint((float(x), float(y), float(thing.top + up)), gripper, "go", DOWN, carries=carries)
+def at(obj, up, gripper, *, carries="", aside=(0.0, 0.0)):
+    x, y = obj.centre[:2] + aside
+    return Waypoint((float(x), float(y), float(obj.top + up)), gripper, "go", DOWN, carries=carries)
 
 
 WAY = (
@@ -34,7 +34,7 @@ def test_steps_are_relative_to_what_they_are_about_and_end_where_the_hand_lets_g
     ]
 
 
-def test_a_place_on_the_way_to_the_goal_is_told_along_it():
+def test_a_place_on_the_way_to_the_goal_is_reported_along_it():
     way = 0.5 * (BLUE.centre - RED.centre)[:2]
     (step,) = relative_steps(Trajectory((at(RED, 0.1, 0.0, aside=way),)), SCENE, ROLES)
     assert step == ["red_cube", "blue_cube", 102, 100, 0]
@@ -43,7 +43,7 @@ def test_a_place_on_the_way_to_the_goal_is_told_along_it():
     assert abs(point.array[:2] - (RED.centre[:2] + way)).max() < 1e-3
 
 
-def test_nothing_is_told_without_a_theme():
+def test_nothing_is_reported_without_a_theme():
     assert relative_steps(Trajectory(WAY), SCENE, {}) == []
     assert relative_steps(Trajectory(WAY), SCENE, {"theme": "gone"}) == []
 

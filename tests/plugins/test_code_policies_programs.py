@@ -8,11 +8,11 @@ import pytest
 
 from gvla2.planning.calls import SkillCall, written
 from gvla2.planning.scene_brief import scene_brief
-from gvla2.programs.call_programs import Declined, fitting, grammar, read_calls
-from gvla2.programs.examples import EXAMPLES
-from gvla2.programs.waypoint_programs import grammar as waypoint_grammar
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
+from gvla2_plugins.agent3d.waypoint_programs import grammar as waypoint_grammar
+from gvla2_plugins.code_policies.examples import EXAMPLES
+from gvla2_plugins.code_policies.programs import Declined, fitting, grammar, read_calls
 
 REQUEST = inputs.plan_request()
 FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))

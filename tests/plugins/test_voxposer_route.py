@@ -8,8 +8,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.scene import Box
-from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.testing import inputs
+from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 GRID = VoxelGrid.over(Box(np.zeros(3), np.array([1.0, 0.6, 0.4])), 0.02)
 A, B = np.array([0.1, 0.3, 0.1]), np.array([0.9, 0.3, 0.1])
