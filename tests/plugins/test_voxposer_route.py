@@ -19,10 +19,6 @@ def length(way):
     return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
 
-def test_without_anything_in_the_way_it_is_a_straight_line():
-    np.testing.assert_allclose(GRID.route(np.ones(GRID.shape), A, B), [A, B])
-
-
 def test_it_goes_round_a_wall_and_not_farther_than_it_must():
     costs = np.ones(GRID.shape)
     wall = slice(24, 26), slice(8, 30), slice(0, 20)  # a gap at low y
