@@ -53,7 +53,7 @@ def grasp_at(x, y, z=0.025, *, touching=CUBE, carries=""):
 )
 def test_a_hand_that_closes_on_nothing_and_leaves_is_found_out(place, allowed):
     assert kinds(*grasp_at(*place, touching=allowed)) == ["closes_on_nothing"]
-    # A object that the plan says it carries then is missed; the words differ, the finding does not.
+    # An object that the plan says it carries then is missed; the words differ, the finding does not.
     assert kinds(*grasp_at(*place, touching=allowed, carries="cube")) == ["grasp_misses"]
 
 

@@ -15,7 +15,6 @@ from gvla2.planning.pixels import (
     object_at,
     object_near,
     path_in_air,
-    pixel_at,
     sight,
     view_of,
 )
@@ -87,28 +86,6 @@ def test_a_flying_pixel_is_outvoted_and_a_thin_object_is_not(observation):
     assert depth_at(replace(view, depth=wire), pixel) == pytest.approx(true - 0.1)
 
 
-def test_the_arm_before_the_camera_is_no_surface(observation, scene):
-    view = observation.views[0]
-    pixel = pixel_of(view, TOP["red cube"])
-    row, column = int(pixel.v), int(pixel.u)
-    arm = np.zeros(view.depth.shape, dtype=bool)
-    arm[row - 1 : row + 2, column - 1 : column + 2] = True
-    depth = np.where(arm, np.float32(0.3), view.depth)
-    seen = sight(pixel, with_depth(observation, depth, robot_mask=arm), scene)
-    assert np.linalg.norm(seen.point - TOP["red cube"]) < 0.015
-
-
-def test_noise_of_a_depth_camera_is_averaged_out(observation):
-    view, rng = observation.views[0], np.random.default_rng(0)
-    place = np.array([0.32, 0.02, inputs.TABLE])
-    pixel = pixel_of(view, place)
-    errors = []
-    for _ in range(200):
-        noisy = view.depth + rng.normal(0.0, 0.004, view.depth.shape).astype(np.float32)
-        errors.append(depth_at(replace(view, depth=noisy), pixel) - depth_at(view, pixel))
-    assert np.std(errors) < 0.003, "a single pixel's would be 0.004"
-
-
 @pytest.mark.parametrize("u", [float("nan"), -1.0, 144.0, 1e9])
 def test_a_point_outside_the_picture_is_refused(observation, scene, u):
     with pytest.raises(PlanningError, match="outside the picture of 'camera_0', 144 by 144 pixels"):
@@ -123,10 +100,6 @@ def test_what_is_missing_is_named(observation, scene):
     blind = with_depth(observation, np.full_like(observation.views[0].depth, np.nan))
     with pytest.raises(PlanningError, match="No depth was measured within 12 pixels"):
         sight(Pixel("camera_0", 4.0, 4.0), blind, scene)
-
-
-def test_the_last_share_of_a_picture_is_its_last_pixel(observation):
-    assert pixel_at(observation.views[0], 1.0, 0.5) == Pixel("camera_0", 143.5, 72.0)
 
 
 def test_a_part_is_meant_rather_than_its_whole(scene):

@@ -35,7 +35,7 @@ def test_a_line_has_name_size_and_place():
         "blue_cube 47x47x47 at 340,120 (left)",
     ]
     assert brief.ids == {"red_cube": "red_cube", "blue_cube": "blue_cube"}
-    assert scene_brief(SCENE, sizes=False, positions=False).text == "red_cube\nblue_cube"
+    assert scene_brief(SCENE, positions=False).text == "red_cube 52x52x52\nblue_cube 47x47x47"
     assert scene_brief(replace(SCENE, objects=())).text == ""
 
 

@@ -50,10 +50,6 @@ def test_a_can_is_held_across_its_middle_and_never_wider_than_the_hand(make_obje
     assert [g.worth for g in found] == sorted((g.worth for g in found), reverse=True)
 
 
-def test_what_is_too_wide_everywhere_is_not_held(make_object):
-    assert antipodal(make_object(trimesh.creation.icosphere(3, 0.06)), HAND, 0.0, OUT) == []
-
-
 @pytest.mark.parametrize(
     "mesh",
     [
@@ -79,13 +75,6 @@ def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_s
     assert best.width < 0.05
     assert abs(best.rotation[1, 1]) > 0.9
     assert np.hypot(*best.centre[:2]) < 0.06
-
-
-@pytest.mark.parametrize(("side", "count"), [(0.04, 1500), (0.1, 2400), (0.3, 4000)])
-def test_a_large_scan_is_looked_at_as_closely_as_a_small_one(make_object, side, count):
-    assert len(skin_of(make_object(trimesh.creation.box(extents=3 * [side]))).points) == pytest.approx(
-        count, abs=1
-    )
 
 
 def test_a_bowl_is_held_by_its_rim_with_one_finger_inside(make_object):
@@ -136,18 +125,12 @@ def test_nothing_lies_where_the_fingers_go(make_object):
         assert held_between(skin, grasp.rotation, grasp.centre, grasp.opening, HAND)
 
 
-def test_a_hand_beside_or_on_a_object_holds_nothing(make_object):
+def test_a_hand_beside_or_on_an_object_holds_nothing(make_object):
     skin = skin_of(make_object(cylinder(0.03, 0.1)))
     down = Rotation.from_euler("x", np.pi).as_matrix()
     assert held_between(skin, down, np.array([0, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0.2, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0, 0.03, 0.08]), 0.08, HAND)
-
-
-def test_few_points_are_no_surface(make_object):
-    few = replace(make_object(cylinder(0.03, 0.1), seen=True), points=np.zeros((5, 3)))
-    assert skin_of(few) is None
-    assert antipodal(few, HAND, 0.0, OUT) == []
 
 
 def test_it_is_quick(make_object):

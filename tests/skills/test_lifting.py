@@ -27,20 +27,20 @@ def passes(plan):
     assert report.passed, report.reasons
 
 
-def test_a_path_that_closes_and_rises_takes_a_object_up():
+def test_a_path_that_closes_and_rises_takes_an_object_up():
     plan = lift(TAKE, REQUEST)
     assert (plan.skill, plan.roles) == ("pick", {"theme": "red_cube"})
     assert plan.parameters["grasp_depth"] == pytest.approx(0.025, abs=1e-3)
     passes(plan)
 
 
-def test_what_is_let_go_of_over_a_object_lies_on_it():
+def test_what_is_let_go_of_over_an_object_lies_on_it():
     plan = lift([*TAKE, over(BLUE, 0.15, 0.0), over(BLUE, 0.03, 1.0)], REQUEST)
     assert (plan.skill, plan.roles) == ("place", {"theme": "red_cube", "goal": "blue_cube"})
     passes(plan)
 
 
-def test_a_place_beside_a_object_is_not_on_it():
+def test_a_place_beside_an_object_is_not_on_it():
     plan = lift([*TAKE, over(BLUE, 0.03, 1.0, at="blue_cube", aside=(0.0, 0.15))], REQUEST)
     assert plan.roles == {"theme": "red_cube"}
     passes(plan)

@@ -97,13 +97,6 @@ def test_words_are_bounded_and_marked():
     assert context(REQUEST) == []
 
 
-def test_some_requests_need_no_model():
-    assert nothing_to_ask(REQUEST) is None
-    assert nothing_to_ask(replace(REQUEST, instruction="\n")).abstention.kind == "unknown_skill"
-    empty = replace(REQUEST.scene, objects=())
-    assert nothing_to_ask(replace(REQUEST, scene=empty)).abstention.kind == "nothing_matches"
-
-
 def test_an_instruction_that_is_too_long_to_be_read_is_declined_rather_than_cut():
     long = nothing_to_ask(replace(REQUEST, instruction="lift it " + "a" * MAX_CHARACTERS))
     assert long.abstention.kind == "other"

@@ -1,4 +1,4 @@
-"""Which holds of a object are offered: by its box, as far as its surface does not contradict, and by its surface."""
+"""Which holds of an object are offered: by its box, as far as its surface does not contradict, and by its surface."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ AT = np.array([0.35, 0.1])
 
 
 def seen(mesh, shape, *, opening=0.0):
-    """A object on the table with points of its whole surface, taken for a simple ``shape`` by its box."""
+    """An object on the table with points of its whole surface, taken for a simple ``shape`` by its box."""
     size = np.asarray(mesh.extents)
     points = np.asarray(trimesh.sample.sample_surface(mesh, 2000, seed=0)[0])
     points = points - mesh.bounds[0] - 0.5 * size * [1, 1, 0] + [*AT, TABLE]
