@@ -143,7 +143,7 @@ def _in_package(name: str) -> Path | None:
     except PackageNotFoundError:
         if package == _DESCRIPTIONS:
             needs = f"The robot's description ({name})"
-            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
+            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[arms]"') from None
         files = ()
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:

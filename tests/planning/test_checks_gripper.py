@@ -16,14 +16,14 @@ DOWN = Orientation("grasp", closing=(0.0, 1.0, 0.0))
 CUBE = frozenset({"cube"})
 
 
-def thing(name, xy, size=(0.05, 0.05, 0.05), shape="box"):
+def make_object(name, xy, size=(0.05, 0.05, 0.05), shape="box"):
     pose = rigid(translation=(*xy, TABLE + size[2] / 2))
     return SceneObject(name, name, shape, "", pose, np.array(size), np.zeros((0, 3)))
 
 
 SCENE = Scene(
-    (thing("cube", (0.3, 0.0)), thing("button", (0.1, 0.2), (0.03, 0.03, 0.02)),
-     thing("mark", (0.5, 0.0), (0.1, 0.1, 0.001), "region")), TABLE, SPACE,
+    (make_object("cube", (0.3, 0.0)), make_object("button", (0.1, 0.2), (0.03, 0.03, 0.02)),
+     make_object("mark", (0.5, 0.0), (0.1, 0.1, 0.001), "region")), TABLE, SPACE,
 )  # fmt: skip
 
 
@@ -53,7 +53,7 @@ def grasp_at(x, y, z=0.025, *, touching=CUBE, carries=""):
 )
 def test_a_hand_that_closes_on_nothing_and_leaves_is_found_out(place, allowed):
     assert kinds(*grasp_at(*place, touching=allowed)) == ["closes_on_nothing"]
-    # A thing that the plan says it carries then is missed; the words differ, the finding does not.
+    # An object that the plan says it carries then is missed; the words differ, the finding does not.
     assert kinds(*grasp_at(*place, touching=allowed, carries="cube")) == ["grasp_misses"]
 
 

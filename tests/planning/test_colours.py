@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from gvla2.planning.colours import (
     COLOURS,
-    FAMILIES,
     TOLD_APART,
     appearance,
     colour_distance,
@@ -63,22 +62,14 @@ def test_colours_in_a_sentence(sentence, words):
 @pytest.mark.parametrize(
     ("word", "present", "meant"),
     [
-        ("blue", ["azure", "red"], "azure"),
         ("blue", ["azure", "blue"], "blue"),
         ("blue", ["azure", "navy"], ""),
         ("pink", ["magenta", "gray"], "magenta"),
         ("dark blue", ["navy", "azure"], "navy"),
         ("red", ["maroon"], ""),
-        ("maroon", ["red"], ""),
-        ("azure", ["blue"], ""),
         ("white", ("silver", "red"), "silver"),
-        ("white", ("silver", "white"), "white"),
         ("white", ("gray",), ""),
     ],
 )
 def test_people_mean_a_shade_by_its_basic_term_where_there_is_only_one(word, present, meant):
     assert meant_by(word, present) == meant
-
-
-def test_families_hold_known_colours():
-    assert {name for shades in FAMILIES.values() for name in shades} <= set(COLOURS)

@@ -218,7 +218,7 @@ def test_arms_of_a_package_lift_a_cube(name):
     try:
         distribution("example-robot-data")
     except PackageNotFoundError:
-        pytest.skip('the arms come with the package example-robot-data: pip install "gvla2[sim]"')
+        pytest.skip('the arms come with the package example-robot-data: pip install "gvla2[arms]"')
     file, tool = EXAMPLES[name]
     lift(SapienArmConfig(urdf=f"package://example-robot-data/robots/{file}", tool_link=tool, image_size=64))
 

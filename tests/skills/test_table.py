@@ -1,4 +1,4 @@
-"""The table of skills: whole, callable, told as text; and what is no skill."""
+"""The table of skills: whole, callable, reported as text; and what is no skill."""
 
 from __future__ import annotations
 
