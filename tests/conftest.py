@@ -37,6 +37,8 @@ class Made:
 """
 
 EXTRAS = {
+    "agents/test_sandbox.py": "minisweagent",
+    "agents/test_solving.py": "minisweagent",
     "evaluation/test_lpips.py": "torch",
     "plugins/test_gsplat_renderer.py": "torch",
     "plugins/test_piper.py": "can",
