@@ -12,7 +12,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.robot.workcell import make_cell
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.robot import check_robot
 from gvla2_plugins.sapien import SapienArmConfig, SapienPandaConfig, gvla2_robots
 
