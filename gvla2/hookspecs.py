@@ -43,112 +43,112 @@ if TYPE_CHECKING:
 
 
 @hookspec
-def gvla2_robots() -> Iterable[Component[RobotBackend]]:  # type: ignore[empty-body]
+def gvla2_robots() -> Iterable[Component[RobotBackend]]:
     """Return robot backends, simulated or real: cameras, motion, execution. Hydra group ``robot``."""
 
 
 @hookspec
-def gvla2_cameras() -> Iterable[Component[DepthCamera]]:  # type: ignore[empty-body]
+def gvla2_cameras() -> Iterable[Component[DepthCamera]]:
     """Return depth cameras for robots without cameras of their own: live or replayed. Hydra group ``camera``."""
 
 
 @hookspec
-def gvla2_tasks() -> Iterable[Component[Task]]:  # type: ignore[empty-body]
+def gvla2_tasks() -> Iterable[Component[Task]]:
     """Return tasks: what lies on the table, what is asked, when it is done. Hydra group ``task``."""
 
 
 @hookspec
-def gvla2_perceivers() -> Iterable[Component[Perceiver]]:  # type: ignore[empty-body]
+def gvla2_perceivers() -> Iterable[Component[Perceiver]]:
     """Return perceivers: RGB-D views to a labelled 3D scene. Hydra group ``perceiver``."""
 
 
 @hookspec
-def gvla2_reconstructors() -> Iterable[Component[Reconstructor]]:  # type: ignore[empty-body]
+def gvla2_reconstructors() -> Iterable[Component[Reconstructor]]:
     """Return reconstructors: masked views to a first geometry of the object. Hydra group ``reconstructor``."""
 
 
 @hookspec
-def gvla2_geometry_priors() -> Iterable[Component[GeometryPrior]]:  # type: ignore[empty-body]
+def gvla2_geometry_priors() -> Iterable[Component[GeometryPrior]]:
     """Return geometry priors: depth for the views from outside knowledge. Hydra group ``prior``."""
 
 
 @hookspec
-def gvla2_axis_compensations() -> Iterable[Component[AxisCompensation]]:  # type: ignore[empty-body]
+def gvla2_axis_compensations() -> Iterable[Component[AxisCompensation]]:
     """Return axis compensations: a scale for each axis and a shift, from masks alone. Hydra group ``axis``."""
 
 
 @hookspec
-def gvla2_fusion_strategies() -> Iterable[Component[FusionStrategy]]:  # type: ignore[empty-body]
+def gvla2_fusion_strategies() -> Iterable[Component[FusionStrategy]]:
     """Return fusion strategies: two geometries into one. Hydra group ``fusion``."""
 
 
 @hookspec
-def gvla2_renderers() -> Iterable[Component[Renderer]]:  # type: ignore[empty-body]
+def gvla2_renderers() -> Iterable[Component[Renderer]]:
     """Return renderers of Gaussians. Hydra group ``renderer``."""
 
 
 @hookspec
-def gvla2_memories() -> Iterable[Component[Memory]]:  # type: ignore[empty-body]
+def gvla2_memories() -> Iterable[Component[Memory]]:
     """Return whole memory methods: recall and learn. Hydra group ``memory``."""
 
 
 @hookspec
-def gvla2_retrievers() -> Iterable[Component[Retriever]]:  # type: ignore[empty-body]
+def gvla2_retrievers() -> Iterable[Component[Retriever]]:
     """Return retrievers: rank records for a task, or abstain. Hydra group ``retriever``."""
 
 
 @hookspec
-def gvla2_embedders() -> Iterable[Component[Embedder]]:  # type: ignore[empty-body]
+def gvla2_embedders() -> Iterable[Component[Embedder]]:
     """Return embedders: texts to unit vectors. Hydra group ``embedder``."""
 
 
 @hookspec
-def gvla2_inducers() -> Iterable[Component[Inducer]]:  # type: ignore[empty-body]
+def gvla2_inducers() -> Iterable[Component[Inducer]]:
     """Return inducers: an episode and its verdict to candidate lessons. Hydra group ``inducer``."""
 
 
 @hookspec
-def gvla2_judges() -> Iterable[Component[Judge]]:  # type: ignore[empty-body]
+def gvla2_judges() -> Iterable[Component[Judge]]:
     """Return judges: whether two lessons contradict each other. Hydra group ``judge``."""
 
 
 @hookspec
-def gvla2_planners() -> Iterable[Component[Planner]]:  # type: ignore[empty-body]
+def gvla2_planners() -> Iterable[Component[Planner]]:
     """Return planners: instruction, scene and advice to waypoints. Hydra group ``planner``."""
 
 
 @hookspec
-def gvla2_verifiers() -> Iterable[Component[Verifier]]:  # type: ignore[empty-body]
+def gvla2_verifiers() -> Iterable[Component[Verifier]]:
     """Return verifiers: a verdict on an episode from its evidence. Hydra group ``verifier``."""
 
 
 @hookspec
-def gvla2_agents() -> Iterable[Component[Agent]]:  # type: ignore[empty-body]
+def gvla2_agents() -> Iterable[Component[Agent]]:
     """Return software agents that work at a shell in a sandbox. Hydra group ``agent``."""
 
 
 @hookspec
-def gvla2_trackers() -> Iterable[Component[Tracker]]:  # type: ignore[empty-body]
+def gvla2_trackers() -> Iterable[Component[Tracker]]:
     """Return trackers: experiment-tracking services that log a run. Hydra group ``tracker``."""
 
 
 @hookspec
-def gvla2_views() -> Iterable[Component[Viewer]]:  # type: ignore[empty-body]
+def gvla2_views() -> Iterable[Component[Viewer]]:
     """Return views: files that show an episode in an external 3D viewer. Hydra group ``view``."""
 
 
 @hookspec
-def gvla2_language_models() -> Iterable[Component[LanguageModel]]:  # type: ignore[empty-body]
+def gvla2_language_models() -> Iterable[Component[LanguageModel]]:
     """Return language models for components that say ``needs=("language",)``. Hydra group ``language``."""
 
 
 @hookspec
-def gvla2_skills() -> Iterable[Skill]:  # type: ignore[empty-body]
+def gvla2_skills() -> Iterable[Skill]:
     """Return skills that every planner may call: all that are offered, by name, without a Hydra group."""
 
 
 @hookspec
-def gvla2_kinds() -> Iterable[Kind]:  # type: ignore[empty-body]
+def gvla2_kinds() -> Iterable[Kind]:
     """Return kinds of components that this plugin adds to those of :data:`gvla2.plugins.kinds.KINDS`.
 
     Each has a hook and a Hydra group of its own, may be chosen in every ``gvla2 run``, and is built where another
@@ -157,7 +157,7 @@ def gvla2_kinds() -> Iterable[Kind]:  # type: ignore[empty-body]
 
 
 @hookspec
-def gvla2_config_search_path() -> Iterable[str]:  # type: ignore[empty-body]
+def gvla2_config_search_path() -> Iterable[str]:
     """Return Hydra search paths with YAML presets of this plugin, such as ``pkg://mine.conf``."""
 
 
