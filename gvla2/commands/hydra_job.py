@@ -217,7 +217,7 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
             options, note = list(registry.components(group)), registry.broken_note(group)
         return str(UnknownComponentError(group, name.removesuffix(".yaml"), options, note))
     if not isinstance(error, HydraException | OmegaConfBaseException):
-        return " ".join([describe(error), *getattr(error, "__notes__", ())])
+        return ". ".join([describe(error).rstrip("."), *getattr(error, "__notes__", ())])
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
     if not isinstance(cause, OmegaConfBaseException):
         return " ".join(str(error).split())
