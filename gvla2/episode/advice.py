@@ -20,8 +20,8 @@ from gvla2.skills.table import STANDARD
 def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
     """Memory's text, effects (reconciled) and programs, then those of failed attempts, which bind in the same way."""
     context = record.recalled or MemoryContext()
-    told = [(item.effect, item.id) for item in context.items if item.effect]
-    known = [effect_from_json(effect, source) for effect, source in told]
+    recalled = [(item.effect, item.id) for item in context.items if item.effect]
+    known = [effect_from_json(effect, source) for effect, source in recalled]
     effects = [*reconciled(one for one in known if not isinstance(one, Program))]
     programs = [one for one in known if isinstance(one, Program)]
     lines = [context.text] if context.text else []

@@ -76,7 +76,7 @@ def _cost(first: SceneObject, second: SceneObject) -> float:
 
 
 def difference(first: SceneObject, second: SceneObject) -> float:
-    """How unlike two perceived objects look: 0 for the same colour, size and label; above 1 for different things.
+    """How unlike two perceived objects look: 0 for the same colour, size and label; above 1 for different objects.
 
     Sizes may shrink in part, because a hand hides some of what it holds.
     """
@@ -84,7 +84,7 @@ def difference(first: SceneObject, second: SceneObject) -> float:
         return 2.0 * MAX_DIFFERENCE
     colour = min(float(np.linalg.norm(first.rgb - second.rgb)) / 0.5, 1.5)
     if first.colour and second.colour:
-        # Named colours settle most cases; the rgb of one thing changes with the shadow that it is in.
+        # Named colours settle most cases; the rgb of one object changes with the shadow on it.
         colour = 0.3 * colour if first.colour == second.colour else max(colour, 0.5)
     sizes = np.log((np.sort(first.extents) + 0.005) / (np.sort(second.extents) + 0.005))
     size = min(float(np.abs(sizes).mean()), 1.5)

@@ -83,7 +83,7 @@ def approach_of(plan: Plan) -> str:
 
 
 def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject | None) -> Signal | None:
-    """The skill's own diagnosis of how far things were moved; None if it has none or cannot tell.
+    """The skill's own diagnosis of how far objects were moved; None if it has none or cannot tell.
 
     It is asked about motions that ran to their end, or that the object may have blocked: it was lost, or the hand made
     no progress.

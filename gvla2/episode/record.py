@@ -212,13 +212,13 @@ class EpisodeRecord:
 
     def result(self, command: str) -> dict[str, Any]:
         """``result.json``: the outcome and its components. ``success`` is the relaxed profile, None if unknown."""
-        told = self.attempted()
+        last = self.attempted()
         return {
             "command": command,
             "episode": self.episode_id,
             "success": self.success_check.relaxed if self.success_check else None,
             "success_strict": self.success_check.strict if self.success_check else None,
-            "verdict": told["verdict"],
+            "verdict": last["verdict"],
             "quality": self.verdict.quality if self.verdict else None,
             "task": self.task,
             "seed": self.seed,
@@ -226,7 +226,7 @@ class EpisodeRecord:
             **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
             "fallback": self.plan.fallback if self.plan else "",
             "choices": dict(self.choices),
-            **{name: told[name] for name in ("skill", "parameters", "failure", "timings")},
+            **{name: last[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
             "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],
