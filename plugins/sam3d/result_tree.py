@@ -139,11 +139,11 @@ def align_result(
     gaussians = result.gaussians
     if gaussians is None and result.mesh is not None:
         gaussians = surfels(result.mesh, None, count)
-    told = [result.note + (", flat Gaussians lie on the mesh" if result.gaussians is None else "")]
+    notes = [result.note + (", flat Gaussians lie on the mesh" if result.gaussians is None else "")]
     if found.iou < _POOR:
-        told.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
-    told = [text for text in told if text]
-    status = f"fallback: {'; '.join(told)}" if told else "ok"
+        notes.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
+    notes = [text for text in notes if text]
+    status = f"fallback: {'; '.join(notes)}" if notes else "ok"
     return replace(place(Reconstruction(gaussians, result.mesh, glb=result.glb), found.sim3), status=status)
 
 

@@ -52,10 +52,6 @@ def test_depth_confidence_and_poses_come_back(tmp_path):
     np.testing.assert_allclose(found.world_from_camera, poses())
 
 
-def test_metric_depth_has_no_poses(tmp_path):
-    assert prior(tmp_path, depth=stacked()).predict(views()).world_from_camera is None
-
-
 def test_a_point_map_becomes_depth_in_its_own_cameras(tmp_path):
     points = np.stack([view.points() for view in views()])
     found = prior(tmp_path, point_map=points, world_from_camera=poses()).predict(views())

@@ -146,19 +146,7 @@ def test_half_a_result_serves(views, shape, tmp_path):
     )
 
 
-def test_a_fine_mesh_is_aligned_as_well(views, shape, tmp_path):
-    fine = trimesh.Trimesh(shape.vertices, shape.faces, process=False)
-    while len(fine.faces) < 70_000:
-        fine = fine.subdivide()
-    moved = place_mesh(
-        TriangleMesh(fine.vertices, fine.faces), Sim3(1.05, np.eye(3), np.array([0.02, -0.03, 0.01]))
-    )
-    _write(tmp_path, moved, gaussians=False)
-    made = _build(tmp_path, axes="identity", gaussians=500).reconstruct(views)
-    assert _off(made, fine) < 0.02
-
-
-def test_a_poor_fit_is_told(views, tmp_path):
+def test_a_poor_fit_is_reported(views, tmp_path):
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
     _write(tmp_path, TriangleMesh(ball.vertices + 3.0, ball.faces))
     made = _build(tmp_path, axes="identity", refine=False).reconstruct(views)

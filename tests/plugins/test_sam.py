@@ -52,7 +52,7 @@ def test_it_conforms(perceiver):
     check_perceiver(perceiver)
 
 
-def test_one_prompt_a_thing_and_picture_and_no_more_encodes_than_pictures(perceiver):
+def test_one_prompt_an_object_and_picture_and_no_more_encodes_than_pictures(perceiver):
     scene = perceiver.perceive(inputs.observation(), "", inputs.WORKSPACE)
     assert [o.label for o in scene.objects] == ["red cube", "blue cube"]
     assert 1 <= perceiver._segmenter.encodes <= 3
@@ -103,7 +103,7 @@ def test_where_the_model_is_unsure_geometry_draws_the_outline():
     assert len(scene.objects) == 2
 
 
-def test_a_mask_does_not_leak_into_another_thing():
+def test_a_mask_does_not_leak_into_another_object():
     own, other = np.zeros((40, 40), bool), np.zeros((40, 40), bool)
     own[10:20, 10:20], other[10:20, 20:30] = True, True
     everywhere = Segments(np.full((1, 1, 40, 40), 5.0, np.float32), np.array([[0.9]]))

@@ -86,18 +86,6 @@ def test_the_network_sees_the_objects_on_white_at_its_own_size():
     assert found.depth.shape == found.confidence.shape == (2, 80, 120)
 
 
-def test_depth_and_cameras_are_the_networks():
-    tiny, views = network(), inputs.views(masked=inputs.RED)
-    found = VggtPrior(config(), tiny).predict(views)
-    with torch.inference_mode():
-        answer = tiny(tiny.seen)
-    depth = answer["depth"][0, ..., 0].numpy()
-    assert set(np.unique(found.depth)) <= set(np.unique(depth))
-    poses, _ = decode_poses(answer["pose_enc"][0].numpy())
-    np.testing.assert_allclose(found.world_from_camera, poses, atol=1e-6)
-    assert (found.confidence >= 1).all()
-
-
 def test_pose_encoding_is_translation_quaternion_and_fields_of_view():
     rng = np.random.default_rng(0)
     turns = Rotation.random(4, random_state=1)
@@ -197,11 +185,3 @@ def test_a_network_of_another_interface_is_told_so():
     ):
         with pytest.raises(PluginError, match=words):
             VggtPrior(config(), Other(answer)).predict(views)
-
-
-def test_views_of_several_sizes_are_refused():
-    views = inputs.views(masked=inputs.RED)
-    camera = Camera.from_fov(0.8, np.eye(4), 10, 10)
-    small = View(camera, np.zeros((10, 10, 3), np.uint8))
-    with pytest.raises(GeometryError, match="one size"):
-        VggtPrior(config(), network()).predict(Views((views[0], small)))
