@@ -75,36 +75,6 @@ def parse_view_spec(spec: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def parse_axis_word(word: str) -> FloatArray:
-    """(3, 3) signed permutation of a transform word of the released code, or of ``identity``.
-
-    ``perm021_signpnp`` means: the new axes are the old axes 0, 2 and 1, with the signs +, - and +. A word may name a
-    mirror (determinant -1). Raises :class:`ConfigurationError` for anything else.
-    """
-    if word == "identity":
-        return np.eye(3)
-    match = re.fullmatch(r"perm([012]{3})_sign([pn]{3})", word)
-    if match is None or len(set(match[1])) != 3:
-        raise ConfigurationError(
-            f"Cannot read the axis transform '{word}': write 'identity', or a permutation of 012 and three signs, "
-            "p or n, such as perm021_signpnp."
-        )
-    matrix = np.zeros((3, 3))
-    for row, (column, sign) in enumerate(zip(match[1], match[2], strict=True)):
-        matrix[row, int(column)] = 1.0 if sign == "p" else -1.0
-    return matrix
-
-
-def parse_rotation_word(word: str) -> FloatArray:
-    """(3, 3) rotation of a transform word; a :class:`ConfigurationError` for a mirror, which is not a rotation."""
-    matrix = parse_axis_word(word)
-    if np.linalg.det(matrix) < 0:
-        raise ConfigurationError(
-            f"The axis transform '{word}' is mirrored (determinant -1); flip one more sign."
-        )
-    return matrix
-
-
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 

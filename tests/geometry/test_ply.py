@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plyfile import PlyData
 
-from gvla2.errors import GeometryError, OutputError
+from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians, read_gaussians, write_gaussians
 
 FIELDS = [
@@ -149,12 +149,3 @@ def test_broken_files_are_named_and_explained(tmp_path: Path, how: str, words: s
     with pytest.raises(GeometryError, match=words) as caught:
         read_gaussians(path)
     assert "g.ply" in str(caught.value)
-
-
-def test_a_failed_write_leaves_nothing_behind(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="nowhere"):
-        write_gaussians(tmp_path / "nowhere" / "g.ply", random_gaussians(1, None))
-    (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(OutputError, match="folder"):
-        write_gaussians(tmp_path / "folder.ply", random_gaussians(1, None))
-    assert [p.name for p in tmp_path.iterdir()] == ["folder.ply"]

@@ -1,4 +1,3 @@
-
 from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import frames_of, raised
 

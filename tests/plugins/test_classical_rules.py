@@ -12,7 +12,6 @@ from gvla2.geometry.views import Observation, Views
 from gvla2.planning.scene import Scene
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.classical.solids import box_distance, fit_solid
 from tests.benchmarks.perception import TABLE_TOP, WORKSPACE, put, render
 
 
@@ -20,25 +19,7 @@ def perceive(observation: Observation) -> Scene:
     return ClassicalPerceiver(ClassicalConfig()).perceive(observation, "", WORKSPACE)
 
 
-def test_a_side_that_nothing_shows_stays_where_the_seen_points_end():
-    """A box against another: noise may not push the hidden side through the neighbour."""
-    side, limits = 0.06, ((-10, -10, -10, 0.001, 0.001, 0.02, -0.04), (10, 10, 10, 3, 3, 0.037, -0.02))
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        faces = []
-        for axis, sign in ((2, 1), (0, 1), (1, 1), (1, -1)):
-            face = rng.uniform(-0.5, 0.5, (100, 3))
-            face[:, axis] = 0.5 * sign
-            faces.append(side * face)
-        seen = np.concatenate(faces) + rng.normal(0, 3e-4, (400, 3))
-        around = rng.uniform(-0.7, 0.7, (4000, 3)) * side
-        free = around[(np.abs(around) > 0.5 * side + 0.001).any(axis=1) & (around[:, 0] > -0.5 * side)]
-        start = [0.001, 0.0, 0.01, 0.059, 0.0605, 0.0305, -0.03]
-        fit = fit_solid(box_distance, start, seen, free, hold=(-1,), limits=limits)
-        assert fit.parameters[3] == pytest.approx(side, abs=0.003)
-
-
-@pytest.mark.parametrize("height", [0.003, 0.004, 0.0045, 0.006])
+@pytest.mark.parametrize("height", [0.003, 0.0045])
 def test_a_thin_board_is_one_object_as_large_as_it_is(height: float):
     """About the least height that counts noise puts each pixel on either side of it."""
     board = put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")

@@ -58,15 +58,6 @@ def test_a_point_map_becomes_depth_in_its_own_cameras(tmp_path):
     np.testing.assert_allclose(found.depth, stacked(), rtol=1e-5)
 
 
-def test_pictures_are_resized_by_the_nearest_pixel(tmp_path):
-    depth = stacked()
-    found = prior(tmp_path, depth=depth.repeat(2, axis=1).repeat(2, axis=2)).predict(views())
-    np.testing.assert_array_equal(found.depth, depth)
-    assert set(np.unique(prior(tmp_path, depth=depth[:, ::2, ::2]).predict(views()).depth)) <= set(
-        np.unique(depth)
-    )
-
-
 def test_rows_are_found_by_name(tmp_path):
     names = [view.name for view in views()]
     order = [2, 0, 1]

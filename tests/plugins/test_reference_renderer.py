@@ -61,12 +61,6 @@ def test_the_nearer_one_covers_whatever_the_order() -> None:
     assert one[1][16, 16] == pytest.approx(1 - 0.4 * 0.1, abs=1e-3)
 
 
-def test_no_gaussian_alone_is_opaque_and_faint_ones_are_dropped() -> None:
-    scene = gaussians([[0, 0, 1.0]], 5.0, (0, 0, 0), 1 - 1e-7)
-    assert renderer().render(scene, CAMERA)[1].max() == pytest.approx(0.99)
-    assert renderer().render(gaussians([[0, 0, 1.0]], 5.0, (0, 0, 0), 0.003), CAMERA)[1].max() == 0
-
-
 @pytest.mark.parametrize(("column", "axis", "sign"), [(0, 1, -1), (1, 2, 1), (2, 0, -1)])
 def test_first_harmonics_colour_by_the_side_one_looks_from(column: int, axis: int, sign: int) -> None:
     rest = np.zeros((1, 9))

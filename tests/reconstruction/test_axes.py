@@ -127,13 +127,6 @@ def test_falls_back_with_a_reason(points, views):
         np.testing.assert_array_equal(answer.apply(points), points)
 
 
-def test_points_that_are_not_finite_do_not_spoil_the_rest(points, views):
-    wrong = drifted(points, *PLANTED)
-    dirty = np.vstack([wrong, np.full((50, 3), np.nan)])
-    fit = compensate(dirty, views, object_centre(wrong))
-    assert displacement(fit.apply(dirty)[: len(points)], points) < 1.5e-3
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 import torch
@@ -172,22 +170,6 @@ def test_threads_change_no_bit(count: int) -> None:
         assert np.array_equal(frame.image, frames[0].image)
         for name in FIELDS:
             assert np.array_equal(getattr(gradient, name), getattr(gradients[0], name))
-
-
-def test_two_callers_at_once_do_not_meet() -> None:
-    scene = cloud(6000, 5, size=0.02)
-    wanted, _ = Rasteriser().render(scene, CAMERA)
-    answers: list[np.ndarray] = []
-    callers = [
-        threading.Thread(target=lambda: answers.append(Rasteriser().render(scene, CAMERA)[0]))
-        for _ in range(3)
-    ]
-    for caller in callers:
-        caller.start()
-    for caller in callers:
-        caller.join()
-    assert len(answers) == 3
-    assert all(np.array_equal(answer, wanted) for answer in answers)
 
 
 def test_nothing_and_what_is_behind_are_the_background() -> None:

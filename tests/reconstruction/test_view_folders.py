@@ -189,22 +189,6 @@ def test_plain_trouble_is_named(views, tmp_path, change, what):
         read_views(_broken(views, tmp_path, change))
 
 
-def test_plain_files_that_do_not_fit(views, tmp_path):
-    write_plain(tmp_path, views)
-    Image.fromarray(np.zeros((10, 12), np.uint8)).save(tmp_path / "masks" / "1.png")
-    with pytest.raises(GeometryError, match=r"view '1'.*mask has shape \(10, 12\)"):
-        read_views(tmp_path)
-    write_plain(tmp_path, views)
-    np.save(tmp_path / "depth" / "2.npy", np.zeros((3, 3)))
-    with pytest.raises(GeometryError, match=r"view '2'.*depth has shape"):
-        read_views(tmp_path)
-    with pytest.raises(GeometryError, match="no view 5"):
-        read_views(tmp_path, "5")
-    (tmp_path / "cameras.json").write_text("{")
-    with pytest.raises(GeometryError, match=r"cameras\.json"):
-        read_views(tmp_path)
-
-
 def test_an_archive_says_what_it_shows(views, tmp_path):
     path = write_views(tmp_path, views)
     assert subject_of(path) == ""
