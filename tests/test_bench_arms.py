@@ -1,4 +1,4 @@
-"""Arms, rows and options of `gvla2 bench` as they are asked for; which episodes are filmed."""
+"""Arms, rows and options of `gvla2 bench` as they are asked for."""
 
 from dataclasses import replace
 
@@ -6,12 +6,8 @@ import pytest
 
 from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import BenchArm, arm_named, chosen_arms
-from gvla2.evaluation.config import RobotBench
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.suites.robot import worth_filming
+from gvla2.evaluation.arms import arm_named, chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects
-from gvla2.evaluation.suites.robot_episodes import EpisodeUnit
 from tests.composing import bench_config
 
 
@@ -106,27 +102,6 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
     assert "Key 'arms' not in 'PerceptionBench'" in capsys.readouterr().err
     assert main(["robt"]) == 1
     assert "Did you mean 'robot'" in capsys.readouterr().err
-
-
-def planned(arm: str, layout: int) -> EpisodeUnit:
-    keys = {"relaxed": f"{arm}{layout}"}
-    return EpisodeUnit(
-        tuple(keys.values()), arm, RobotBench(), "lamp_on", {}, BenchArm(arm, arm), layout, keys, {}
-    )
-
-
-def test_pairs_that_differ_are_filmed_before_failures():
-    won = {"off": (0, 1, 0), "on": (0, 1, 1)}
-    plan = [planned(arm, layout) for arm in won for layout in range(3)]
-    cells = {
-        f"{arm}{i}": Cell("k", {}, {"success": bool(done)}, {})
-        for arm, d in won.items()
-        for i, done in enumerate(d)
-    }
-    assert [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
-    two = [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 2)]
-    assert two == [("on", 2), ("off", 2), ("off", 0), ("on", 0)]
-    assert worth_filming(plan, cells, 0) == []
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ BOTH = "planners=[skill,code_policies]"
 
 
 def config_of(registry, folder: Path, *overrides: str):
-    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", "videos=0", *QUICK, *overrides)
+    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", *QUICK, *overrides)
     config.results.url = f"sqlite:///{folder / 'results.sqlite'}"
     return config
 

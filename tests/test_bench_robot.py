@@ -37,7 +37,7 @@ def rows_of(folder: Path) -> list[dict]:
 def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layouts(registry, tmp_path):
     tasks = "tasks=[pick_and_lift,push_block]"
     arms = "arms=['off','on','shuffled','best_theta']"
-    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]", "videos=0")
+    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]")
     assert run_bench(config, registry, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
     assert len(rows) == 2 * 4 * 2, "tasks x arms x profiles"
@@ -63,20 +63,6 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert not (tmp_path / "second" / "banks").exists()
 
 
-def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
-    config = config_of(
-        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=1", 
-        "scale=1.2", "depth_noise.kind=gaussian", "depth_noise.sigma_m=0.2",
-        sight=("robot.image_size=96", "robot.video_size=16"),
-    )  # fmt: skip
-    run_bench(config, registry, tmp_path / "out")
-    (row,) = [row for row in rows_of(tmp_path / "out") if row["profile"] == "relaxed"]
-    assert not row["success"], "20 cm of noise hide a lamp"
-    assert row["film_agrees"]
-    assert (Path(row["film"]) / "index.html").is_file()
-    assert row["failure"] in (tmp_path / "out" / "index.html").read_text()
-
-
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -93,7 +79,7 @@ def test_names_that_are_none_are_refused_before_anything_moves(registry, tmp_pat
 
 
 def test_scale_and_arms_are_checked():
-    for wrong in ({"scale": 0.0}, {"arms": []}, {"episodes": 0}, {"exploration": 2.0}, {"videos": -1}):
+    for wrong in ({"scale": 0.0}, {"arms": []}, {"episodes": 0}, {"exploration": 2.0}):
         with pytest.raises(ConfigurationError):
             RobotBench(**wrong)
 
@@ -143,7 +129,7 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
         return real(self, request)
 
     monkeypatch.setattr(SkillPlanner, "plan", late_at_first)
-    config = config_of(registry, tmp_path, "tasks=[pick_and_lift]", "arms=['off']", "episodes=2", "videos=0")
+    config = config_of(registry, tmp_path, "tasks=[pick_and_lift]", "arms=['off']", "episodes=2")
     run_bench(config, registry, tmp_path / "first")
     rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [None, True]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gvla2.evaluation.perception_overlay import overlay_sheet
 from gvla2.evaluation.perception_scoring import LabelMatch, extent_errors, object_masks, score
 from gvla2.evaluation.perception_truth import true_objects
 from gvla2.geometry.transform import rigid
@@ -109,21 +108,6 @@ def test_masks_keep_holes_and_stay_inside(world, body, perceived):
     np.testing.assert_array_equal(mask[true], True)
     assert (mask & ~true).sum() <= 6, "nothing but a corner is closed over"
     assert object_masks(lab.observation, []).shape == (0, len(true))
-
-
-def test_the_picture_shows_all_views(world, body, perceived, scene_of):
-    from io import BytesIO
-
-    from PIL import Image
-
-    one = body("near", 0.2)
-    lab = world(one)
-    scene = scene_of(perceived(one, lab.points("near")))
-    picture = Image.open(BytesIO(overlay_sheet(lab.observation, scored(lab, scene), scene, width=200)))
-    assert picture.size == (400, 200)
-    bare = Image.open(BytesIO(overlay_sheet(lab.observation, scored(lab, scene_of()), scene_of(), width=200)))
-    red = np.asarray(bare.convert("RGB")).astype(int)
-    assert ((red[..., 0] > 220) & (red[..., 1] < 80)).sum() > 50, "what is missed is outlined in red"
 
 
 @pytest.mark.parametrize(

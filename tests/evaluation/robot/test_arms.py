@@ -65,7 +65,6 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         "retriever": "hybrid",
         "embedder": "static",
         "verifier": "geometric",
-        "judge": "rules",
         "inducer": "rules",
     }
     pressing = MemoryTask("switch the lamp on", {"objects": 1.0}, "press")
