@@ -148,8 +148,9 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
         (["arms=[off]", "families=5"], "world=learnable only"),
+        (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )
-def test_options_that_would_only_label_an_arm_are_refused(registry, given: list[str], said: str):
+def test_designs_that_make_no_sense_are_refused(registry, given: list[str], said: str):
     with pytest.raises(ConfigurationError, match=said):
         designs(config_of(registry, "tasks=[lamp_on]", *given), registry)

@@ -14,7 +14,6 @@ from gvla2.evaluation.suites.perception import (
     LayoutUnit,
     chosen_components,
     chosen_tasks,
-    layout_seed,
     measure_layout,
 )
 from gvla2.plugins.discovery import Plugin
@@ -165,12 +164,6 @@ def test_choices(parts, tmp_path):
         chosen_tasks(config_for(parts, tmp_path, tasks=["pickup_cups"]), parts)
     with pytest.raises(ConfigurationError, match="perceivers must name"):
         config_for(parts, tmp_path, perceivers=[])
-
-
-def test_no_two_seeds_share_a_layout():
-    drawn = {layout_seed(seed, episode) for seed in range(20) for episode in range(20)}
-    assert len(drawn) == 400
-    assert layout_seed(7, 0) == 7
 
 
 def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):

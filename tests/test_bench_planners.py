@@ -12,9 +12,8 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import Gvla2Error
 from gvla2.evaluation.arms import Experience
-from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.suites import robot
 from gvla2.evaluation.suites.robot_design import designs
 from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
@@ -172,11 +171,6 @@ def test_what_cannot_be_compared_is_said_before_anything_runs(registry, tmp_path
     with pytest.raises(Gvla2Error, match=message):
         run_bench(config, registry, tmp_path / "out")
     assert not units
-
-
-def test_a_negative_layout_is_refused(registry, tmp_path):
-    with pytest.raises(ConfigurationError, match="layouts"):
-        RobotBench(layouts=[-1])
 
 
 def test_a_planner_is_not_its_own_fallback(registry, tmp_path):

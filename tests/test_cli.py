@@ -116,11 +116,6 @@ def test_plugins_shows_options_with_types_and_defaults(capsys: pytest.CaptureFix
     assert float(lift[2]) > 0
 
 
-def test_plugins_shows_nested_options_by_dotted_names(capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["plugins", "retriever", "hybrid"]) == 0
-    assert "retriever.weights.recency_days" in capsys.readouterr().out
-
-
 def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["plugins", "task", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -185,13 +180,6 @@ def test_completion(
     offered = capsys.readouterr().out.split()
     assert set(expected) <= set(offered)
     assert not set(unexpected) & set(offered)
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_scripts_are_about_gvla2(shell: str, capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["-sc", f"install={shell}"]) == 0
-    assert "gvla2" in capsys.readouterr().out
-    assert cli.main(["-sc", f"uninstall={shell}"]) == 0
 
 
 def test_the_script_completes_in_a_real_bash(tmp_path):
