@@ -173,9 +173,9 @@ def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, p
     ],
 )
 def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path, changes, message):
-    with pytest.raises(Gvla2Error) as told:
+    with pytest.raises(Gvla2Error) as shown:
         run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")
-    assert message in str(told.value)
+    assert message in str(shown.value)
     assert not (tmp_path / "out" / "result.json").exists()
 
 

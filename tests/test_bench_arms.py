@@ -105,7 +105,7 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
 
 
 @pytest.mark.parametrize(
-    ("override", "factor", "told"),
+    ("override", "factor", "shown"),
     [
         ("robot.finger_friction=0.01", "robot", "sapien_panda (finger_friction=0.01)"),
         ("verifier.margin=0.02", "verifier", "geometric (margin=0.02)"),
@@ -119,13 +119,13 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
     ],
 )
-def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str, factor: str, told: str):
+def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: str, factor: str, shown: str):
     def stories_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
         return str(design.plan[0].factors.get(factor, "")), design.plan[0].by_profile["strict"]
 
     usual, changed = stories_of(), stories_of(override)
-    assert changed[0] == told != usual[0]
+    assert changed[0] == shown != usual[0]
     assert changed[1] != usual[1]
 
 

@@ -76,7 +76,7 @@ def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path
 
 
 def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
-    def told(_signal: int, _frame: object) -> None:
+    def shown(_signal: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
     def tell() -> None:
@@ -84,7 +84,7 @@ def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
             time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    before = signal.signal(signal.SIGTERM, told)
+    before = signal.signal(signal.SIGTERM, shown)
     threading.Thread(target=tell, daemon=True).start()
     try:
         with pytest.raises(KeyboardInterrupt):

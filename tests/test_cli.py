@@ -58,8 +58,8 @@ def test_light_commands_load_nothing_heavy():
     )
     lines = ["--help", "--version", "plugins", "plugins --json", "plugins task"]
     done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True, check=True)
-    for line, told in zip(lines, done.stderr.splitlines(), strict=True):
-        status, *modules = told.split()
+    for line, answer in zip(lines, done.stderr.splitlines(), strict=True):
+        status, *modules = answer.split()
         assert status == "0", line
         assert not HEAVY & set(modules), line
 
@@ -118,9 +118,9 @@ def test_plugins_shows_options_with_types_and_defaults(capsys: pytest.CaptureFix
 
 def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["plugins", "task", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told["components"]) == {"task"}
-    push = next(c for c in told["components"]["task"] if c["name"] == "push_block")
+    answer = json.loads(capsys.readouterr().out)
+    assert set(answer["components"]) == {"task"}
+    push = next(c for c in answer["components"]["task"] if c["name"] == "push_block")
     assert push["plugin"]["distribution"] == "gvla2"
     assert {"name": "distance", "type": "tuple[float, float]", "default": "[0.15, 0.3]"} in push["options"]
     assert push["defaults"]["distance"] == [0.15, 0.3]
@@ -204,9 +204,9 @@ def test_version(word: str, capsys: pytest.CaptureFixture[str]):
 def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["reconstruct", "views=nowhere", "-m", "fusion=none,blend", "views_spec=0"]) == 1
-    told = capsys.readouterr().err
-    assert "nowhere" in told
-    assert "unrecognized" not in told
+    answer = capsys.readouterr().err
+    assert "nowhere" in answer
+    assert "unrecognized" not in answer
     assert list(tmp_path.glob("outputs/reconstruct/*/*-sweep"))
 
 

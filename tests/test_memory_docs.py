@@ -30,8 +30,8 @@ def test_the_second_agent_hears_of_the_first(tmp_path: Path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    told, _, prompt = done.stdout.partition("\nThe second prompt:\n")
-    first, second = told.splitlines()
+    shown, _, prompt = done.stdout.partition("\nThe second prompt:\n")
+    first, second = shown.splitlines()
     assert "success=True" in first
     assert "success=False" in second
     learnt = re.search(r"learnt (hint-\w+)", first)

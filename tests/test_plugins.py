@@ -106,7 +106,7 @@ HOOK = "@hookimpl\ndef {}({}):\n    {}\n"
             "Plain is not marked @dataclass",
         ),
         (
-            "@dataclass\nclass Odd(ComponentConfig):\n    thing: Made = None\n"
+            "@dataclass\nclass Odd(ComponentConfig):\n    object: Made = None\n"
             + HOOK.format("gvla2_planners", "", "yield Component('a', Odd, Made)"),
             "gvla2_planners",
             "Odd does not fit OmegaConf",
@@ -165,7 +165,7 @@ def test_what_a_hook_does_wrong_is_named_and_the_rest_of_the_plugin_stays(
     assert "fine" in registry.components("verifier")
 
 
-def test_the_first_of_two_equal_names_wins_and_the_other_is_told(install: Install):
+def test_the_first_of_two_equal_names_wins_and_the_other_is_reported(install: Install):
     both = HOOK.format("gvla2_planners", "", "yield Component('{}', Config, Made, summary='of {}')")
     install(both.format("same", "b"), name="bravo", distribution="z-dist")
     install(both.format("same", "a"), name="alpha", distribution="z-dist")
@@ -174,12 +174,14 @@ def test_the_first_of_two_equal_names_wins_and_the_other_is_told(install: Instal
     registry = load_plugins()
     assert registry.get("planner", "same").summary == "of z", "the distribution's name comes first"
     assert registry.offers("planner")["skill"].plugin.distribution == "gvla2", "gvla2's own come first"
-    told = {p.plugin: p.message for p in registry.problems}
-    assert set(told) == {"usurper", "alpha", "bravo"}
-    assert "'same' is already offered by plugin 'zulu', which wins" in told["alpha"]
+    shown = {p.plugin: p.message for p in registry.problems}
+    assert set(shown) == {"usurper", "alpha", "bravo"}
+    assert "'same' is already offered by plugin 'zulu', which wins" in shown["alpha"]
 
 
-def test_plugins_can_be_disabled_and_a_misspelling_is_told(install: Install, monkeypatch: pytest.MonkeyPatch):
+def test_plugins_can_be_disabled_and_a_misspelling_is_reported(
+    install: Install, monkeypatch: pytest.MonkeyPatch
+):
     install("1 / 0")
     monkeypatch.setenv("GVLA2_DISABLE_PLUGINS", "fake, skil")
     registry = load_plugins()

@@ -14,13 +14,13 @@ def cell(
         "task": task, "arm": arm, "profile": profile, "seed": seed, "episode": episode, "robot": "sapien_panda",
         "perceiver": "classical", "planner": "skill", "verifier": "geometric", "depth_noise": "none", "scale": "1.0",
     }  # fmt: skip
-    told = {
+    shown = {
         "status": "ok",
         "failure": "" if done else "grasp",
         "verdict": "verified_success" if done else "verified_fail",
     }
     return Cell(
-        f"{task}{arm}{episode}{profile}{seed}", factors, {"success": done, "seconds": 2.0}, told | notes, 1
+        f"{task}{arm}{episode}{profile}{seed}", factors, {"success": done, "seconds": 2.0}, shown | notes, 1
     )
 
 
