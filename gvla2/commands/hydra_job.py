@@ -24,6 +24,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
+from gvla2.commands.bench import as_overrides
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE, suite_schemas
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
@@ -157,7 +158,7 @@ def complete(argv: Sequence[str], commands: Collection[str]) -> int:
     """Hydra's ``--shell-completion install=SHELL | uninstall=SHELL | query=SHELL``, for sub-commands too.
 
     A query has the line so far in COMP_LINE. Its first word completes to a command here, the others by Hydra, which
-    does not know a suite of ``bench`` or the words of ``memory``.
+    does not know the words of ``memory``; a suite of ``bench`` becomes its override.
     """
     name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
     command, space, rest = rest.lstrip().partition(" ")
@@ -165,7 +166,8 @@ def complete(argv: Sequence[str], commands: Collection[str]) -> int:
         print("" if space else "\n".join(each for each in commands if each.startswith(command)))
         return 0
     before, _, last = rest.rpartition(" ")
-    given = [word for word in before.split() if _is_override(word)]
+    words = as_overrides(before.split()) if command == "bench" else before.split()
+    given = [word for word in words if _is_override(word)]
     os.environ["COMP_LINE"] = " ".join([name, *given, last])
     command = command if command in PRIMARY else "run"
     _register(command)
