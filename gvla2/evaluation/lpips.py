@@ -137,7 +137,7 @@ def read_weights(path: Path | None = None) -> Weights:
     if not source.is_file():
         raise MissingDependencyError(f"the weight file {source}", "LPIPS", FETCH, LICENCE)
     try:
-        with np.load(source) as kept:
+        with np.load(io.BytesIO(source.read_bytes())) as kept:
             names = ("kernel", "bias", "head")
             arrays = [[kept[f"{name}{n}"].astype(np.float32) for n in range(LAYERS)] for name in names]
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:

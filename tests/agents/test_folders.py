@@ -26,8 +26,8 @@ def test_our_tasks_are_read_in_families_of_three():
 
 
 def test_the_first_layout_is_read(tmp_path: Path):
-    told = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
-    made(tmp_path / "one", task_dot_yaml=told)
+    content = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
+    made(tmp_path / "one", task_dot_yaml=content)
     (tmp_path / "one" / "tests").mkdir()
     (tmp_path / "one" / "run-tests.sh").write_text("exit 0\n")
     (task,) = read_tasks(tmp_path)
