@@ -16,7 +16,7 @@ from rich.console import Console
 from gvla2 import cli
 from gvla2.commands.bench import run_bench
 from gvla2.commands.data import DataCommandConfig, take_stock
-from gvla2.commands.primary import SCHEMAS
+from gvla2.commands.primary import all_schemas
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
@@ -194,7 +194,7 @@ def test_nonsense_in_the_configuration(changes):
 
 
 def test_the_configurations_compose(registry):
-    register(registry, SCHEMAS)
+    register(registry, all_schemas())
     chosen = ["prior=none", "fusion=none", "renderer=reference"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=["data=meshes", "data.root=x", *chosen]))

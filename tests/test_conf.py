@@ -13,7 +13,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import launch
-from gvla2.commands.primary import PRIMARY, SCHEMAS
+from gvla2.commands.primary import PRIMARY, all_schemas
 from gvla2.commands.run import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
@@ -35,7 +35,7 @@ def composed(*overrides: str, command: str = "run") -> Any:
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, SCHEMAS)
+    register(registry, all_schemas())
 
 
 @pytest.mark.parametrize("name", PRIMARY)

@@ -24,7 +24,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, SCHEMAS, VERSION_BASE
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE, suite_schemas
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
@@ -118,10 +118,13 @@ def print_help(command: str, registry: Registry, suite: str = "") -> None:
     from gvla2.commands.plugins import options
     from gvla2.commands.tables import console, row, table
 
-    schema, out = SCHEMAS[f"suite_schema/{suite}" if suite else command], console()
+    schema = suite_schemas()[f"bench_suite_schema/{suite}"] if suite else PRIMARY[command]
+    out = console()
     folder = files(CONFIG_MODULE)
     file: Any = OmegaConf.create((folder / f"{command}.yaml").read_text(encoding="utf-8"))
-    chosen: Any = OmegaConf.create((folder / "suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
+    chosen: Any = (
+        OmegaConf.create((folder / "bench_suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
+    )
     defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
     entries: Any = OmegaConf.to_container(chosen.defaults)
     for entry in entries:
@@ -182,8 +185,8 @@ def _register(command: str) -> Registry:
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
     groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
     registry = load_plugins(groups)
-    suites = {name: suite for name, suite in SCHEMAS.items() if name.startswith("bench_suite_schema/")}
-    register(registry, {command: schema, **(suites if command == "bench" else {})}, groups)
+    suites = suite_schemas() if command == "bench" else {}
+    register(registry, {command: schema, **suites}, groups)
     return registry
 
 
@@ -214,7 +217,7 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
             options, note = list(registry.components(group)), registry.broken_note(group)
         return str(UnknownComponentError(group, name.removesuffix(".yaml"), options, note))
     if not isinstance(error, HydraException | OmegaConfBaseException):
-        return " ".join([describe(error), *getattr(error, "__notes__", ())])
+        return ". ".join([describe(error).rstrip("."), *getattr(error, "__notes__", ())])
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
     if not isinstance(cause, OmegaConfBaseException):
         return " ".join(str(error).split())

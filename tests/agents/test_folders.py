@@ -28,8 +28,8 @@ def test_our_tasks_are_read_in_families_of_three():
 
 
 def test_the_first_layout_is_read(tmp_path: Path):
-    told = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
-    made(tmp_path / "one", task_dot_yaml=told)
+    content = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
+    made(tmp_path / "one", task_dot_yaml=content)
     (tmp_path / "one" / "tests").mkdir()
     (tmp_path / "one" / "run-tests.sh").write_text("exit 0\n")
     (task,) = read_tasks(tmp_path)
@@ -85,8 +85,8 @@ def test_two_tasks_of_one_name_are_refused(tmp_path: Path):
 
 def trial(folder: Path, name: str, resolved: object, log: str = "$ ls\nfile\n") -> None:
     (folder / name / "sessions").mkdir(parents=True)
-    told = {"trial_name": name, "task_id": name[0], "instruction": "Do it.", "is_resolved": resolved}
-    (folder / name / "results.json").write_text(json.dumps(told))
+    content = {"trial_name": name, "task_id": name[0], "instruction": "Do it.", "is_resolved": resolved}
+    (folder / name / "results.json").write_text(json.dumps(content))
     (folder / name / "sessions" / "agent.log").write_text(log)
 
 
@@ -109,9 +109,9 @@ def test_mini_swe_trajectories_take_their_outcome_from_the_report(tmp_path: Path
         {"role": "user", "content": "<output>x</output>"},
     ]
     for name in ("one", "two"):
-        told = {"messages": messages, "info": {"exit_status": "Submitted"}}
+        content = {"messages": messages, "info": {"exit_status": "Submitted"}}
         (tmp_path / "runs" / name).mkdir(parents=True)
-        (tmp_path / "runs" / name / f"{name}.traj.json").write_text(json.dumps(told))
+        (tmp_path / "runs" / name / f"{name}.traj.json").write_text(json.dumps(content))
     with pytest.raises(ConfigurationError, match="known outcome"):
         read_trials(tmp_path)
     (tmp_path / "report.json").write_text(json.dumps({"resolved_ids": ["two"]}))
@@ -121,30 +121,12 @@ def test_mini_swe_trajectories_take_their_outcome_from_the_report(tmp_path: Path
     assert "$ ls -la" in first.account
 
 
-def test_auc_against_pairs_counted_one_by_one():
+def test_a_verifiers_ranking_and_calibration():
     scores, truths = [0.1, 0.4, 0.4, 0.8, 0.9, 0.2], [False, True, False, True, True, False]
-    pairs = [
-        (a > b) + 0.5 * (a == b)
-        for a, won in zip(scores, truths, strict=True)
-        if won
-        for b, lost in zip(scores, truths, strict=True)
-        if not lost
-    ]
-    assert auc(scores, truths) == pytest.approx(sum(pairs) / len(pairs))
+    assert auc(scores, truths) == pytest.approx(8.5 / 9), "a tie counts half"
     assert auc([0.5, 0.5], [True, True]) is None
-
-
-def test_the_interval_draws_tasks_and_holds_the_value():
-    scores = [i / 40 for i in range(40)]
-    truths = [(i * 7) % 40 > 15 for i in range(40)]
-    low, high = auc_interval(scores, truths, [str(i // 4) for i in range(40)]) or (0, 0)
-    value = auc(scores, truths)
-    assert value is not None
-    assert low <= value <= high
-    assert auc_interval(scores, [True] * 40, ["a"] * 40) is None
-
-
-def test_calibration_of_a_sure_and_wrong_judge_is_one():
+    low, high = auc_interval(scores * 5, truths * 5, [str(i // 3) for i in range(30)]) or (0, 0)
+    assert low <= 8.5 / 9 <= high
     assert calibration_error([1.0, 1.0, 0.0], [False, False, True]) == pytest.approx(1.0)
     assert calibration_error([0.5, 0.5], [True, False]) == pytest.approx(0.0)
     assert calibration_error([], []) is None

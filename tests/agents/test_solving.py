@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
-from gvla2.agents.solving import attempt, transcript
+from gvla2.agents.solving import attempt
 from gvla2.errors import ConfigurationError
 from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
@@ -91,14 +91,6 @@ def test_one_answer_that_cannot_be_run_is_told_the_model_and_ends_nothing(sandbo
     assert (made.run.exit_status, made.solved) == ("Submitted", True)
 
 
-def test_the_account_is_a_shell_session_without_prose(sandboxed, tmp_path: Path):
-    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
-        told = transcript(tried("deposit-photos", model.url, bank).run)
-    assert "$ bash bin/deposit photos --commit" in told
-    assert "THOUGHT" not in told
-    assert told.endswith("The agent ended with: Submitted")
-
-
 def test_it_keeps_the_contract_of_an_agent():
     with LocalModel(giving({})) as model:
         check_agent(MiniSwe(MiniSweConfig(name="mini_swe"), endpoint(model.url)))
@@ -110,8 +102,3 @@ def test_settings_that_are_none_of_its_own_are_refused(tmp_path: Path, text):
     config = MiniSweConfig(name="mini_swe", settings=str(tmp_path / "mine.yaml"))
     with pytest.raises(ConfigurationError, match="not a settings file"):
         MiniSwe(config, endpoint("http://127.0.0.1:9/v1"))
-
-
-def test_options_that_cannot_be_are_refused():
-    with pytest.raises(ConfigurationError, match="steps >= 1"):
-        MiniSweConfig(name="mini_swe", steps=0)

@@ -9,9 +9,7 @@ from gvla2.skills.part_hierarchy import called
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.skill.grounding import Grounded, ground
-from gvla2_plugins.skill.phrases import read_phrase
-from gvla2_plugins.skill.sorting import sorting
+from gvla2_plugins.skill.planner import SentenceReading, read
 from gvla2_plugins.tabletop import gvla2_tasks
 
 
@@ -39,9 +37,9 @@ def scenes(robot):
 
 
 def meant(scene, words):
-    found = ground(read_phrase(words.split()), scene)
-    assert isinstance(found, Grounded), found.message
-    return found.object
+    found = read(f"take {words}", scene)
+    assert isinstance(found, SentenceReading), found.message
+    return scene[found.calls[0].theme]
 
 
 @pytest.mark.parametrize(
@@ -54,13 +52,13 @@ def meant(scene, words):
         ("close_box", "the box", "lid", 0.015),
     ],
 )
-def test_a_thing_and_its_part_are_where_they_are(scenes, task, words, part, within):
+def test_an_object_and_its_part_are_where_they_are(scenes, task, words, part, within):
     places = []
     for scene in scenes(task):
         parts = [p for p in scene.parts_of(meant(scene, words).id) if called(p, part)]
-        thing = max(parts, key=lambda p: p.top, default=None)
-        assert thing is not None, [o.label for o in scene.objects]
-        places.append(thing.centre)
+        highest = max(parts, key=lambda p: p.top, default=None)
+        assert highest is not None, [o.label for o in scene.objects]
+        places.append(highest.centre)
     np.testing.assert_allclose(*places, atol=within)
 
 
@@ -74,13 +72,13 @@ def test_a_thing_and_its_part_are_where_they_are(scenes, task, words, part, with
         ("put_knife", "the knife block"),
     ],
 )
-def test_nouns_mean_the_same_thing_in_both_scenes(scenes, task, words):
+def test_nouns_mean_the_same_object_in_both_scenes(scenes, task, words):
     places = [meant(scene, words).centre[:2] for scene in scenes(task)]
     np.testing.assert_allclose(*places, atol=0.02)
 
 
 @pytest.mark.parametrize(("task", "words"), [("insert_block", "the ring"), ("sort_mustard", "the tray")])
-def test_how_wide_hollow_things_are_open(scenes, task, words):
+def test_how_wide_hollow_objects_are_open(scenes, task, words):
     widths = [meant(scene, words).opening for scene in scenes(task)]
     assert widths[1] > 0.02
     assert widths[0] == pytest.approx(widths[1], rel=0.05)
@@ -88,10 +86,10 @@ def test_how_wide_hollow_things_are_open(scenes, task, words):
 
 def test_every_object_leaves_the_bins_out(scenes):
     for scene in scenes("sort_object"):
-        pairs = sorting("put every object into the bin that has its colour", scene)
-        assert isinstance(pairs, list)
-        assert len({thing.id for thing, _ in pairs}) == 3
-        assert not any(thing.opening for thing, _ in pairs)
+        found = read("put every object into the bin of its own colour", scene)
+        assert isinstance(found, SentenceReading), found.message
+        assert len({call.theme for call in found.calls}) == 3
+        assert not any(scene[call.theme].opening for call in found.calls)
 
 
 def test_the_lid_of_one_of_two_jars(scenes):

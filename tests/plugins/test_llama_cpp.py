@@ -18,8 +18,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language import Endpoint, ModelUnavailableError, Request, ask_typed
+from gvla2.testing import check_component
 from gvla2.testing import language as language_module
-from gvla2.testing.component import check_component
 from gvla2_plugins import llama_cpp
 from gvla2_plugins.llama_cpp import LlamaCppConfig, server
 from gvla2_plugins.llama_cpp.server import LlamaServer
