@@ -57,12 +57,12 @@ def test_a_hand_that_closes_on_nothing_and_leaves_is_found_out(place, allowed):
     assert kinds(*grasp_at(*place, touching=allowed, carries="cube")) == ["grasp_misses"]
 
 
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.0, 0.03), (0.02, 0.0), (0.0, -0.05)])
 def test_a_hand_that_stays_closed_or_only_narrows_is_no_fault():
     assert kinds(*grasp_at(0.3, 0.12)[:3]) == []
     assert kinds(at(0.3, 0.2, 0.2, 0.6), at(0.3, 0.1, 0.2, 0.6), at(0.2, 0.1, 0.2, 0.6)) == []
 
 
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.0, 0.03), (0.02, 0.0), (0.0, -0.05)])
 def test_what_is_between_the_fingers_is_grasped_also_off_the_middle(offset):
     place = (0.3 + offset[0], offset[1])
     assert kinds(*grasp_at(*place)) == []
