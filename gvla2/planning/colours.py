@@ -59,7 +59,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""
 
-TOLD_APART = 30.0
+DISTINCT = 30.0
 """Distance (see :func:`colour_distance`) above which two surfaces differ in any light: not two shades of one hue, nor
 two neighbouring greys."""
 

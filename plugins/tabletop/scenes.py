@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
 from gvla2.robot.placing import sample_until
 from gvla2.robot.task import Body, Primitive, TaskSite
 
@@ -41,7 +41,7 @@ def sample_colours(
 
 
 def _apart(rgb: Rgb, others: list[Rgb]) -> bool:
-    return not others or bool((colour_distance(np.array(others), rgb) >= TOLD_APART).all())
+    return not others or bool((colour_distance(np.array(others), rgb) >= DISTINCT).all())
 
 
 def sentence_of(rng: np.random.Generator, templates: Sequence[str], given: str | None, **words: str) -> str:

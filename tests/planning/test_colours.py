@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from gvla2.planning.colours import (
     COLOURS,
-    TOLD_APART,
+    DISTINCT,
     appearance,
     colour_distance,
     colours_in,
@@ -35,7 +35,7 @@ def test_dark_shades_are_told_from_bright_ones_by_brightness(seen, name):
 @given(name=st.sampled_from(sorted(COLOURS)), shade=st.floats(0.6, 1.0))
 def test_shading_never_turns_a_colour_into_one_that_counts_as_told_apart(name, shade):
     seen = nearest_colours(np.array(COLOURS[name]) * shade, 1)[0][0]
-    assert colour_distance(COLOURS[seen], COLOURS[name]) < TOLD_APART
+    assert colour_distance(COLOURS[seen], COLOURS[name]) < DISTINCT
 
 
 @settings(max_examples=60, deadline=None)

@@ -4,6 +4,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
 import pytest
+import trimesh
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
@@ -183,6 +184,21 @@ def test_home_is_found_clear_of_everything_and_the_same_each_time(make):
     np.testing.assert_array_equal(one.home, other.home)
     assert one.clearance(one.home, 1.0, Scene((), 0.0, one.workspace)).distance > 0.01
     assert one.forward(one.home)[2, 2] == pytest.approx(-1.0, abs=1e-4)  # the hand points down
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_a_collada_shape_is_as_large_as_its_unit_says(make, tmp_path, unit):
+    box = trimesh.creation.box((0.06, 0.06, 0.34))
+    box.apply_translation([0, 0, 0.18])
+    box.apply_scale(1 / unit)
+    text = box.export(file_type="dae").replace(b"</asset>", f'<unit meter="{unit}"/></asset>'.encode())
+    (tmp_path / "forearm.dae").write_bytes(text)
+    forearm = (
+        '<link name="fore"><collision><geometry><mesh filename="forearm.dae"/></geometry></collision></link>'
+    )
+    fixed = joint("fore", "fixed", "link2", "fore", "0 0 0")
+    arm = make_cell(make(urdf(extra=forearm + fixed))).arm
+    assert arm.clearance(arm.home, 1.0, Scene((), 0.0, arm.workspace)).distance > 0.01
 
 
 def test_neighbours_are_found_and_real_collisions_kept(make):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import transform_points
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
 from gvla2.robot.solids import Volume, body_points
 from gvla2.robot.task import TaskInstance
 from tests.plugins.tabletop_layouts import TABLE, TABLE_RGB, near_the_base, sample, site, task
@@ -76,8 +76,8 @@ def test_colours_are_told_apart(name, seed):
     colours = {s.rgb for b in bodies for s in b.solids if s.rgb in COLOURS.values()}
     assert len(colours) == {"pick_and_lift": 3, "push_block": 2, "lamp_on": 1}[name]
     for one in colours:
-        assert colour_distance(one, TABLE_RGB) >= TOLD_APART
-        assert all(colour_distance(one, other) >= TOLD_APART for other in colours - {one})
+        assert colour_distance(one, TABLE_RGB) >= DISTINCT
+        assert all(colour_distance(one, other) >= DISTINCT for other in colours - {one})
 
 
 @settings(max_examples=40, deadline=None)
