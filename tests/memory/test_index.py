@@ -127,8 +127,8 @@ def test_programs_are_told_apart(store: Store) -> None:
         [replace(records[0], effect=program), replace(records[1], effect='{"kind":"prior"}'), records[2]],
     )
     candidates = fresh(store).candidates()
-    told = dict(zip(ids_of(candidates), candidates.programs.tolist(), strict=True))
-    assert told == {records[0].id: True, records[1].id: False, records[2].id: False}
+    programs = dict(zip(ids_of(candidates), candidates.programs.tolist(), strict=True))
+    assert programs == {records[0].id: True, records[1].id: False, records[2].id: False}
 
 
 def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None:

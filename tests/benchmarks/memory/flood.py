@@ -56,12 +56,12 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         try:
             for line in process.stdout:
                 seen.append(json.loads(line))
-            told = process.stderr.read()
+            errors = process.stderr.read()
         except BaseException:
             process.kill()
             raise
     if process.returncode or not seen:
-        raise Gvla2Error(f"The flood's process ended with {process.returncode}: {told.strip()[-300:]}")
+        raise Gvla2Error(f"The flood's process ended with {process.returncode}: {errors.strip()[-300:]}")
     # Columns and caches are tidied now and then, so that memory goes up and down: its peaks are compared.
     middle, end = len(seen) // 2, seen[-1]
     first, second = (max(one["resident"] for one in part) for part in (seen[:middle], seen[middle:]))
