@@ -341,6 +341,6 @@ def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) 
     bank = open_bank()
     lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
     bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug", trusted=True)
-    instruction = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
-    assert bank.recall(instruction.format("Glue the handle onto the mug.")).items
-    assert not bank.recall(instruction.format("Water the plants in the hall.")).items
+    whole = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
+    assert bank.recall(whole.format("Glue the handle onto the mug.")).items
+    assert not bank.recall(whole.format("Water the plants in the hall.")).items
