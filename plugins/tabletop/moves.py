@@ -33,17 +33,8 @@ def stop(
     turned = Orientation()
     if approach is not None and closing is not None:
         turned = Orientation("grasp", _triple(approach), _triple(closing))
-    return Waypoint(
-        _triple(xyz),
-        gripper,
-        stage,
-        turned,
-        "free" if free else "linear",
-        speed,
-        frozenset(contacts),
-        carries,
-        tolerance,
-    )
+    way, touched = "free" if free else "linear", frozenset(contacts)
+    return Waypoint(_triple(xyz), gripper, stage, turned, way, speed, touched, carries, tolerance)
 
 
 def through(
@@ -66,6 +57,36 @@ def through(
         )
         for i, pose in enumerate(poses)
     ]  # fmt: skip
+
+
+def take(
+    before: FloatArray,
+    grasp: FloatArray,
+    opening: float,
+    contacts: Iterable[str],
+    *,
+    speed: float = 0.1,
+    touching: bool = True,
+) -> list[Waypoint]:
+    """Approach ``before``, reach ``grasp`` (poses (4, 4)) and close.
+
+    ``touching``: the ``contacts`` are already allowed on the approach.
+    """
+    near = frozenset(contacts)
+    return [
+        *through("approach", [before], opening, free=True, contacts=near if touching else ()),
+        *through("reach", [grasp], opening, speed=speed, contacts=near),
+        *through("grasp", [grasp], 0.0, contacts=near),
+    ]
+
+
+def let_go(pose: FloatArray, away: FloatArray, opening: float, contacts: Iterable[str]) -> list[Waypoint]:
+    """Open the hand at ``pose`` and leave to ``away`` (4, 4)."""
+    near = frozenset(contacts)
+    return [
+        *through("release", [pose], opening, contacts=near),
+        *through("leave", [away], opening, contacts=near),
+    ]
 
 
 def best_closing(
@@ -201,17 +222,5 @@ def put_on(
             stop("release", release, 1.0, contacts=touched),
             stop("leave", above, 1.0, contacts=touched),
         ]
-
-    return solve
-
-
-def hold_up(obj: str, size: FloatArray, lift: float) -> Solution:
-    """Grasp a box-like ``obj`` (full sides (3,), origin in its middle) from above and hold it up."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(obj)
-        grasp = pose[:3, 3] + UP * max(0.0, 0.5 * size[2] - 0.03)
-        sides = both(*(pose[:3, i] for i in (0, 1) if size[i] < 0.076))
-        yield pick(obj, grasp, best_closing(arm, [grasp, grasp + UP * lift], sides), lift)
 
     return solve
