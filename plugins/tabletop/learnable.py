@@ -266,7 +266,7 @@ class Learnable:
             raise ConfigurationError(f"task.world_seed is {config.world_seed}; it must not be negative.")
         self.families = families(kind, config.world_seed, config.families)
         self._family, self._change = config.family, CHANGES[kind]
-        self._task = task(replace(config, **NEEDED.get(kind, {})))
+        self._task = task(replace(config, **NEEDED.get(kind, {})))  # type: ignore[arg-type]
         naming = tuple(template for template in self._task.instructions if "{colour}" in template)
         self.instructions = naming or NAMING[kind]
 

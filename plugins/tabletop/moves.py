@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -33,7 +34,8 @@ def stop(
     turned = Orientation()
     if approach is not None and closing is not None:
         turned = Orientation("grasp", _triple(approach), _triple(closing))
-    way, touched = "free" if free else "linear", frozenset(contacts)
+    way: Literal["free", "linear"] = "free" if free else "linear"
+    touched = frozenset(contacts)
     return Waypoint(_triple(xyz), gripper, stage, turned, way, speed, touched, carries, tolerance)
 
 

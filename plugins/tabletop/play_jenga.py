@@ -61,13 +61,13 @@ class PlayJenga(TabletopTask[ScaledConfig]):
                 continue
             across, crosswise = k * (slot - 1) * BRICK[1], layer % 2 == 1
             spot = (across, 0.0) if crosswise else (0.0, across)
-            pose = at(root, *spot, k * (layer + 0.5) * BRICK[2], np.pi / 2 if crosswise else 0.0)
+            pose = at(root, spot[0], spot[1], k * (layer + 0.5) * BRICK[2], np.pi / 2 if crosswise else 0.0)
             solid = box(scaled(k, BRICK), WOOD)
             bricks.append(Body(f"brick_{layer}_{slot}", (solid,), pose, MASS, label="white brick"))
         wide, height = 2 * GOAL_RADIUS, k * GOAL_HEIGHT
         paint = Primitive("cylinder", (wide, wide, PAINT), COLOURS[circle], collides=False)
-        spot = Body("circle", (paint,), at(root, *GOAL, PAINT / 2), fixed=True, label=f"{circle} circle")
-        layout = Layout((*bricks, spot))
+        patch = Body("circle", (paint,), at(root, *GOAL, PAINT / 2), fixed=True, label=f"{circle} circle")
+        layout = Layout((*bricks, patch))
         goal = Volume(at(root, *GOAL, height / 2), (wide, wide, height), round=True)
 
         def relaxed(world: WorldState) -> bool:

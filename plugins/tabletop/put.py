@@ -15,7 +15,17 @@ from gvla2.robot.solids import Volume, on, tray
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.moves import put_on
-from gvla2_plugins.tabletop.scenes import Draw, Rgb, TabletopTask, box, cylinder, lifted, scaled, square
+from gvla2_plugins.tabletop.scenes import (
+    Draw,
+    Rgb,
+    Sides,
+    TabletopTask,
+    box,
+    cylinder,
+    lifted,
+    scaled,
+    square,
+)
 
 SIZE, BLOCK_MASS = 0.0608, 0.448
 BLOCK_AT, TARGET_AT = (0.025, -0.025), (0.025, 0.15)
@@ -268,8 +278,7 @@ class SortObject(TabletopTask[ScaledConfig]):
             for i, c in enumerate(colours)
         )
         objects = []
-        for name, side, colour, pose in zip(OBJECTS, self._sizes(), belongs, poses[2:], strict=True):
-            size = scaled(1.0, side)
+        for name, size, colour, pose in zip(OBJECTS, self._sizes(), belongs, poses[2:], strict=True):
             solid = Primitive("cylinder" if name == "can" else "box", size, COLOURS[colours[colour]])
             label = f"{colours[colour]} {name}"
             objects.append(Body(name, (solid,), pose @ lifted(size[2] / 2), MASS, label=label))
@@ -292,8 +301,8 @@ class SortObject(TabletopTask[ScaledConfig]):
             other=colours[1],
         )
 
-    def _sizes(self) -> list[FloatArray]:
-        return [self.scale * np.array(size) for size in OBJECTS.values()]
+    def _sizes(self) -> list[Sides]:
+        return [scaled(self.scale, size) for size in OBJECTS.values()]
 
     def _solution(self, belongs: list[int]) -> Solution:
         def solve(world: WorldState, arm: Arm) -> Iterator[Sequence[Waypoint]]:
@@ -301,7 +310,7 @@ class SortObject(TabletopTask[ScaledConfig]):
                 shares = belongs.count(belongs[i]) > 1
                 aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares
                 put = put_on(
-                    name, f"bin_{belongs[i]}", size, rise=BIN_WALL, offset=np.array([aside, 0.0, 0.0]),
+                    name, f"bin_{belongs[i]}", np.array(size), rise=BIN_WALL, offset=np.array([aside, 0.0, 0.0]),
                     contacts=("bin_0", "bin_1", *OBJECTS),
                 )  # fmt: skip
                 yield from put(world, arm)
