@@ -106,7 +106,7 @@ def test_cubes_keep_their_gap_and_their_area(seed, size):
 @pytest.mark.parametrize("name", TASKS)
 @settings(max_examples=40, deadline=None)
 @given(seed=seeds)
-def test_colours_are_told_apart(name, seed):
+def test_colours_are_distinct(name, seed):
     bodies = sample(name, seed).layout.bodies
     colours = {s.rgb for b in bodies for s in b.solids if s.rgb in COLOURS.values()}
     assert len(colours) == {"pick_and_lift": 3, "push_block": 2, "lamp_on": 1}[name]
