@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -46,19 +46,13 @@ def through(
     *,
     free: bool = False,
     speed: float = 0.15,
-    contacts: Iterable[str] = (),
-    carries: str = "",
-    tolerance: float = 0.01,
+    **more: Any,
 ) -> list[Waypoint]:
-    """Waypoints at tool poses (4, 4); ``free`` concerns the first."""
-    touched = frozenset(contacts)
+    """Waypoints at tool poses (4, 4), with the options of :func:`stop`; ``free`` concerns the first."""
     return [
-        stop(
-            stage, pose[:3, 3], gripper, pose[:3, 2], pose[:3, 1], free=free and i == 0, speed=speed,
-            contacts=touched, carries=carries, tolerance=tolerance,
-        )
+        stop(stage, pose[:3, 3], gripper, pose[:3, 2], pose[:3, 1], free=free and i == 0, speed=speed, **more)
         for i, pose in enumerate(poses)
-    ]  # fmt: skip
+    ]
 
 
 def take(
@@ -91,28 +85,13 @@ def let_go(pose: FloatArray, away: FloatArray, opening: float, contacts: Iterabl
     ]
 
 
-def best_closing(
-    arm: Arm,
-    points: Sequence[FloatArray],
-    closings: Iterable[FloatArray],
-    approach: FloatArray = DOWN,
-    turn: float = 0.0,
-) -> FloatArray:
-    """Of the closing directions (3,), the one whose joints stay furthest from their limits along ``points`` (3,).
-
-    The tool must get from the first point to each next one on a straight line, and then, where ``turn`` (radians,
-    about the approach) is given, turn on the spot.
+def best_closing(arm: Arm, points: Sequence[FloatArray], closings: Iterable[FloatArray]) -> FloatArray:
+    """Of the closing directions (3,) of a hand that points down, the one whose joints stay furthest from their limits
+    straight along ``points`` (3,).
     """
     choices = list(closings)
-    paths = []
-    for closing in choices:
-        rotation = grasp_rotation(approach, closing)
-        poses = [rigid(rotation, point) for point in points]
-        for share in np.linspace(0.0, 1.0, 4)[1:] if turn else ():
-            about = Rotation.from_rotvec(approach * turn * share).as_matrix()
-            poses.append(rigid(about @ rotation, points[-1]))
-        paths.append(poses)
-    return choices[best_path(arm, paths)]
+    rotations = [grasp_rotation(DOWN, closing) for closing in choices]
+    return choices[best_path(arm, [[rigid(turn, point) for point in points] for turn in rotations])]
 
 
 def best_path(arm: Arm, paths: Sequence[Sequence[FloatArray]]) -> int:
@@ -159,22 +138,17 @@ def pick(
     grasp: FloatArray,
     closing: FloatArray,
     lift: float,
-    approach: FloatArray = DOWN,
     *,
     standoff: float = 0.10,
     contacts: Iterable[str] = (),
-    opening: float = 1.0,
-    away: FloatArray = UP,
 ) -> list[Waypoint]:
-    """Approach, close on ``obj`` with the tool at ``grasp`` (3,), and lift it by ``lift`` along ``away``."""
-    touched = {obj, "table", *contacts}
+    """Approach from above, close on ``obj`` with the tool at ``grasp`` (3,), and lift it; metres."""
+    near = {obj, "table", *contacts}
     return [
-        stop(
-            "approach", grasp - standoff * approach, opening, approach, closing, free=True, contacts=touched
-        ),
-        stop("reach", grasp, opening, speed=0.15, contacts=touched),
-        stop("grasp", grasp, 0.0, contacts=touched),
-        stop("lift", grasp + lift * away, 0.0, speed=0.15, contacts=touched, carries=obj),
+        stop("approach", grasp + standoff * UP, 1.0, DOWN, closing, free=True, contacts=near),
+        stop("reach", grasp, 1.0, speed=0.15, contacts=near),
+        stop("grasp", grasp, 0.0, contacts=near),
+        stop("lift", grasp + lift * UP, 0.0, speed=0.15, contacts=near, carries=obj),
     ]
 
 
