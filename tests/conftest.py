@@ -8,6 +8,7 @@ import shutil
 import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,47 @@ class Made:
     def plan(self, request): return None
 """
 
+EXTRAS = {
+    "agents/test_sandbox.py": "minisweagent",
+    "agents/test_solving.py": "minisweagent",
+    "evaluation/test_lpips.py": "torch",
+    "gym": "gymnasium",
+    "plugins/test_gsplat_renderer.py": "torch",
+    "plugins/test_piper.py": "can",
+    "plugins/test_piper_run.py": "can",
+    "plugins/test_piper_safety.py": "can",
+    "plugins/test_realsense_run.py": "can",
+    "plugins/test_vggt_prior.py": "torch",
+    "reconstruction/test_rasteriser.py": "torch",
+    # Only some of their tests need more, and skip without it.
+    "plugins/test_embedders.py": "",
+    "plugins/test_open_vocabulary.py": "",
+    "plugins/test_sam.py": "",
+    "plugins/test_trackers.py": "",
+    "record/test_motion.py": "",
+    "test_launchers.py": "",
+}
+"""Test files and folders that need a package of ``[test-all]``: they carry the marker ``extras``."""
+_ABSENT = sorted(name for name, package in EXTRAS.items() if package and find_spec(package) is None)
+collect_ignore = _ABSENT
+
 Install = Callable[..., str]
 _databases = itertools.count()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of optional packages."""
+    here = Path(__file__).parent
+    for item in items:
+        if any(item.path.is_relative_to(here / name) for name in EXTRAS):
+            item.add_marker("extras")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the files that were left out."""
+    if _ABSENT:
+        files = ", ".join(_ABSENT)
+        terminalreporter.write_line(f"Left out, since they need packages of [test-all]: {files}")
 
 
 @pytest.fixture

@@ -16,10 +16,21 @@ ALONE = ("01", "03", "07")
 """In a process of its own: as a reader starts it (01); its plugin stays (03); it sets torch's threads for good (07)."""
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda e: e.stem)
+NEEDS = {"06": "gymnasium", "07": "stable_baselines3"}
+"""Packages of [test-all], by number."""
+
+
+def _marked(example: Path) -> object:
+    marks = pytest.mark.extras if example.name[:2] in NEEDS else ()
+    return pytest.param(example, id=example.stem, marks=marks)
+
+
+@pytest.mark.parametrize("example", map(_marked, EXAMPLES))
 def test_it_runs(
     example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
+    if example.name[:2] in NEEDS:
+        pytest.importorskip(NEEDS[example.name[:2]])
     words = [str(example), *SHORT.get(example.name[:2], [])]
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)

@@ -272,11 +272,15 @@ def crashed_component(components: Components, error: BaseException) -> str:
     }
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
         module = str(frame.f_globals.get("__name__", ""))
-        for kind, home in homes.items():
-            package = home.rpartition(".")[0]
-            inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
-            if module == home or inside:
-                return f"{components.named(kind)} crashed"
+        # Several plugins may be modules of one package: the closest is meant.
+        near = {
+            kind: len(place)
+            for kind, home in homes.items()
+            for place in (home, home.rpartition(".")[0])
+            if module == home or (place not in ("", "gvla2", home) and f"{module}.".startswith(f"{place}."))
+        }
+        if near:
+            return f"{components.named(max(near, key=near.__getitem__))} crashed"
     return ""
 
 

@@ -332,7 +332,9 @@ class KnowledgeBank(OpenBank, Closing):
         given = _task(task)
         query, numbers = clean(given.query, MAX_QUERY), finite(given.signature)
         asked = MemoryTask(query, numbers, given.skill, given.objects[:MAX_OBJECTS])
-        return asked, self.embedder.embed([query])[0]
+        knows = getattr(self.embedder, "knows", None)
+        vector = self.embedder.embed([query])[0]
+        return asked, vector if knows is None or knows(query) else np.zeros_like(vector)
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:

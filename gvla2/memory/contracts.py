@@ -184,7 +184,8 @@ class Memory(Protocol):
 
 class Embedder(Protocol):
     """Maps texts to unit vectors. One with a method ``for_bank(model)`` returns the embedder for a bank whose vectors
-    are by ``model``, "" for a bank without vectors.
+    are by ``model``, "" for a bank without vectors. One with a method ``knows(query)`` says whether the vector of a
+    query means anything; if not, the bank searches by words alone.
     """
 
     @property

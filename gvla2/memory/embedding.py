@@ -57,6 +57,15 @@ class StaticEmbedder:
         """Identifier kept with stored vectors: another table has another checksum."""
         return self._model
 
+    def knows(self, query: str) -> bool:
+        """Whether at least half of a query's letters are Latin.
+
+        The table was trained on English. In another script it knows little more than letters, whose mean is near that
+        of any other text in that script: such a query is searched by its words alone.
+        """
+        letters = [] if query.isascii() else [char <= "\u024f" for char in query if char.isalpha()]
+        return 2 * sum(letters) >= len(letters)
+
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, 256) unit rows; a text without tokens gives a zero row."""
         bare = (text[:_MAX_CHARS].casefold().encode("utf-8", "replace") for text in texts)
@@ -101,4 +110,4 @@ def _loaded(folder: Path) -> tuple[NDArray[np.float16], Tokenizer, str]:
         ) from error
     tokenizer.no_padding()
     tokenizer.no_truncation()
-    return table, tokenizer, f"wordllama-l2-{table.shape[1]}-{zlib.crc32(table):08x}"
+    return table, tokenizer, f"wordllama-l2-{table.shape[1]}-{zlib.crc32(table):08x}-v2"

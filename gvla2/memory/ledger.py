@@ -18,8 +18,9 @@ from gvla2.memory.records import Record
 from gvla2.memory.store import Store
 from gvla2.memory.trust import Origin
 
-_UNLIKE = 0.25
-"""Records with a smaller cosine are not rivals and need not be read."""
+_UNLIKE = 0.1
+"""Records with a smaller cosine are not rivals and need not be read. Lessons of one wording for different tasks may
+have less than .2, as half of a vector is the task's."""
 
 
 class OpenBank:

@@ -100,8 +100,8 @@ class HybridOptions:
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
-    constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
-    own (tests/benchmarks/memory/data/calibration.jsonl); they suit both static and MiniLM.
+    constants of S. ``words_count`` and ``min_evidence`` were calibrated on tests/benchmarks/memory/data, for static and
+    MiniLM alike.
 
     A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
     differ by ``max_difference`` of the larger one.
@@ -117,7 +117,7 @@ class HybridOptions:
     programs: int = 2
     words_count: float = 0.15
     min_evidence: float = 0.3
-    min_words: float = 0.6
+    min_words: float = 0.5
     min_score: float = 1.2
     max_difference: float = 0.5
     essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])

@@ -59,7 +59,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""
 
-TOLD_APART = 30.0
+DISTINCT = 30.0
 """Distance (see :func:`colour_distance`) above which two surfaces differ in any light: not two shades of one hue, nor
 two neighbouring greys."""
 
@@ -161,11 +161,3 @@ def colours_in(sentence: str) -> tuple[str, ...]:
     """The colour words of :data:`COLOURS` that a sentence contains, in its order, each once; synonyms resolved."""
     words = (SYNONYMS.get(word, word) for word in re.findall(r"[a-z]+", sentence.lower()))
     return tuple(dict.fromkeys(word for word in words if word in COLOURS))
-
-
-def colour_words(sentence: str) -> tuple[str, ...]:
-    """The colours that a sentence names in everyday words ("light blue", "pink"), for :func:`meant_by`; each once."""
-    words = sorted({*FAMILIES, *SYNONYMS}, key=len, reverse=True)
-    found = re.findall(rf"\b({'|'.join(w.replace(' ', '[ -]') for w in words)})\b", sentence.casefold())
-    plain = (word.replace("-", " ") for word in found)
-    return tuple(dict.fromkeys(w if w in FAMILIES else SYNONYMS[w] for w in plain))

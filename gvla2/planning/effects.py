@@ -24,6 +24,8 @@ Scale = tuple[str, float]
 """One of :data:`SIDES` and its length, metres, > 0."""
 BEFORE = " before "
 """Separates the two stages of an order in JSON."""
+PRIOR_STRENGTH = 2.0
+"""Successes after which a prior's mean counts as much as the default."""
 ON = " on "
 """Separates the colours of a part and its whole in a look."""
 
@@ -299,11 +301,10 @@ def apply_effects(
     parameters: Mapping[str, float],
     effects: Iterable[Effect],
     skill: str,
-    prior_strength: float = 2.0,
     *,
     lengths: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, float], list[str]]:
-    """Parameters after priors (a pull of count / (count + prior_strength) to the mean), then bounds (clamps).
+    """Parameters after priors (a pull of count / (count + PRIOR_STRENGTH) to the mean), then bounds (clamps).
 
     ``lengths`` are the handled object's sides, metres: effects in shares of a side that is not given are skipped.
     Returns the new parameters and one plain sentence per change, for the run's page.
@@ -324,7 +325,7 @@ def apply_effects(
     for effect in sorted(relevant, key=lambda one: isinstance(one, Bound)):
         name, before = effect.parameter, changed[effect.parameter]
         if isinstance(effect, Prior):
-            pull = effect.count / (effect.count + prior_strength) if effect.count > 0 else 0.0
+            pull = effect.count / (effect.count + PRIOR_STRENGTH) if effect.count > 0 else 0.0
             changed[name] += pull * (effect.value - before)
             why = f"from experience {effect.source}"
         else:

@@ -51,7 +51,7 @@ class SceneBrief:
         return " ".join(words.split())
 
 
-def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, points: int = 0) -> SceneBrief:
+def scene_brief(scene: Scene, *, positions: bool = True, points: int = 0) -> SceneBrief:
     """One line per object of the scene, in order: name, size and place in millimetres above the table.
 
     A part's name includes its whole's (``lid_of_lime_jar``), and equal names are numbered from the robot's left to its
@@ -59,7 +59,7 @@ def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, poi
     cubes take about 55 tokens.
     """
     names = unique_names(scene)
-    lines = [_line(o, names[o.id], scene, sizes, positions, points) for o in scene.objects]
+    lines = [_line(o, names[o.id], scene, positions, points) for o in scene.objects]
     return SceneBrief("\n".join(lines), {name: i for i, name in names.items()}, names)
 
 
@@ -103,13 +103,12 @@ def _full_name(obj: SceneObject, labels: Mapping[str, str]) -> str:
     return f"{own}_of_{whole}"[:LONGEST_NAME].rstrip("_")
 
 
-def _line(obj: SceneObject, name: str, scene: Scene, sizes: bool, positions: bool, points: int) -> str:
+def _line(obj: SceneObject, name: str, scene: Scene, positions: bool, points: int) -> str:
     words = [name]
     length, width, height = _sizes(obj)
     flat = obj.shape == "region"
-    if sizes:
-        words.append(f"{length}x{width} patch" if flat else f"{length}x{width}x{height}")
-    if sizes and obj.opening > 0.0:
+    words.append(f"{length}x{width} patch" if flat else f"{length}x{width}x{height}")
+    if obj.opening > 0.0:
         words.append(f"open {_mm(obj.opening)}")
     bottom = obj.bottom - scene.table_height
     if positions:
@@ -152,4 +151,4 @@ def _mm(metres: float) -> int:
 def _plain(text: str) -> str:
     """Lower case letters, digits and underscores, bounded: a valid name in programs."""
     name = re.sub(r"[^a-z0-9]+", "_", text.casefold())[:LONGEST_NAME].strip("_")
-    return f"thing_{name}" if name and (name in TAKEN or name[0].isdigit()) else name
+    return f"object_{name}" if name and (name in TAKEN or name[0].isdigit()) else name

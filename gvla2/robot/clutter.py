@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance
 from gvla2.robot.options import TaskConfig
 from gvla2.robot.placing import planar, sample_root
 from gvla2.robot.scan import Mesh, mesh_library, spoken
@@ -147,7 +147,7 @@ def _colours(rng: np.random.Generator, count: int, layout: Layout, site: TaskSit
     free = [
         name
         for name, rgb in COLOURS.items()
-        if not shown or (colour_distance(np.array(shown), rgb) >= TOLD_APART).all()
+        if not shown or (colour_distance(np.array(shown), rgb) >= DISTINCT).all()
     ]
     names = free or list(COLOURS)
     return [names[int(i)] for i in rng.integers(len(names), size=count)]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
+from copy import deepcopy
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, PackagePath, distribution
 from importlib.util import find_spec
@@ -12,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2.errors import MissingDependencyError, RobotError
+from gvla2.errors import GeometryError, MissingDependencyError, RobotError
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.io.array_cache import cache_folder
 
 PACKAGE = "package://"
 _DESCRIPTIONS = "example-robot-data"
@@ -57,6 +61,9 @@ def read_urdf(path: Path) -> ET.Element:
         if link.find("collision") is None:
             for visual in link.findall("visual"):
                 link.append(_as_collision(visual))
+        for mesh in link.iterfind("collision/geometry/mesh"):
+            if mesh.get("filename", "").lower().endswith(".dae"):
+                mesh.set("filename", str(_as_obj(Path(mesh.get("filename", "")))))
     names = {link.get("name") for link in robot.iterfind("link")}
     named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
     for element, key in named:
@@ -127,8 +134,30 @@ def _link_of(joint: ET.Element, end: str) -> str:
 
 def _as_collision(visual: ET.Element) -> ET.Element:
     collision = ET.Element("collision")
-    collision.extend(e for e in visual if e.tag in ("origin", "geometry"))
+    collision.extend(deepcopy(e) for e in visual if e.tag in ("origin", "geometry"))
     return collision
+
+
+def _as_obj(collada: Path) -> Path:
+    """A COLLADA file's triangles in metres as an OBJ file in the cache.
+
+    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; of an OBJ all read the same.
+    """
+    from gvla2.geometry.mesh_files import (
+        read_mesh,
+        write_mesh,
+    )  # few robots need it, and trimesh loads slowly
+
+    try:
+        content = collada.read_bytes()
+        target = cache_folder() / "collision" / f"{hashlib.sha256(content).hexdigest()[:32]}.obj"
+        if not target.is_file():
+            mesh = read_mesh(collada, up="z")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_mesh(target, TriangleMesh(mesh.vertices, mesh.faces))
+    except (OSError, GeometryError) as error:
+        raise RobotError(f"The collision mesh {collada} can't be prepared: {error}") from error
+    return target
 
 
 def _in_package(name: str) -> Path | None:
@@ -143,7 +172,7 @@ def _in_package(name: str) -> Path | None:
     except PackageNotFoundError:
         if package == _DESCRIPTIONS:
             needs = f"The robot's description ({name})"
-            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
+            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[arms]"') from None
         files = ()
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:

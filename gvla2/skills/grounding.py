@@ -164,11 +164,6 @@ def fits_pick(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     return stuck(obj, scene) is not None or has_hold(assembled(obj, scene), hand)
 
 
-def fits_push(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """A whole object on the table."""
-    return not obj.parent and obj.bottom - scene.table_height < RESTING
-
-
 def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     """A button, or something with one button; if a part is labelled a button, no other part."""
     kin = scene.parts_of(root_of(obj, scene).id)
@@ -179,46 +174,23 @@ def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     )
 
 
-def fits_twist(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """A cap, or something closed by one."""
-    return cap_of(obj, scene) is not None
-
-
-def fits_open(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """Something with a hinge, a slide or a cap."""
-    return fits_close(obj, scene, hand) or fits_twist(obj, scene, hand)
-
-
 def fits_close(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     """Something with a hinge or a slide."""
     return hinge_for(obj, scene) is not None or slide_for(obj, scene) is not None
 
 
-def fits_pull(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """Something with a slide."""
-    return slide_for(obj, scene) is not None
-
-
-def fits_draw(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """An object held between others."""
-    return stuck(obj, scene) is not None
-
-
-def fits_insert(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """An object with a hole that fits over some other object."""
-    return any(fits_over(obj, post) for post in scene.objects if post.id != obj.id)
-
-
 FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
     "pick": fits_pick,
     "place": fits_pick,
-    "push": fits_push,
+    "push": lambda obj, scene, hand: not obj.parent and obj.bottom - scene.table_height < RESTING,
     "press": fits_press,
-    "twist": fits_twist,
-    "insert": fits_insert,
-    "open": fits_open,
+    "twist": lambda obj, scene, hand: cap_of(obj, scene) is not None,
+    "insert": lambda obj, scene, hand: any(
+        fits_over(obj, post) for post in scene.objects if post.id != obj.id
+    ),
+    "open": lambda obj, scene, hand: fits_close(obj, scene, hand) or cap_of(obj, scene) is not None,
     "close": fits_close,
-    "pull": fits_pull,
-    "draw": fits_draw,
+    "pull": lambda obj, scene, hand: slide_for(obj, scene) is not None,
+    "draw": lambda obj, scene, hand: stuck(obj, scene) is not None,
 }
 """Whether a standard skill applies to an object, by the skill's name; see :attr:`gvla2.skills.skill.Skill.fits`."""

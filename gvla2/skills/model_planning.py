@@ -7,13 +7,11 @@ from dataclasses import replace
 from itertools import pairwise, takewhile
 from typing import Any
 
-import numpy as np
-
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.pixels import object_at
-from gvla2.planning.programs import Program, remembered, waypoints_program
+from gvla2.planning.programs import remembered
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.path_lifting import PathPoint, lift
@@ -130,7 +128,7 @@ def ask_for_path(
                 problems.append(ValueError(str(error)))
                 continue
             if plan.abstention is None:
-                return replace(plan, program=_program(path, plan, request))
+                return plan
             problems.append(InfeasiblePlanError(plan.abstention))
         raise problems[0]
 
@@ -143,18 +141,6 @@ def _pushing(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
     if closes is None or object_at(path[closes].array, scene, within=AT_HAND):
         return path
     return list(takewhile(lambda point: point.closed, path[closes:]))
-
-
-def _program(path: Sequence[PathPoint], plan: Plan, request: PlanRequest) -> Program:
-    """The path for memory: each point relative to the theme or goal, whichever is nearer seen from above."""
-    handled = [request.scene[i] for role, i in plan.roles.items() if role in ("theme", "goal")]
-    steps = []
-    for point in path:
-        near = min(handled, key=lambda o: float(np.linalg.norm((point.array - o.centre)[:2])))
-        dx, dy, up = (round(1e3 * float(v)) for v in point.array - [*near.centre[:2], near.top])
-        steps.append((near.id, dx, dy, up, round(point.gripper, 2)))
-    about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
-    return waypoints_program(steps, request.scene, **about)
 
 
 def _one_hold(points: Sequence[PathPoint]) -> Sequence[PathPoint]:

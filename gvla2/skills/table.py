@@ -1,4 +1,4 @@
-"""The table of standard skills, and its text for prompts and docs.
+"""The table of standard skills.
 
 Nothing heavy is imported before a skill is used: ``gvla2 plugins`` shows the table at once.
 """
@@ -201,15 +201,3 @@ _SKILLS = (
 
 STANDARD: Mapping[str, Skill] = MappingProxyType({skill.name: skill for skill in _SKILLS})
 """The standard skills by name: the default table of a request."""
-
-
-def describe(skills: Mapping[str, Skill] = STANDARD, *, numbers: bool = False) -> str:
-    """The table as text, one line per skill: its signature and description; with ``numbers``, theta and its units."""
-    lines = []
-    for skill in skills.values():
-        line = f"{skill.signature()}: {skill.description}"
-        if numbers:
-            theta = ", ".join(f"{p.name}{f' [{p.unit}]' if p.unit else ''}" for p in skill.parameters)
-            line += f" (theta: {theta})"
-        lines.append(line)
-    return "\n".join(lines)

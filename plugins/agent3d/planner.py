@@ -11,16 +11,6 @@ from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.programs import remembered, waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.programs.waypoint_programs import (
-    RememberedPath,
-    grammar,
-    path_of,
-    read_steps,
-    remembered_paths,
-    schema,
-    with_ids,
-    written,
-)
 from gvla2.skills.model_planning import (
     InfeasiblePlanError,
     ask_for_plan,
@@ -30,6 +20,16 @@ from gvla2.skills.model_planning import (
 )
 from gvla2.skills.path_lifting import MOST_POINTS, lift
 from gvla2_plugins.agent3d import Agent3dConfig
+from gvla2_plugins.agent3d.waypoint_programs import (
+    RememberedPath,
+    grammar,
+    path_of,
+    read_steps,
+    remembered_paths,
+    schema,
+    with_ids,
+    written,
+)
 
 EXAMPLE_OBJECTS = {
     False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",

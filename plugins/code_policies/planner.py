@@ -10,8 +10,6 @@ from gvla2.planning.calls import SkillCall, SkillOptions, written
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import adapted, calls_program, remembered
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.programs.call_programs import Declined, Fitting, fitting, grammar, read_calls
-from gvla2.programs.examples import EXAMPLES
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.model_planning import (
     InfeasiblePlanError,
@@ -23,6 +21,8 @@ from gvla2.skills.model_planning import (
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
+from gvla2_plugins.code_policies.examples import EXAMPLES
+from gvla2_plugins.code_policies.programs import Declined, Fitting, fitting, grammar, read_calls
 
 BEGIN = "You write the program of a robot hand. It can call:"
 DECLINE = "decline(absent|unclear|impossible): what is wished for is not there, not clear, or none of these"

@@ -23,7 +23,7 @@ DIGESTS = {
 }
 """SHA-256 of the files; other weights would give vectors incompatible with stored ones."""
 MAX_TOKENS = 256
-MODEL = f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v1"
+MODEL = f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v2"
 _MAX_CHARS = 16_384  # far more than that many tokens take; avoids tokenizing a megabyte of text
 
 

@@ -42,7 +42,7 @@ class SapienArmConfig(WorkcellConfig):
 
 @dataclass
 class SapienPandaConfig(SapienArmConfig):
-    """``sapien_arm`` set for Franka's Panda, whose description is in the package ``example-robot-data``.
+    """``sapien_arm`` set for Franka's Panda, whose description comes with gvla2 (Apache-2.0).
 
     The home position (0.279, -0.009, 1.472) published with the field's task suite refers to a point 20.9 mm further up
     the hand than the middle of the pads, which is the tool point here: a grasp centred there would touch only the
@@ -50,8 +50,8 @@ class SapienPandaConfig(SapienArmConfig):
     """
 
     name: str = "sapien_panda"
-    urdf: str = "package://example-robot-data/robots/panda_description/urdf/panda.urdf"
-    srdf: str = "package://example-robot-data/robots/panda_description/srdf/panda.srdf"
+    urdf: str = "package://gvla2/robot/descriptions/panda/panda.urdf"
+    srdf: str = "package://gvla2/robot/descriptions/panda/panda.srdf"
     tool_link: str = "panda_hand"
     tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
     gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])

@@ -17,7 +17,6 @@ import numpy as np
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.selecting import extreme
 from gvla2.skills.part_hierarchy import root_of
 from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
 
@@ -55,12 +54,14 @@ _EXTREMES = {
     "top": "top upper topmost", "bottom": "bottom lower lowest",
 }  # fmt: skip
 EXTREMES = {word: by for by, words in _EXTREMES.items() for word in words.split()}
-"""Adjectives that single one out, as :func:`gvla2.planning.selecting.extreme` calls them, or by height."""
+"""Adjectives that single one out, by their criterion, see :func:`_extreme`."""
 SIDES = frozenset("top middle center centre front side edge rim".split())
 """Heads of phrases that mean their owner: "the top of the cabinet"."""
 HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
 """What something may be taken out of although perception has another name for it, or none."""
 TABLE = frozenset(("table", "tabletop", "desk", "ground", "floor", "counter"))
+SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
+"""Differences of size (share) and place (metres) below perception's accuracy do not decide."""
 CLOSE, BESIDE = 0.012, 0.25
 """Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
 
@@ -369,15 +370,28 @@ def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> bool:
 
 
 def _extreme(fits: list[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
-    """The outermost of them; in a stack the middle one is the one at middle height."""
+    """The most extreme objects by a criterion of :data:`EXTREMES`, or all that are not clearly less so.
+
+    ``left``, ``right``, ``near`` and ``far`` are as the robot sees them, ``big`` is by volume, ``tall`` by height; in a
+    stack the middle one is the one at middle height.
+    """
     if not fits:
         return []
-    heights = np.array([o.centre[2] for o in fits])
-    spread = np.ptp(np.array([o.centre[:2] for o in fits]), axis=0).max()
-    if by == "middle" and np.ptp(heights) > spread:
-        off = np.abs(heights - np.median(heights))
+    heights, sizes = np.array([o.centre[2] for o in fits]), np.array([o.extents for o in fits])
+    places = np.array([o.centre[:2] for o in fits])
+    low, high = scene.workspace.low, scene.workspace.high
+    distances = np.linalg.norm(places - [low[0], 0.5 * (low[1] + high[1])], axis=1)
+    ranks = {
+        "left": -places[:, 1], "right": places[:, 1], "near": distances, "far": -distances,
+        "middle": np.linalg.norm(places - places.mean(axis=0), axis=1),
+        "big": -sizes.prod(axis=1), "small": sizes.prod(axis=1), "tall": -sizes[:, 2], "short": sizes[:, 2],
+        "top": -heights, "bottom": heights,
+    }[by]  # fmt: skip
+    slack = PLACE_SLACK
+    if by in ("big", "small", "tall", "short"):
+        slack = SIZE_SLACK * float(np.abs(ranks.min()))
     elif by in ("top", "bottom"):
-        off = heights.max() - heights if by == "top" else heights - heights.min()
-    else:
-        return extreme(fits, by, scene)
-    return [o for o, d in zip(fits, off, strict=True) if d <= off.min() + CLOSE]
+        slack = CLOSE
+    elif by == "middle" and np.ptp(heights) > np.ptp(places, axis=0).max():
+        ranks, slack = np.abs(heights - np.median(heights)), CLOSE
+    return [o for o, rank in zip(fits, ranks, strict=True) if rank <= ranks.min() + slack]

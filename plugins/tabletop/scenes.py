@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
@@ -134,7 +134,7 @@ class TabletopTask(ABC, Generic[C]):
 
 
 def _distinct(rgb: Rgb, others: list[Rgb]) -> bool:
-    return not others or bool((colour_distance(np.array(others), rgb) >= TOLD_APART).all())
+    return not others or bool((colour_distance(np.array(others), rgb) >= DISTINCT).all())
 
 
 def scaled(k: float, sides: Sequence[float]) -> Sides:

@@ -1,25 +1,49 @@
 """Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and the values of its maps.
 
-``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names denote objects.
+Maps are expressions, parsed and interpreted node by node, never run. Numbers, arithmetic, comparisons, logic and a few
+functions mean the same as in Python and numpy. ``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names
+denote objects. Anything else is refused with a reason.
 """
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.programs.array_expressions import Interpreter, Value
+
+Value = NDArray[Any] | np.float64
+Evaluate = Callable[[ast.expr], Value]
+DEEPEST = 100
+"""How deep expressions may be nested, including those of their variables."""
+LARGEST = 1e9
+
+_ARITHMETIC: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Mod: np.mod,
+    ast.Pow: np.power, ast.USub: np.negative, ast.UAdd: np.positive, ast.Not: np.logical_not,
+    ast.Invert: np.logical_not, ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater,
+    ast.GtE: np.greater_equal, ast.Eq: np.isclose, ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or,
+    ast.And: np.logical_and, ast.Or: np.logical_or,
+}  # fmt: skip
+# Numpy's own functions would take further arguments, such as arrays to write into.
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "abs": lambda a: np.abs(a),
+    "sqrt": lambda a: np.sqrt(np.maximum(a, 0.0)),
+    "exp": lambda a: np.exp(np.minimum(a, 50.0)),
+    "min": lambda a, b: np.minimum(a, b),
+    "max": lambda a, b: np.maximum(a, b),
+    "where": lambda c, a, b: np.where(c, a, b),
+    "clip": lambda a, low, high: np.clip(a, low, high),
+}
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 """Characters, nodes of its tree, variables and moves of a program: these bound its time and memory."""
-Evaluate = Callable[[ast.expr], Value]
 
 
 class MapProgram(NamedTuple):
@@ -62,28 +86,69 @@ def read_program(text: str) -> MapProgram:
     return MapProgram(tuple(stages), variables)
 
 
-class MapVocabulary:
-    """The names and functions of maps at points (..., 3), metres: a :class:`.array_expressions.Vocabulary`."""
-
-    words = "x, y, z, the objects' names, at, above, beside, near, distance"
+class MapInterpreter:
+    """Evaluates maps at points (..., 3), world metres; each variable of the program is evaluated once."""
 
     def __init__(self, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray) -> None:
         self._scene, self._ids, self._points = scene, ids, points
-        self.variables = program.variables
-        self._interpreter = Interpreter(self)
+        self._variables = program.variables
+        self._known: dict[str, Value] = {}
 
     def values(self, map_: ast.expr) -> FloatArray:
-        """(...) values of a map at the points; raises :class:`ValueError` for anything outside the language."""
-        return np.broadcast_to(self._interpreter.value(map_), self._points.shape[:-1])
+        """(...) finite values of a map at the points; raises :class:`ValueError` that says what is wrong with it."""
+        with np.errstate(all="ignore"):
+            found = np.asarray(self._value(map_, 0), dtype=np.float64)
+        if not np.isfinite(found).all():
+            raise ValueError(f"'{_shown(map_)}' is not finite everywhere; do not divide by what may be 0.")
+        return np.broadcast_to(found, self._points.shape[:-1])
 
-    def array(self, name: str) -> Value | None:
-        """The coordinates, millimetres above the table."""
-        if name not in ("x", "y", "z"):
-            return None
-        axis = "xyz".index(name)
+    def _value(self, node: ast.expr, depth: int) -> Value:
+        def value(inner: ast.expr) -> Value:
+            return self._value(inner, depth + 1)
+
+        if depth > DEEPEST:
+            raise ValueError("The expressions are nested too deeply, or a variable uses itself.")
+        match node:
+            case ast.Constant(value=bool() | int() | float() as number) if abs(number) < LARGEST:
+                return np.float64(number)
+            case ast.Name(id="x" | "y" | "z" as axis):
+                return self._coordinate("xyz".index(axis))
+            case ast.Name(id=name) if name in self._variables:
+                if name not in self._known:
+                    self._known[name] = value(self._variables[name])
+                return self._known[name]
+            case ast.Attribute(value=owner, attr=name):
+                return self._attribute(owner, name)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
+                return _combined(op, value(left), value(right))
+            case ast.UnaryOp(op=op, operand=operand):
+                return _combined(op, value(operand))
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _ARITHMETIC:
+                return _combined(op, value(left), value(right))
+            case ast.BoolOp(op=op, values=[first, *rest]):
+                found = value(first)
+                for each in rest:
+                    found = _combined(op, found, value(each))
+                return found
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                return self._called(name, args, value)
+        raise ValueError(f"'{_shown(node)}' is not allowed here; use {WORDS} and arithmetic.")
+
+    def _called(self, name: str, args: Sequence[ast.expr], value: Evaluate) -> Value:
+        try:
+            if name in _PLACES:
+                return self._place(_PLACES[name], args, value)
+            if name in FUNCTIONS:
+                return np.asarray(FUNCTIONS[name](*map(value, args)))
+        except (TypeError, IndexError):
+            raise ValueError(f"{name}() does not take these {len(args)} arguments.") from None
+        raise ValueError(f"There is no {name}(); there are {WORDS}.")
+
+    def _coordinate(self, axis: int) -> Value:
+        """Millimetres, z above the table."""
         return np.asarray(1e3 * (self._points[..., axis] - (self._scene.table_height if axis == 2 else 0.0)))
 
-    def attribute(self, owner: ast.expr, name: str) -> Value:
+    def _attribute(self, owner: ast.expr, name: str) -> Value:
         """A number of an object, millimetres."""
         obj, table = self._object(owner), self._scene.table_height
         x, y, z = obj.centre
@@ -93,10 +158,6 @@ class MapVocabulary:
         if name not in sides:
             raise ValueError(f"Objects have no '{name}'; they have {', '.join(sides)}.")
         return np.float64(1e3 * sides[name])
-
-    def function(self, name: str) -> Callable[[Sequence[ast.expr], Evaluate], Value] | None:
-        """A map made of an object and of distances in millimetres."""
-        return partial(self._place, _PLACES[name]) if name in _PLACES else None
 
     def _place(self, place: Callable[..., Value], args: Sequence[ast.expr], value: Evaluate) -> Value:
         lengths = [float(value(a)) for a in args[1:]]
@@ -113,6 +174,18 @@ class MapVocabulary:
         return self._scene[self._ids[name]]
 
 
+def _combined(op: ast.AST, *values: Value) -> Value:
+    try:
+        return np.asarray(_ARITHMETIC[type(op)](*values))
+    except TypeError:  # the sign of a condition: numpy has none
+        return np.asarray(_ARITHMETIC[type(op)](*(np.asarray(v, dtype=np.float64) for v in values)))
+
+
+def _shown(node: ast.expr) -> str:
+    text = ast.unparse(node)
+    return text if len(text) <= 80 else f"{text[:80]}..."
+
+
 def _to(points: FloatArray, place: FloatArray) -> FloatArray:
     return np.asarray(-1e3 * np.linalg.norm(points - place, axis=-1))
 
@@ -124,3 +197,5 @@ _PLACES: Mapping[str, Callable[..., Value]] = {
     "near": lambda p, o, reach=0.1: np.clip(1.0 - o.distances(p) / max(reach, 1e-3), 0.0, 1.0),
     "distance": lambda p, o: 1e3 * o.distances(p),
 }
+WORDS = f"x, y, z, the objects' names, {', '.join([*_PLACES, *FUNCTIONS])}"
+"""The vocabulary of maps, for messages."""

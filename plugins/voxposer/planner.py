@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gvla2.geometry.transform import FloatArray
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.pixels import object_at
-from gvla2.planning.scene import Box
+from gvla2.planning.scene import Box, Scene
 from gvla2.planning.scene_brief import LEGEND, scene_brief
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
 from gvla2.skills.path_lifting import PathPoint
-from gvla2_plugins.voxposer.maps import MapProgram, MapVocabulary, read_program
+from gvla2_plugins.voxposer.maps import MapInterpreter, MapProgram, read_program
+from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
@@ -45,13 +48,13 @@ def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: 
     low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
     grid = VoxelGrid.over(box, c.voxel)
-    everywhere = MapVocabulary(scene, ids, program, grid.centres())
+    everywhere = MapInterpreter(scene, ids, program, grid.centres())
     found: list[Stop] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
     for stage in program.stages:
         maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        peak = grid.peak(lambda p: MapVocabulary(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
+        peak = grid.peak(partial(_values, stage["affordance"], scene, ids, program), avoided)
         goal = np.clip(peak, box.low, box.high)
         # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
@@ -72,6 +75,12 @@ def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: 
             held = "" if found[-1].gripper >= 0.5 else object_at(goal, scene)
         at, gripper = goal, found[-1].gripper
     return found
+
+
+def _values(
+    map_: ast.expr, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray
+) -> FloatArray:
+    return MapInterpreter(scene, ids, program, points).values(map_)
 
 
 class VoxPoserPlanner:

@@ -1,4 +1,4 @@
-"""A model that gives the commands it was told to, one an answer, over real HTTP."""
+"""A model whose answers are the commands of a script, over real HTTP."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

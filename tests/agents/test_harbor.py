@@ -27,8 +27,8 @@ class Shell:
             env={"PATH": "/usr/bin:/bin", **(env or {})},
             stdout=asyncio.subprocess.PIPE,
         )
-        told, _ = await process.communicate()
-        return SimpleNamespace(stdout=told.decode(), stderr=None, return_code=process.returncode)
+        output, _ = await process.communicate()
+        return SimpleNamespace(stdout=output.decode(), stderr=None, return_code=process.returncode)
 
 
 def trial(folder: Path, url: str, monkeypatch, bank: Path, reward: float) -> dict:

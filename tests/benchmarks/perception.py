@@ -18,7 +18,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import invert_rigid, look_along, rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance
 from gvla2.planning.scene import Box, Scene, SceneObject
 
 TABLE_TOP = 0.752
@@ -215,7 +215,7 @@ def _make(kind, xy, yaw, colour, scale, rng) -> list[Truth]:
         return [put("cylinder", (0.07 * scale, 0.07 * scale, 0.2 * scale), xy, 0.0, colour, ("bottle",))]
     if kind == "region":
         return [put_region((0.1 * scale, 0.1 * scale), xy, yaw, colour)]
-    apart = [n for n, rgb in COLOURS.items() if (colour_distance(np.array(LAMP_RGB), rgb) > TOLD_APART).all()]
+    apart = [n for n, rgb in COLOURS.items() if (colour_distance(np.array(LAMP_RGB), rgb) > DISTINCT).all()]
     return put_lamp(xy, yaw, colour if colour in apart else str(rng.choice(apart)), scale)
 
 

@@ -209,7 +209,7 @@ def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_o
     recall = Wrapped(parts.memory, recall=lambda task: MemoryContext((item, sound), "Lift higher."))
     record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0))
     assert record.verdict.outcome == "verified_success"
-    assert any("'r1' was ignored" in note and "op and value" in note for note in record.notes)
+    assert any("'r1' was ignored" in note and "lacks 'op'" in note for note in record.notes)
     assert record.plan.parameters["lift_height"] >= 0.3
 
 
@@ -391,7 +391,7 @@ def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, told)
     broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
     record = run_episode(broken, EpisodeRequest(seed=1))
     assert record.success_check.relaxed
-    for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learnt: "), strict=True):
+    for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learned: "), strict=True):
         assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {told}")
 
 

@@ -32,12 +32,12 @@ def test_rollouts_are_exported(tmp_path, capsys):
             measured.append(seen["joints"])
             over = terminated or truncated
     env.close()
-    told = [
+    results = [
         json.loads((tmp_path / "rollouts" / name / "result.json").read_text())
         for name in ("000000", "000001")
     ]
-    assert told[1]["instruction"] == info["instruction"]
-    assert [one["success"] for one in told] == [False, False]
+    assert results[1]["instruction"] == info["instruction"]
+    assert [one["success"] for one in results] == [False, False]
     with np.load(tmp_path / "rollouts" / "000000" / STATES) as kept:
         assert kept["fps"] == 20.0
         np.testing.assert_allclose(kept["joints"], measured[:5])

@@ -22,11 +22,6 @@ def test_every_task_is_an_environment(registry: Registry):
     spec.to_json()  # it travels
 
 
-def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(gymnasium.error.NameNotFound, match="Did you mean: `put_block`"):
-        gymnasium.make("gvla2/put_blok-v0")
-
-
 def test_without_gymnasium_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "gymnasium.envs.registration", None)
     with pytest.raises(MissingDependencyError, match=r'needs gymnasium.*pip install "gvla2\[gym\]"'):

@@ -45,6 +45,7 @@ def test_a_verified_hint_is_recalled_with_its_effect(open_bank: Open, episode: O
         "Wie wird das Wetter morgen in Berlin?",
         "Quelle heure est-il à Paris ?",
         "¿Dónde está la biblioteca?",
+        "Сколько сейчас времени в Москве?",
         "今天天气怎么样",
         "明日の天気はどうですか",
         "Recommend a small restaurant near the station",

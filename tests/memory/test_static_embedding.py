@@ -24,7 +24,7 @@ def test_golden_values() -> None:
     np.testing.assert_allclose(embedder.embed(["Pick up the red cube"])[0, :4], GOLDEN_VECTOR, atol=1e-5)
 
 
-GOLDEN_MODEL = "wordllama-l2-256-314a7133"
+GOLDEN_MODEL = "wordllama-l2-256-314a7133-v2"
 GOLDEN_VECTOR = [0.039041, -0.015757, -0.076823, -0.045882]
 
 
@@ -40,6 +40,20 @@ def test_case_makes_no_difference() -> None:
 
 def test_texts_without_tokens_give_zero_rows() -> None:
     assert not StaticEmbedder().embed(["", "  \n"]).any()
+
+
+@pytest.mark.parametrize(
+    ("query", "known"),
+    [
+        ("Сколько времени?", False),
+        ("明日の天気は", False),
+        ("Nimm den Würfel", True),
+        ("the cup 'кубок'", True),
+        ("", True),
+    ],
+)
+def test_a_query_in_another_script_is_not_known(query: str, known: bool) -> None:
+    assert StaticEmbedder().knows(query) is known
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

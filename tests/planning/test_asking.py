@@ -1,14 +1,15 @@
-"""Whatever a planner returns: a plan that can be read, or words on what is wrong with it."""
+"""Whatever a planner or a perceiver returns: it is well-formed, or the refusal says what is wrong with it."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.errors import PlannerTimeoutError, PlanningError
-from gvla2.planning.asking import ABSURD, ask
+from gvla2.errors import PerceptionError, PlannerTimeoutError, PlanningError
+from gvla2.planning.asking import ABSURD, ask, perceive
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+from gvla2.testing import inputs
 
 GOOD = Waypoint((0.3, 0.0, 0.9), 1.0, "approach", guard=Guard(force=5.0))
 NAN = float("nan")
@@ -48,34 +49,22 @@ def test_a_plan_passes_as_it_is(plan):
     ("answer", "words"),
     [
         (None, "NoneType, not a Plan"),
-        ("go left", "str, not a Plan"),
         (Plan(None), "neither a trajectory nor an abstention"),
         (Plan([GOOD]), "a trajectory that is list, not Trajectory"),
         (Plan(None, abstention="no"), "abstention 'no', which is not an Abstention"),
         (planned(), "without waypoints"),
         (planned(*[GOOD] * 10_000), "10000 waypoints; at most 20"),
-        (Plan(Trajectory([GOOD])), "not a tuple of waypoints"),
         (planned(GOOD, "up"), "not a tuple of waypoints"),
         (changed(xyz=(NAN, 0.0, 0.9)), r"waypoint 1 \('approach'\) with xyz"),
         (changed(xyz=(0.3, 0.9)), "three finite numbers"),
         (changed(xyz=np.zeros(3)), "three finite numbers"),
-        (changed(xyz="abc"), "three finite numbers"),
         (changed(gripper=None), "gripper None, which is not a finite number"),
-        (changed(speed=float("inf")), "speed inf, which is not a finite number"),
-        (changed(tolerance=True), "tolerance True, which is not a finite number"),
         (changed(stage=3), "stage 3, which is not text"),
-        (changed(carries=None), "carries None, which is not text"),
         (changed(allowed_contacts=["a"]), "not a frozenset"),
-        (changed(orientation="down"), "not an Orientation of finite numbers"),
         (changed(orientation=Orientation("axis", (NAN, 0.0, 1.0))), "not an Orientation of finite numbers"),
-        (changed(guard=5.0), "not a Guard of finite numbers"),
         (changed(guard=Guard(force="much")), "not a Guard of finite numbers"),
         (planned(GOOD, parameters={"lift_height": NAN}), "finite numbers"),
-        (planned(GOOD, parameters=[0.1]), "finite numbers"),
         (planned(GOOD, scales={"grasp_depth": ("depth", 0.05)}), "scales"),
-        (planned(GOOD, scales={"grasp_depth": ("height", 0.0)}), "scales"),
-        (planned(GOOD, scales=["height"]), "scales"),
-        (planned(GOOD, roles={"theme": 3}), "roles"),
         (planned(GOOD, notes="hello"), "notes"),
         (planned(GOOD, candidates=("a",)), "candidates"),
     ],
@@ -102,3 +91,50 @@ def test_a_planners_own_timeout_is_its_own():
 
     with pytest.raises(TimeoutError, match="the endpoint"):
         ask(Waits(), None, "mine", 5.0)
+
+
+WHO = "The perceiver 'mine' of plugin 'yours'"
+
+
+class Perceiver:
+    def __init__(self, answer):
+        self.answer = answer
+
+    def perceive(self, observation, instruction, workspace):
+        return self.answer
+
+
+def scene_with(**fields):
+    scene = inputs.scene()
+    return replace(scene, objects=(replace(scene.objects[0], **fields), *scene.objects[1:]))
+
+
+def perceived(answer):
+    return perceive(Perceiver(answer), inputs.observation(8), "", inputs.WORKSPACE, WHO)
+
+
+@pytest.mark.parametrize(
+    ("answer", "reported"),
+    [
+        (None, "must be Scene, got NoneType"),
+        (replace(inputs.scene(), objects=("a", "b")), "must be SceneObject, got str"),
+        (replace(inputs.scene(), objects=inputs.scene().objects[:1] * 2), "Ids of objects must be unique"),
+        (replace(inputs.scene(), table_height=float("nan")), "table_height must be finite"),
+        (scene_with(world_from_object=np.full((4, 4), np.nan)), "'red_cube': world_from_object has entries"),
+        (scene_with(world_from_object="here"), "could not convert string to float"),
+        (scene_with(extents=np.full(3, np.nan)), "'red_cube': extents has entries that are not finite"),
+        (scene_with(extents=np.full(3, -1.0)), "'red_cube': extents must not be negative"),
+        (scene_with(points=np.full((5, 3), np.nan)), "'red_cube': points has entries that are not finite"),
+    ],
+)  # fmt: skip
+def test_what_is_no_scene_is_reported_with_its_perceiver(answer, reported):
+    with pytest.raises(PerceptionError, match=f"{WHO} gave no valid scene. .*{reported}"):
+        perceived(answer)
+
+
+def test_a_scene_is_handed_on_read_only():
+    given = scene_with(points=np.zeros((5, 3)))
+    scene = perceived(given)
+    assert [o.id for o in scene.objects] == [o.id for o in given.objects]
+    assert not scene.objects[0].points.flags.writeable
+    assert given.objects[0].points.flags.writeable

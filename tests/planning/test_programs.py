@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from gvla2.errors import PlanningError
-from gvla2.planning.programs import Program, adapted, bind, calls_program, remembered, waypoints_program
+from gvla2.planning.programs import (
+    Program,
+    adapted,
+    bind,
+    calls_program,
+    relative_steps,
+    remembered,
+    waypoints_program,
+)
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -18,8 +27,8 @@ WAYPOINTS = waypoints_program(STEPS, SCENE, **ABOUT)
 
 
 def larger(share):
-    things = tuple(replace(o, id=f"new_{o.id}", extents=o.extents * share) for o in SCENE.objects)
-    return replace(SCENE, objects=things)
+    objects = tuple(replace(o, id=f"new_{o.id}", extents=o.extents * share) for o in SCENE.objects)
+    return replace(SCENE, objects=objects)
 
 
 def test_names_become_roles_and_lengths_shares():
@@ -30,7 +39,7 @@ def test_names_become_roles_and_lengths_shares():
     assert WAYPOINTS.roles == {"theme": "red cube box", "goal": "blue cube box"}
 
 
-def test_a_program_is_told_with_the_names_and_sizes_of_another_scene():
+def test_a_program_is_reported_with_the_names_and_sizes_of_another_scene():
     scene = larger(2.0)
     names = {o.id: o.id for o in scene.objects}
     assert adapted(CALLS, scene, names, "put red on blue") == ("place(new_red_cube, new_blue_cube, on)",)
@@ -77,7 +86,7 @@ def test_what_is_no_program_is_refused(changes):
         Program.from_json({**WAYPOINTS.to_json(), **changes})
 
 
-def test_shares_survive_a_thing_without_height():
+def test_shares_survive_an_object_without_height():
     flat = replace(SCENE.objects[0], extents=np.array([0.1, 0.1, 0.0]))
     scene = replace(SCENE, objects=(flat,))
     program = waypoints_program([["red_cube", 5, 0, -5, 0]], scene, roles={"theme": "red_cube"})
@@ -91,3 +100,59 @@ def test_what_memory_says_stands_between_marks_that_it_cannot_end():
     assert said.casefold().count("</memory>") == 1
     assert said.count("<") == 2
     assert remembered("  ") == ""
+
+
+RED, BLUE = SCENE.objects
+DOWN = Orientation("grasp")
+
+
+def at(obj, up, gripper, *, carries="", aside=(0.0, 0.0)):
+    x, y = obj.centre[:2] + aside
+    return Waypoint((float(x), float(y), float(obj.top + up)), gripper, "go", DOWN, carries=carries)
+
+
+WAY = (
+    at(RED, 0.1, 1.0), at(RED, -0.03, 1.0), at(RED, -0.03, 0.9), at(RED, -0.03, 0.0),
+    at(RED, 0.15, 0.0, carries="red_cube"), at(BLUE, 0.12, 0.0, carries="red_cube"), at(BLUE, 0.03, 1.0),
+    at(BLUE, 0.3, 1.0),
+)  # fmt: skip
+ROLES = {"theme": "red_cube", "goal": "blue_cube"}
+
+
+def test_steps_are_relative_to_what_they_are_about_and_end_where_the_hand_lets_go():
+    assert relative_steps(Trajectory(WAY), SCENE, ROLES) == [
+        ["red_cube", 0, 0, 100, 1],
+        ["red_cube", 0, 0, -30, 1],
+        ["red_cube", 0, 0, -30, 0],
+        ["red_cube", 0, 0, 150, 0],
+        ["blue_cube", 0, 0, 120, 0],
+        ["blue_cube", 0, 0, 30, 1],
+    ]
+
+
+def test_a_place_on_the_way_to_the_goal_is_reported_along_it():
+    way = 0.5 * (BLUE.centre - RED.centre)[:2]
+    (step,) = relative_steps(Trajectory((at(RED, 0.1, 0.0, aside=way),)), SCENE, ROLES)
+    assert step == ["red_cube", "blue_cube", 102, 100, 0]
+
+
+def test_nothing_is_reported_without_a_theme():
+    assert relative_steps(Trajectory(WAY), SCENE, {}) == []
+    assert relative_steps(Trajectory(WAY), SCENE, {"theme": "gone"}) == []
+
+
+def test_a_hand_that_opens_by_little_before_a_narrow_hold_is_open():
+    narrow = [
+        at(RED, 0.1, 0.4),
+        at(RED, -0.03, 0.4),
+        at(RED, -0.03, 0.0),
+        at(RED, 0.15, 0.0, carries="red_cube"),
+    ]
+    steps = relative_steps(Trajectory(tuple(narrow)), SCENE, {"theme": "red_cube"})
+    assert [step[-1] for step in steps] == [1, 1, 0, 0]
+
+
+def test_a_hand_that_never_changes_pushes_and_counts_as_closed():
+    pushing = [at(RED, 0.1, 0.7), at(RED, -0.03, 0.7), at(BLUE, -0.03, 0.7)]
+    steps = relative_steps(Trajectory(tuple(pushing)), SCENE, ROLES)
+    assert [step[-1] for step in steps] == [0, 0, 0]

@@ -39,7 +39,7 @@ def vectors(embedder: MiniLMEmbedder) -> np.ndarray:
 @needs_model
 def test_conformance(embedder: MiniLMEmbedder) -> None:
     check_embedder(embedder)
-    assert embedder.model == "all-minilm-l6-v2-mean-256-v1"
+    assert embedder.model == "all-minilm-l6-v2-mean-256-v2"
 
 
 @needs_model

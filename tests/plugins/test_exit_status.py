@@ -1,13 +1,10 @@
 """The exit status as a verdict: 0, everything else, and what says nothing."""
 
-import subprocess
-import sys
 from typing import Any
 
 import pytest
 
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.testing.component import check_component
 from gvla2_plugins.exit_status import ExitStatusConfig, gvla2_verifiers
 
 
@@ -16,11 +13,6 @@ def judge(facts: dict[str, Any], **options: Any) -> Verdict:
     return component.build(ExitStatusConfig(name="exit_status", **options)).verify(
         Evidence("list the files", "ls", facts)
     )
-
-
-def test_it_conforms():
-    (component,) = gvla2_verifiers()
-    check_component(component, "verifier")
 
 
 @pytest.mark.parametrize("status", [0, "0", " 0\n", 0.0, -0, "ok", "PASSED"])
@@ -75,16 +67,3 @@ def test_words_and_the_fact_are_options():
     assert judge({"exit_status": "Submitted"}, success=["submitted"]).outcome == "verified_success"
     assert judge({"exit_status": "GaveUp"}, failure=["gaveup"]).outcome == "verified_fail"
     assert judge({"code": 1, "exit_status": 0}, fact="code").outcome == "verified_fail"
-
-
-@pytest.mark.parametrize(
-    ("program", "outcome"),
-    [
-        ("pass", "verified_success"),
-        ("raise SystemExit(3)", "verified_fail"),
-        ("import os; os.kill(os.getpid(), 9)", "verified_fail"),
-    ],
-)
-def test_real_commands(program: str, outcome: str):
-    done = subprocess.run([sys.executable, "-c", program], check=False)
-    assert judge({"exit_status": done.returncode}).outcome == outcome

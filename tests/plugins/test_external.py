@@ -182,16 +182,6 @@ def test_a_program_that_leaves_nothing_or_rubbish(views, checkout):
         _build("mv_sam3d", checkout).reconstruct(views)
 
 
-def test_no_temporary_folder_is_left(views, checkout, tmp_path, monkeypatch):
-    temporary = tmp_path / "temporary"
-    temporary.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    _script(checkout, "run_inference_weighted.py", "sys.exit(3)")
-    with pytest.raises(Gvla2Error, match="exit status 3"):
-        _build("mv_sam3d", checkout).reconstruct(views)
-    assert not list(temporary.iterdir())
-
-
 @pytest.mark.parametrize("name", sorted(COMPONENTS))
 def test_what_is_missing_is_named(name, checkout, tmp_path):
     with pytest.raises(MissingDependencyError, match=r"git clone https://github\.com/.*licence"):

@@ -16,14 +16,14 @@ from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2_plugins.geometric import GeometricConfig, gvla2_verifiers
 
 TABLE = 0.75
 RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2), "white": (0.9, 0.9, 0.9)}
 
 
-def thing(
+def obj(
     id_: str, x: float, y: float, z: float | None = None, *, colour: str = "red", shape: Any = "box",
     size: Sequence[float] = (0.05, 0.05, 0.05), parent: str = "", yaw: float = 0.0, confidence: float = 1.0,
 ) -> SceneObject:  # fmt: skip
@@ -34,8 +34,8 @@ def thing(
                        np.array(RGB[colour]), parent, confidence)  # fmt: skip
 
 
-def scene(*things: SceneObject) -> Scene:
-    return Scene(things, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])), "test")
+def scene(*objects: SceneObject) -> Scene:
+    return Scene(objects, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])), "test")
 
 
 def carried_out(waypoints: Sequence[Waypoint], **last: Any) -> ExecutionReport:
@@ -66,9 +66,7 @@ def judge(shown: Evidence) -> Verdict:
     return component.build(GeometricConfig(name="geometric")).verify(shown)
 
 
-BEFORE = scene(
-    thing("a", 0.3, 0.1), thing("b", 0.3, -0.2, colour="blue"), thing("c", 0.5, 0.0, colour="green")
-)
+BEFORE = scene(obj("a", 0.3, 0.1), obj("b", 0.3, -0.2, colour="blue"), obj("c", 0.5, 0.0, colour="green"))
 PICK = (
     Waypoint((0.3, 0.1, 0.9), 1.0, "approach"),
     Waypoint((0.3, 0.1, 0.77), 1.0, "grasp", allowed_contacts=frozenset({"a"})),
@@ -83,7 +81,7 @@ def pick(after: Scene | None, width: float, **changes: Any) -> Verdict:
 
 def moved(scene_: Scene, id_: str, x: float, y: float, z: float | None = None, **looks: Any) -> Scene:
     old = scene_[id_]
-    fresh = thing(id_, x, y, z, colour=old.colour, shape=old.shape, size=tuple(old.extents), **looks)
+    fresh = obj(id_, x, y, z, colour=old.colour, shape=old.shape, size=tuple(old.extents), **looks)
     return scene_.with_object(fresh)
 
 
@@ -98,7 +96,7 @@ def renamed(scene_: Scene) -> Scene:
     )
 
 
-def test_pick_done_whatever_the_second_perception_calls_things() -> None:
+def test_pick_done_whatever_the_second_perception_calls_objects() -> None:
     verdict = pick(renamed(moved(BEFORE, "a", 0.3, 0.1, 0.98)), 0.05)
     assert verdict.outcome == "verified_success"
     assert set(verdict.criteria) == {
@@ -141,8 +139,8 @@ def test_a_small_lift_counts_when_a_small_lift_was_planned() -> None:
         assert judge(shown).outcome == outcome
 
 
-def test_twins_are_told_apart_by_place() -> None:
-    twins = scene(thing("a", 0.3, 0.1), thing("twin", 0.3, -0.1), thing("c", 0.5, 0.0, colour="green"))
+def test_twins_are_distinguished_by_place() -> None:
+    twins = scene(obj("a", 0.3, 0.1), obj("twin", 0.3, -0.1), obj("c", 0.5, 0.0, colour="green"))
     shown = evidence(twins, renamed(without(twins, "a")), "pick", {"theme": "a"}, PICK, width=0.05)
     assert judge(shown).outcome == "verified_success"
     wrong = evidence(twins, renamed(without(twins, "twin")), "pick", {"theme": "a"}, PICK, width=0.05)
@@ -181,8 +179,8 @@ def test_an_interrupted_episode_is_nobodys_failure() -> None:
     assert pick(BEFORE, 0.0, last={"abort": "interrupted"}).outcome == "uncertain"
 
 
-GOAL = thing("goal", 0.5, 0.2, shape="region", colour="blue", size=(0.1, 0.1, 0.001), yaw=0.4)
-PUSHED = scene(thing("a", 0.3, 0.1), GOAL, thing("c", 0.5, -0.2, colour="green"))
+GOAL = obj("goal", 0.5, 0.2, shape="region", colour="blue", size=(0.1, 0.1, 0.001), yaw=0.4)
+PUSHED = scene(obj("a", 0.3, 0.1), GOAL, obj("c", 0.5, -0.2, colour="green"))
 PUSH = (
     Waypoint((0.2, 0.1, 0.9), 0.0, "approach"),
     Waypoint((0.22, 0.1, 0.77), 0.0, "lower"),
@@ -209,7 +207,7 @@ def test_push(x: float, y: float, outcome: str) -> None:
     assert push(x, y).outcome == outcome
 
 
-def test_push_of_a_thing_that_is_gone_is_unknown() -> None:
+def test_push_of_an_object_that_is_gone_is_unknown() -> None:
     after = without(PUSHED, "a")
     shown = evidence(PUSHED, after, "push", {"theme": "a", "goal": "goal"}, PUSH)
     assert judge(shown).outcome == "uncertain"
@@ -228,14 +226,14 @@ def test_push_without_a_goal_is_judged_by_its_stroke(x: float, outcome: str) -> 
 
 @pytest.mark.parametrize(("x", "outcome"), [(0.452, "verified_success"), (0.33, "verified_fail")])
 def test_push_against_a_solid_goal_ends_in_touch(x: float, outcome: str) -> None:
-    before = scene(thing("a", 0.3, 0.0), thing("c", 0.5, 0.0, colour="green"))
+    before = scene(obj("a", 0.3, 0.0), obj("c", 0.5, 0.0, colour="green"))
     shown = evidence(before, moved(before, "a", x, 0.0), "push", {"theme": "a", "goal": "c"}, PUSH)
     assert judge(shown).outcome == outcome
 
 
 LAMP = scene(
-    thing("lamp", 0.4, 0.0, shape="box", colour="white", size=(0.1, 0.1, 0.02)),
-    thing(
+    obj("lamp", 0.4, 0.0, shape="box", colour="white", size=(0.1, 0.1, 0.02)),
+    obj(
         "button", 0.4, 0.0, TABLE + 0.02, shape="disc", colour="red", size=(0.03, 0.03, 0.012), parent="lamp"
     ),
 )
@@ -243,7 +241,7 @@ TOP = TABLE + 0.032
 
 
 def press(depth: float, *, contact: bool = True, aside: float = 0.0, tip: float = 0.0) -> Verdict:
-    """The hand was told to go 8 mm below the button's top and went ``depth``; its tip is ``tip`` below its TCP."""
+    """The hand was sent 8 mm below the button's top and went ``depth``; its tip is ``tip`` below its TCP."""
     allowed = frozenset({"button"})
     waypoints = (
         Waypoint((0.4, 0.0, TOP + 0.1), 0.0, "approach"),
@@ -299,9 +297,9 @@ def test_place(x: float, z: float | None, held: bool, outcome: str) -> None:
 def test_what_fell_beside_a_board_is_not_on_it_though_both_are_seen_as_a_larger_one(
     y: float, outcome: str
 ) -> None:
-    board = thing("goal", 0.5, 0.0, colour="white", shape="plate", size=(0.40, 0.26, 0.015))
-    before = scene(thing("a", 0.1, 0.3, size=(0.08, 0.02, 0.015)), board)
-    larger = thing("goal", 0.5, 0.02, colour="white", shape="plate", size=(0.40, 0.32, 0.015))
+    board = obj("goal", 0.5, 0.0, colour="white", shape="plate", size=(0.40, 0.26, 0.015))
+    before = scene(obj("a", 0.1, 0.3, size=(0.08, 0.02, 0.015)), board)
+    larger = obj("goal", 0.5, 0.02, colour="white", shape="plate", size=(0.40, 0.32, 0.015))
     after = moved(before.with_object(larger), "a", 0.5, y, TABLE + 0.015 * (y == 0))
     there = (*PICK, *(replace(w, xyz=(0.5, 0.0, w.xyz[2])) for w in PLACE[len(PICK) :]))
     shown = evidence(before, after, "place", {"theme": "a", "goal": "goal"}, there, last={"held": False})

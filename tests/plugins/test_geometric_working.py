@@ -1,4 +1,4 @@
-"""The geometric verifier on lids, drawers, caps, rings, and several things to sort: done, missed and undecided."""
+"""The geometric verifier on lids, drawers, caps, rings, and several objects to sort: done, missed and undecided."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2)
 DONE, MISSED, UNKNOWN = "verified_success", "verified_fail", "uncertain"
 
 
-def thing(
+def obj(
     id_: str, xyz: Sequence[float], size: Sequence[float], colour: str = "red", shape: Any = "box", *,
     turn: Any = None, parent: str = "", opening: float = 0.0, points: Any = None,
 ) -> SceneObject:  # fmt: skip
@@ -74,8 +74,8 @@ def box(
     turn = Rotation.from_euler("y", angle).as_matrix()
     hinge = np.array([0.425, 0.0, 0.155])
     inside = (0.23 if angle > 0.2 else 0.0) if opening is None else opening
-    body = thing("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15), opening=inside)
-    lid = thing("l", hinge - 0.134 * turn[:, 0], (0.268, 0.35, 0.01), shade, "plate", turn=turn, parent="b")
+    body = obj("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15), opening=inside)
+    lid = obj("l", hinge - 0.134 * turn[:, 0], (0.268, 0.35, 0.01), shade, "plate", turn=turn, parent="b")
     return body, lid
 
 
@@ -85,7 +85,7 @@ def test_open(angle: float, outcome: str, role: str) -> None:
     assert judge(box(0.0), box(angle), "open", {"theme": role}, ANY).outcome == outcome
 
 
-def test_open_with_the_lid_out_of_sight_is_told_by_the_inside() -> None:
+def test_open_with_the_lid_out_of_sight_is_judged_by_the_inside() -> None:
     body, _ = box(1.9)
     assert judge(box(0.0), [body], "open", {"theme": "b"}, ANY).outcome == DONE
     assert judge(box(0.0), [replace(body, opening=0.0)], "open", {"theme": "b"}, ANY).outcome != DONE
@@ -100,11 +100,11 @@ def test_close(angle: float, outcome: str) -> None:
 
 def test_a_lid_that_lies_beside_its_box_did_not_close_it() -> None:
     body, _ = box(2.0)
-    aside = thing("l", (0.3, 0.5, 0.005), (0.268, 0.35, 0.01), "blue", "plate")
+    aside = obj("l", (0.3, 0.5, 0.005), (0.268, 0.35, 0.01), "blue", "plate")
     assert judge(box(2.0), [body, aside], "close", {"theme": "l"}, ANY).outcome == MISSED
 
 
-def test_a_closed_lid_of_the_boxs_colour_is_told_by_the_inside() -> None:
+def test_a_closed_lid_of_the_boxs_colour_is_judged_by_the_inside() -> None:
     body, _ = box(2.0)
     closed = replace(body, opening=0.0)
     assert judge(box(2.0), [closed], "close", {"theme": "b"}, ANY).outcome == DONE
@@ -120,9 +120,9 @@ PULL = (
 
 
 def drawer(out: float, aside: float = 0.0) -> tuple[SceneObject, ...]:
-    cabinet = thing("c", (0.32, 0, 0.08), (0.24, 0.28, 0.16), "red")
-    front = thing("d", (0.20 - out, aside, 0.08), (0.012, 0.25, 0.125), "blue", parent="c")
-    handle = thing("h", (0.17 - out, aside, 0.12), (0.045, 0.11, 0.012), "gray", "bar", parent="d")
+    cabinet = obj("c", (0.32, 0, 0.08), (0.24, 0.28, 0.16), "red")
+    front = obj("d", (0.20 - out, aside, 0.08), (0.012, 0.25, 0.125), "blue", parent="c")
+    handle = obj("h", (0.17 - out, aside, 0.12), (0.045, 0.11, 0.012), "gray", "bar", parent="d")
     return cabinet, front, handle
 
 
@@ -149,11 +149,11 @@ TWIST = (
     move("turn", (0.3, 0, 0.28), gripper=0.0),
     move("lift", (0.3, 0, 0.40), gripper=0.0, carries="k"),
 )
-BOTTLE = thing("f", (0.3, 0, 0.14), (0.07, 0.07, 0.28), "green", "cylinder")
+BOTTLE = obj("f", (0.3, 0, 0.14), (0.07, 0.07, 0.28), "green", "cylinder")
 
 
 def cap(xyz: Sequence[float]) -> SceneObject:
-    return thing("k", xyz, (0.028, 0.028, 0.01), "red", "disc", parent="f")
+    return obj("k", xyz, (0.028, 0.028, 0.01), "red", "disc", parent="f")
 
 
 @pytest.mark.parametrize(
@@ -174,13 +174,13 @@ def test_twist(at: Sequence[float], width: float, outcome: str) -> None:
 def test_a_cap_out_of_sight_is_in_the_hand_or_unknown() -> None:
     before, roles = [BOTTLE, cap((0.3, 0, 0.285))], {"theme": "k"}
     assert judge(before, [BOTTLE], "twist", roles, TWIST, width=0.026, held=True).outcome == DONE
-    taller = thing("f", (0.3, 0, 0.147), (0.07, 0.07, 0.294), "green", "cylinder")  # seen as one with its cap
+    taller = obj("f", (0.3, 0, 0.147), (0.07, 0.07, 0.294), "green", "cylinder")  # seen as one with its cap
     assert judge(before, [taller], "twist", roles, TWIST, width=0.026, held=True).outcome != DONE
     assert judge(before, [], "twist", roles, TWIST, width=0.026, held=True).outcome == UNKNOWN
 
 
 def test_a_cap_with_a_goal_belongs_there() -> None:
-    square = thing("s", (0.5, 0.2, 0.0), (0.1, 0.1, 0.001), "blue", "region")
+    square = obj("s", (0.5, 0.2, 0.0), (0.1, 0.1, 0.001), "blue", "region")
     put = (
         *TWIST,
         move("place", (0.5, 0.2, 0.02), gripper=0.0, carries="k"),
@@ -204,8 +204,8 @@ def test_a_cap_with_a_goal_belongs_there() -> None:
 )
 def test_insert(at: Sequence[float], held: bool, outcome: str) -> None:
     def seen(xyz: Sequence[float]) -> list[SceneObject]:
-        post = thing("p", (0.4, 0.1, 0.06), (0.025, 0.025, 0.12), "blue")
-        return [post, thing("r", xyz, (0.05, 0.05, 0.01), "red", "ring", opening=0.03)]
+        post = obj("p", (0.4, 0.1, 0.06), (0.025, 0.025, 0.12), "blue")
+        return [post, obj("r", xyz, (0.05, 0.05, 0.01), "red", "ring", opening=0.03)]
 
     put = (
         move("insert", (0.4, 0.1, 0.1), carries="r", gripper=0.0),
@@ -219,8 +219,8 @@ def test_insert(at: Sequence[float], held: bool, outcome: str) -> None:
 def test_drawing_out_without_a_goal_is_judged_by_the_way(out: float, outcome: str) -> None:
     def bricks(x: float) -> list[SceneObject]:
         return [
-            thing("t", (0.4, 0, 0.1), (0.1, 0.1, 0.2), "gray"),
-            thing("a", (x, 0, 0.1), (0.2, 0.06, 0.03)),
+            obj("t", (0.4, 0, 0.1), (0.1, 0.1, 0.2), "gray"),
+            obj("a", (x, 0, 0.1), (0.2, 0.06, 0.03)),
         ]
 
     pull = (
@@ -241,7 +241,7 @@ def heap(x: float, y: float, height: float, half: float = 0.08) -> np.ndarray:
 
 def tray(id_: str, x: float, colour: str, inside: Sequence[np.ndarray] = ()) -> SceneObject:
     points = np.vstack([heap(x, 0.3, 0.006), *inside])
-    return thing(id_, (x, 0.3, 0.025), (0.17, 0.17, 0.05), colour, opening=0.155, points=points)
+    return obj(id_, (x, 0.3, 0.025), (0.17, 0.17, 0.05), colour, opening=0.155, points=points)
 
 
 SORT = tuple(
@@ -254,8 +254,8 @@ SORT = tuple(
     )
 )
 LOOSE = (
-    thing("m", (0.3, -0.2, 0.02), (0.04, 0.04, 0.04), "red"),
-    thing("n", (0.4, -0.2, 0.02), (0.04, 0.04, 0.04), "blue"),
+    obj("m", (0.3, -0.2, 0.02), (0.04, 0.04, 0.04), "red"),
+    obj("n", (0.4, -0.2, 0.02), (0.04, 0.04, 0.04), "blue"),
 )
 ROLES = {"theme": "n", "goal": "v", "theme_1": "m", "theme_2": "n"}
 
@@ -265,11 +265,11 @@ def sort(after: Sequence[SceneObject], roles: dict[str, str] | None = None) -> s
     return judge(before, after, "place", roles or ROLES, SORT).outcome
 
 
-def test_sorting_needs_every_thing_in_its_own_container() -> None:
+def test_sorting_needs_every_object_in_its_own_container() -> None:
     trays = [tray("u", 0.1, "red"), tray("v", 0.5, "blue")]
     m, n = (
-        thing("m", (0.1, 0.3, 0.03), (0.04,) * 3, "red"),
-        thing("n", (0.5, 0.3, 0.03), (0.04,) * 3, "blue"),
+        obj("m", (0.1, 0.3, 0.03), (0.04,) * 3, "red"),
+        obj("n", (0.5, 0.3, 0.03), (0.04,) * 3, "blue"),
     )
     assert sort([*trays, m, n]) == DONE
     assert sort([*trays, m, n], {**ROLES, "goal_1": "u", "goal_2": "v"}) == DONE
@@ -282,7 +282,7 @@ def test_sorting_needs_every_thing_in_its_own_container() -> None:
     assert sort([*trays, m]) == UNKNOWN
 
 
-def test_a_thing_in_a_container_of_its_own_colour_is_told_by_the_heap() -> None:
+def test_an_object_in_a_container_of_its_own_colour_is_judged_by_the_heap() -> None:
     full = [
         tray("u", 0.1, "red", [heap(0.1, 0.3, 0.045, 0.02)]),
         tray("v", 0.5, "blue", [heap(0.5, 0.3, 0.045, 0.02)]),
@@ -295,8 +295,8 @@ def test_a_thing_in_a_container_of_its_own_colour_is_told_by_the_heap() -> None:
 @pytest.mark.parametrize(("rise", "outcome"), [(0.24, DONE), (0.08, UNKNOWN), (0.0, UNKNOWN)])
 def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outcome: str) -> None:
     def seen(up: float) -> list[SceneObject]:
-        stand = thing("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
-        return [stand, thing("u", (0.3, 0, 0.16 + up), (0.04, 0.04, 0.28), "green", "cylinder")]
+        stand = obj("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
+        return [stand, obj("u", (0.3, 0, 0.16 + up), (0.04, 0.04, 0.28), "green", "cylinder")]
 
     lift = (
         move("close", (0.3, 0, 0.25), gripper=0.0),
@@ -307,11 +307,11 @@ def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outc
 
 
 @pytest.mark.parametrize(("rise", "outcome"), [(0.24, DONE), (0.0, UNKNOWN)])
-def test_a_thing_that_seems_to_have_grown_is_judged_by_its_top(rise: float, outcome: str) -> None:
+def test_an_object_that_seems_to_have_grown_is_judged_by_its_top(rise: float, outcome: str) -> None:
     """Its lower end was hidden in the stand, and perception guesses that it still reaches down there."""
-    stand = thing("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
-    before = [stand, thing("u", (0.3, 0, 0.16), (0.04, 0.04, 0.28), "green", "cylinder")]
-    grown = thing("u", (0.3, 0, 0.16 + 0.5 * rise), (0.04, 0.04, 0.28 + rise), "green", "cylinder")
+    stand = obj("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
+    before = [stand, obj("u", (0.3, 0, 0.16), (0.04, 0.04, 0.28), "green", "cylinder")]
+    grown = obj("u", (0.3, 0, 0.16 + 0.5 * rise), (0.04, 0.04, 0.28 + rise), "green", "cylinder")
     lift = (
         move("close", (0.3, 0, 0.25), gripper=0.0),
         move("lift", (0.3, 0, 0.25 + rise), gripper=0.0, carries="u"),
@@ -334,8 +334,8 @@ def test_a_thing_that_seems_to_have_grown_is_judged_by_its_top(rise: float, outc
         ("take the red cap off the bottle beside the blue one", DONE),
     ],
 )
-def test_a_thing_of_another_colour_than_was_said_is_doubtful(instruction: str, outcome: str) -> None:
-    other = thing("g", (0.5, 0.2, 0.14), (0.07, 0.07, 0.28), "blue", "cylinder")
+def test_an_object_of_another_colour_than_was_said_is_doubtful(instruction: str, outcome: str) -> None:
+    other = obj("g", (0.5, 0.2, 0.14), (0.07, 0.07, 0.28), "blue", "cylinder")
     before, after = [BOTTLE, other, cap((0.3, 0, 0.285))], [BOTTLE, other, cap((0.3, 0, 0.41))]
     verdict = judge(
         before, after, "twist", {"theme": "k"}, TWIST, width=0.026, held=True, instruction=instruction

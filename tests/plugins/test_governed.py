@@ -15,7 +15,7 @@ from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
 from gvla2.memory.store import settled
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2_plugins import embedders, governed, hybrid
 from gvla2_plugins.governed import GovernedConfig
 from gvla2_plugins.governed.memory import GovernedMemory

@@ -10,7 +10,7 @@ import pytest
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Inducer, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.language import LocalModel, refused, said
 from gvla2.testing.memory import check_inducer
 from gvla2_plugins import inducers

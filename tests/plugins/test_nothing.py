@@ -33,11 +33,6 @@ def test_each_kind_has_a_null_choice_with_a_summary(hook) -> None:
     assert build(component) is not None
 
 
-def test_nothing_is_reconstructed_or_predicted() -> None:
-    assert build(nothing.gvla2_reconstructors()[0]).reconstruct(VIEWS) is None
-    assert build(nothing.gvla2_geometry_priors()[0]).predict(VIEWS) is None
-
-
 def test_fusion_keeps_a_to_the_bit() -> None:
     a, b = np.random.default_rng(0).normal(size=(2, 5, 3))
     kept = a.copy()

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
 from gvla2.robot.workcell import make_cell
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, Bounds, make_arm

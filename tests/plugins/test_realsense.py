@@ -10,7 +10,7 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.calibration import Calibration, Intrinsics
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.robot import check_camera
 from gvla2_plugins import realsense
 from gvla2_plugins.realsense import RealsenseConfig, library

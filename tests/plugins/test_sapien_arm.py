@@ -4,6 +4,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
 import pytest
+import trimesh
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
@@ -11,7 +12,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.robot.workcell import make_cell
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2.testing.robot import check_robot
 from gvla2_plugins.sapien import SapienArmConfig, SapienPandaConfig, gvla2_robots
 
@@ -185,6 +186,21 @@ def test_home_is_found_clear_of_everything_and_the_same_each_time(make):
     assert one.forward(one.home)[2, 2] == pytest.approx(-1.0, abs=1e-4)  # the hand points down
 
 
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_a_collada_shape_is_as_large_as_its_unit_says(make, tmp_path, unit):
+    box = trimesh.creation.box((0.06, 0.06, 0.34))
+    box.apply_translation([0, 0, 0.18])
+    box.apply_scale(1 / unit)
+    text = box.export(file_type="dae").replace(b"</asset>", f'<unit meter="{unit}"/></asset>'.encode())
+    (tmp_path / "forearm.dae").write_bytes(text)
+    forearm = (
+        '<link name="fore"><collision><geometry><mesh filename="forearm.dae"/></geometry></collision></link>'
+    )
+    fixed = joint("fore", "fixed", "link2", "fore", "0 0 0")
+    arm = make_cell(make(urdf(extra=forearm + fixed))).arm
+    assert arm.clearance(arm.home, 1.0, Scene((), 0.0, arm.workspace)).distance > 0.01
+
+
 def test_neighbours_are_found_and_real_collisions_kept(make):
     arm = make_cell(make()).arm
     raised = make_cell(make(base_position=[0.2, -0.1, 0.3], table_height=0.3)).arm
@@ -218,7 +234,7 @@ def test_arms_of_a_package_lift_a_cube(name):
     try:
         distribution("example-robot-data")
     except PackageNotFoundError:
-        pytest.skip('the arms come with the package example-robot-data: pip install "gvla2[sim]"')
+        pytest.skip('the arms come with the package example-robot-data: pip install "gvla2[arms]"')
     file, tool = EXAMPLES[name]
     lift(SapienArmConfig(urdf=f"package://example-robot-data/robots/{file}", tool_link=tool, image_size=64))
 

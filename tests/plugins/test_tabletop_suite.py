@@ -6,35 +6,15 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.solids import extent
-from gvla2.robot.task import TaskInstance, TaskSite
 from gvla2.testing.robot import check_task
-from gvla2_plugins.tabletop import gvla2_tasks
+from tests.plugins.tabletop_layouts import TASKS, sample, site, task
 
-TASKS = {component.name: component for component in gvla2_tasks()}
 SUITE = (
     "put_block", "push_block", "play_jenga", "open_jar", "close_box", "open_box", "pickup_cup", "take_umbrella",
     "sort_mustard", "open_wine", "lamp_on", "put_knife", "pick_and_lift", "insert_block",
 )  # fmt: skip
 TABLETOP = ("move_spray_bottle", "open_drawer", "open_jar", "sort_object")
 NAMED = {"open_jar": ("jar_", "jar"), "pickup_cup": ("cup_", "cup"), "insert_block": ("pillar_", "pillar")}
-TABLE = 0.752
-
-
-def near_the_base(point: np.ndarray) -> bool:
-    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
-
-
-def site(**changes) -> TaskSite:
-    what = {"centre": (0.25, 0.0), "size": (0.65, 0.91), "table_height": TABLE, "reachable": near_the_base}
-    return TaskSite(**{**what, "table_rgb": (0.76, 0.61, 0.43), **changes})
-
-
-def task(name: str, **options):
-    return TASKS[name].build(TASKS[name].config(**options))
-
-
-def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
-    return task(name, **options).sample(np.random.default_rng(seed), site(), instruction)
 
 
 def size_of(body) -> np.ndarray:
@@ -74,12 +54,6 @@ def test_scale_changes_sizes(name, scale):
     ratios = np.concatenate([other / one for one, other in pairs])
     assert np.isclose(ratios, scale, atol=0.01).any()
     assert (np.abs(ratios - 1) <= abs(scale - 1) + 0.06).all()  # boards and walls keep their thickness
-
-
-@pytest.mark.parametrize(("name", "body"), [("open_jar", "lid_0"), ("sort_mustard", "bottle"), ("put_block", "block"),
-                                            ("play_jenga", "loose"), ("insert_block", "ring")])  # fmt: skip
-def test_at_the_largest_scale_the_hand_still_spans_it(name, body):
-    assert size_of(sample(name, 3, scale=1.2).layout[body])[:2].min() < 0.078
 
 
 @pytest.mark.parametrize("name", TASKS)

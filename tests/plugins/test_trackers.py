@@ -1,4 +1,4 @@
-"""MLflow, Weights & Biases and TensorBoard are told of a run; without a network, and never in its way."""
+"""MLflow, Weights & Biases and TensorBoard get a run's numbers without a network, and never stop it."""
 
 import json
 import logging
@@ -12,10 +12,10 @@ import pytest
 
 import gvla2
 from gvla2 import Component, ComponentConfig, cli, hookimpl
-from gvla2.commands.run import Tracking, measures_of
+from gvla2.commands.run import Tracking
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
-from gvla2.plugins.registry import Registry, load_plugins
+from gvla2.plugins.registry import load_plugins
 from gvla2.record.tracker import TrackedRun
 from gvla2.testing import check_component, check_tracker
 from gvla2_plugins.trackers import MLflowConfig, TensorBoardConfig, WandbConfig, gvla2_trackers
@@ -101,14 +101,8 @@ def test_a_library_that_is_absent_is_named(monkeypatch: pytest.MonkeyPatch):
             BUILD[name](config)
 
 
-def test_nothing_is_told_by_default(registry: Registry, compose_run: Any):
-    config = compose_run()
-    assert config.tracker.name == "none"
-    assert registry.build(config, "tracker") is None
-
-
 class Failing:
-    """Fails when it is told of an episode."""
+    """Fails at an episode."""
 
     def __init__(self, config: ComponentConfig | None = None) -> None:
         self.heard: list[str] = []
@@ -124,7 +118,7 @@ class Failing:
         self.heard.append("end")
 
 
-def test_a_tracker_that_fails_is_told_of_once(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+def test_a_tracker_that_fails_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture):
     tracker = Failing()
     record = EpisodeRecord("e", "lift", "t", 0, {})
     with caplog.at_level(logging.WARNING), Tracking(tracker, {"seed": 1}, tmp_path) as tracking:
@@ -153,13 +147,8 @@ def test_a_tracker_that_would_exit_is_named_and_cannot_write_to_the_terminal(
     assert "\x1b" not in warning
 
 
-def test_the_numbers_of_an_episode():
-    record = EpisodeRecord("e", "lift", "t", 0, {}, timings={"plan": 0.5, "execute": 2.0})
-    assert measures_of(record) == {"seconds/plan": 0.5, "seconds/execute": 2.0, "seconds": 2.5, "attempts": 1}
-
-
 def test_a_run_goes_on_without_its_tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A real run, told to one that fails."""
+    """A real run with a tracker that fails."""
     monkeypatch.chdir(tmp_path)
     plugin = SimpleNamespace(
         gvla2_trackers=hookimpl(lambda: [Component("failing", ComponentConfig, Failing, summary="fails")])
@@ -171,6 +160,6 @@ def test_a_run_goes_on_without_its_tracker(tmp_path: Path, monkeypatch: pytest.M
     finally:
         gvla2.unregister(name)
     (result,) = tmp_path.glob("outputs/run/*/*/result.json")
-    told = json.loads(result.read_text())
-    assert told["choices"]["tracker"] == "failing"
-    assert told["verdict"] is not None
+    content = json.loads(result.read_text())
+    assert content["choices"]["tracker"] == "failing"
+    assert content["verdict"] is not None

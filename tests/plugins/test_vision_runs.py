@@ -24,10 +24,10 @@ def drawing(eyes):
 
     def answer(request):
         found = re.search(r"<quest>(.*?)</quest>", eyes.words(request))
-        things = [eyes.middle(request, colour) for colour in colours_in(found.group(1))]
-        steps = [above(things[0], 0.2), things[0], CLOSE, above(things[0], 0.3)]
-        if len(things) > 1:
-            steps += [above(things[1], 0.3), things[1], OPEN, above(things[1], 0.2)]
+        objects = [eyes.middle(request, colour) for colour in colours_in(found.group(1))]
+        steps = [above(objects[0], 0.2), objects[0], CLOSE, above(objects[0], 0.3)]
+        if len(objects) > 1:
+            steps += [above(objects[1], 0.3), objects[1], OPEN, above(objects[1], 0.2)]
         shown = [s if isinstance(s, str) else f"({s[0]:.3f}, {s[1]:.3f})" for s in steps]
         return said(f"<ans>[{', '.join(shown)}]</ans>")
 

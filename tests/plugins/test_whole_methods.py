@@ -13,7 +13,7 @@ from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.store import Store
 from gvla2.plugins.registry import load_plugins
-from gvla2.testing.component import check_component
+from gvla2.testing import check_component
 from gvla2_plugins import memory_baselines
 from gvla2_plugins.memory_baselines.reasoning_bank import item_of
 from tests.memory.looking import look

@@ -1,33 +1,30 @@
+"""The pages of episodes: self-contained, well-formed, safe against foreign text; and the lines of a terminal."""
+
 import base64
 import hashlib
+import io
+import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Candidate
-from gvla2.record.page import render_page
+from gvla2.record.page import episode_folder, render_page, write_index, write_summary
 from gvla2.record.pictures import Pictures
-from gvla2.robot.backend import SuccessCheck
+from gvla2.record.progress import Progress
+from gvla2.record.recorder import RunRecorder
+from gvla2.record.wording import STAGES, finding, number, ranked_candidates, state
 
+Episode = Callable[..., EpisodeRecord]
 VOID = {"meta", "img", "input", "br", "link", "hr"}
-STAGES = [
-    "setup",
-    "observe",
-    "perceive",
-    "reconstruct",
-    "recall",
-    "plan",
-    "check",
-    "execute",
-    "verify",
-    "learn",
-]
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)>{{ 7*7 }}&amp;"
 
 
@@ -38,7 +35,7 @@ class Reader(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
+        self.text = ""
         self.feed(html)
         self.close()
         assert not self.open, f"never closed: {self.open}"
@@ -57,90 +54,50 @@ class Reader(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if not self.open or self.open[-1] not in ("script", "style"):
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"\s+", " ", " ".join(self.words))
+            self.text += f" {data}"
 
 
-def read(record: EpisodeRecord, **options: object) -> Reader:
-    return Reader(render_page(record, options.pop("pictures", Pictures()), **options))  # type: ignore[arg-type]
+def read(record: EpisodeRecord, pictures: Pictures | None = None, **options: object) -> Reader:
+    return Reader(render_page(record, pictures or Pictures(), **options))  # type: ignore[arg-type]
 
 
 def assert_self_contained(page: Reader) -> None:
     for tag, attributes in page.tags:
-        assert not any(name.startswith("on") for name in attributes), (
-            f"<{tag}> has an event handler: {attributes}"
-        )
-        source = attributes.get("src")
+        assert not any(name.startswith("on") for name in attributes), f"event handler: <{tag} {attributes}>"
+        source, link = attributes.get("src"), attributes.get("href")
         assert source is None or source.startswith("data:"), source
-        link = attributes.get("href")
         assert link is None or not re.match(r"[a-z]+:|//", link), link
         assert tag not in ("link", "iframe", "object", "embed", "base")
         assert "url(" not in (attributes.get("style") or "")
     assert sum(tag == "script" for tag, _ in page.tags) == 1
 
 
-def test_a_full_run_tells_everything(episode: Callable[..., EpisodeRecord]) -> None:
+def test_a_page_shows_what_every_stage_found(episode: Episode) -> None:
     record = episode()
     page = read(record, config_yaml="seed: 3\n", beside=["result.json"])
     assert_self_contained(page)
-    for words in (
-        record.instruction,
-        "Relaxed only",
-        "relaxed ✓",
-        "strict ✗",
-        "Success 0.84",
-        "6 of 6 waypoints",
-        "50 × 50 × 50",
-        "170 × 170 × 1",
-        record.refinement,
-        "r text",
-        "lift_height >= 0.2",
-        "binding",
-        "0.17 -> 0.2, bound >= 0.2 from rec-7",
-        "The cube is narrower than the open hand.",
-        "the hand would touch the table",
-        "chosen",
-        "0.240, -0.100, 0.902",
-        "Smallest clearance on the way.",
-        "raised by 4 mm",
-        "1.4",
-        "theme at goal",
-        "The red cube was seen 4 mm",
-        record.goal,
-        "rec-9",
-        "seed: 3",
-        "result.json",
-    ):
-        assert words in page.text, words
+    for shown in (
+        record.instruction, "52 × 52 × 52", record.refinement, "lift_height >= 0.2", "0.17 -> 0.2",
+        "the hand would touch the table", "Smallest clearance", "The red cube was seen 4 mm", record.goal, "rec-9",
+        "seed: 3", "result.json",
+    ):  # fmt: skip
+        assert shown in page.text, shown
+    for stage in STAGES:
+        assert state(record, stage) == "done"
+        assert finding(record, stage)
 
 
-def test_success_check_and_verifier_are_told_apart(episode: Callable[..., EpisodeRecord]) -> None:
-    wrong = episode(success_check=SuccessCheck(relaxed=False, strict=False))
-    text = read(wrong).text
-    assert "Not achieved" in text
-    assert "Success 0.84" in text
-    assert "From the simulation’s true state" in text
-
-
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", [stage for stage in STAGES if stage != "success_check"])
 def test_a_run_that_failed_says_where(failed_at: Callable[[str], EpisodeRecord], stage: str) -> None:
-    page = read(failed_at(stage))
+    record = failed_at(stage)
+    page = read(record)
     assert_self_contained(page)
     assert f"The stage {stage} broke." in page.text
-    assert "(error)" in page.text
+    assert state(record, stage) == "failed"  # type: ignore[arg-type]
+    assert state(record, "success_check") == "skipped"
 
 
-def test_a_planner_that_declined_is_no_failure(abstained: EpisodeRecord) -> None:
-    text = read(abstained).text
-    assert "The planner declined (ambiguous)" in text
-    assert "Declined, nothing moved" in text
-    assert "Stopped at" not in text
-
-
-def test_every_single_part_may_be_missing(episode: Callable[..., EpisodeRecord]) -> None:
+def test_every_part_of_a_record_may_be_missing(episode: Episode) -> None:
     full = episode()
     optional = [name for name, value in vars(EpisodeRecord).items() if value is None and name != "failure"]
     assert len(optional) >= 11
@@ -148,161 +105,191 @@ def test_every_single_part_may_be_missing(episode: Callable[..., EpisodeRecord])
         read(replace(full, **{name: None}))
 
 
-def test_memory_that_degraded_or_abstained_says_so(episode: Callable[..., EpisodeRecord]) -> None:
-    text = read(
-        episode(
-            recalled=MemoryContext(degraded="the database is locked"),
-            learned=Learned(degraded="still locked"),
-        )
-    ).text
-    assert "the database is locked" in text
-    assert "still locked" in text
-    assert (
-        "all scores below 0.3" in read(episode(recalled=MemoryContext(abstained="all scores below 0.3"))).text
-    )
-
-
-def test_an_oracle_run_is_marked(episode: Callable[..., EpisodeRecord]) -> None:
-    record = episode()
-    assert record.scene is not None
-    assert "Oracle perception" in read(replace(record, scene=replace(record.scene, perceiver="oracle"))).text
-    assert "Oracle perception" not in read(record).text
-
-
-def test_hostile_texts_stay_texts(episode: Callable[..., EpisodeRecord]) -> None:
+def test_foreign_text_never_becomes_markup(episode: Episode) -> None:
     full = episode()
-    assert full.scene
-    assert full.recalled
-    assert full.plan
-    assert full.plan.trajectory
     bad_object = replace(full.scene.objects[0], label=HOSTILE, colour=HOSTILE, parent=HOSTILE)
-    bad_waypoint = replace(
-        full.plan.trajectory.waypoints[0], stage=HOSTILE, allowed_contacts=frozenset({HOSTILE})
+    path = full.plan.trajectory
+    bad_waypoint = replace(path.waypoints[0], stage=HOSTILE, allowed_contacts=frozenset({HOSTILE}))
+    item = replace(full.recalled.items[0], content=HOSTILE, terms={HOSTILE: 1.0}, effect={"kind": HOSTILE})
+    plan = replace(
+        full.plan,
+        trajectory=replace(path, waypoints=(bad_waypoint,)),
+        skill=HOSTILE,
+        notes=(HOSTILE,),
+        parameters={HOSTILE: 1.0},
+        roles={HOSTILE: HOSTILE},
+        candidates=(Candidate(HOSTILE, 1.0, HOSTILE),),
+        transcript=({HOSTILE: HOSTILE},),
     )
     record = replace(
         full,
-        instruction=HOSTILE,
-        task=HOSTILE,
-        goal=HOSTILE,
-        refinement=HOSTILE,
+        **dict.fromkeys(("instruction", "task", "goal", "refinement"), HOSTILE),
         choices={HOSTILE: HOSTILE},
         scene=replace(full.scene.with_object(bad_object), notes=(HOSTILE,)),
-        recalled=MemoryContext(
-            (
-                replace(
-                    full.recalled.items[0], content=HOSTILE, terms={HOSTILE: 1.0}, effect={"kind": HOSTILE}
-                ),
-            ),
-            HOSTILE,
-        ),
-        plan=replace(
-            full.plan,
-            trajectory=replace(full.plan.trajectory, waypoints=(bad_waypoint,)),
-            skill=HOSTILE,
-            notes=(HOSTILE,),
-            parameters={HOSTILE: 1.0},
-            roles={HOSTILE: HOSTILE},
-            candidates=(Candidate(HOSTILE, 1.0, HOSTILE),),
-            transcript=({HOSTILE: HOSTILE},),
-        ),
+        recalled=MemoryContext((item,), HOSTILE),
+        plan=plan,
         verdict=Verdict.from_criteria({HOSTILE: 0.5}, (HOSTILE,), HOSTILE),
         learned=Learned((HOSTILE,), notes=(HOSTILE,)),
         failure=Failure("execute", HOSTILE, HOSTILE),
         notes=(HOSTILE,),
+        parts=(replace(full, plan=plan),),
     )
-    html = render_page(record, Pictures(), HOSTILE, HOSTILE)
-    page = Reader(html)
+    page = Reader(render_page(record, Pictures(), HOSTILE, HOSTILE))
     assert_self_contained(page)
     assert not any("onerror" in attributes for _, attributes in page.tags)
-    assert "49" not in re.findall(r"alert\(1\)>\s*(\d+)", page.text)
     assert HOSTILE in page.text
 
 
-def test_numbers_that_are_not_numbers_do_not_break_the_page(episode: Callable[..., EpisodeRecord]) -> None:
-    nan = float("nan")
-    full = episode()
-    assert full.report
-    assert full.plan
-    assert full.recalled
+def test_numbers_that_are_not_numbers_do_not_break_the_page(episode: Episode) -> None:
+    nan, full = float("nan"), episode()
     waypoint = replace(full.report.waypoints[0], error=nan, gripper_width=nan, reached=(nan, nan, nan))
-    record = replace(
-        full,
-        report=replace(full.report, waypoints=(waypoint,), seconds=nan),
-        plan=replace(full.plan, parameters={"depth": nan}, candidates=(Candidate("x", nan),)),
-        recalled=replace(
-            full.recalled, items=(replace(full.recalled.items[0], terms={"a": nan}, confidence=nan),)
-        ),
-        timings={"plan": nan},
+    item = replace(full.recalled.items[0], terms={"a": nan}, confidence=nan)
+    page = read(
+        replace(
+            full,
+            report=replace(full.report, waypoints=(waypoint,), seconds=nan),
+            plan=replace(full.plan, parameters={"depth": nan}, candidates=(Candidate("x", nan),)),
+            recalled=replace(full.recalled, items=(item,)),
+            timings={"plan": nan},
+        )
     )
-    page = read(record)
     assert "nan%" not in " ".join(str(a) for _, a in page.tags)
 
 
-def test_the_script_matches_its_policy(episode: Callable[..., EpisodeRecord]) -> None:
-    import base64
-
+def test_the_script_matches_its_policy(episode: Episode) -> None:
     html = render_page(episode(), Pictures())
-    policy = re.search(r"script-src 'sha256-([^']+)'", html)
-    script = re.search(r"<script>(.*?)</script>", html, re.DOTALL)
-    assert policy
-    assert script
-    assert base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode() == policy[1]
+    (policy,) = re.findall(r"script-src 'sha256-([^']+)'", html)
+    (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    assert base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() == policy
 
 
-def test_parts_conversation_and_cost_are_shown_and_nothing_of_them_is_markup(
-    episode: Callable[..., EpisodeRecord],
-) -> None:
+def test_parts_conversation_and_cost_are_shown_without_keys(episode: Episode) -> None:
     record, key = episode(), f"sk-{'k9' * 20}"
-    assert record.plan is not None
-    hostile = "<script>steal()</script>"
-    plan = replace(
-        record.plan,
-        remaining=(SkillCall("pick", "object_1"),),
-        transcript=(
-            {"role": "system", "content": hostile},
-            {"role": "assistant", "content": f"{key} {hostile}"},
-        ),
-    )
-    first = replace(record, plan=plan)
+    transcript = ({"role": "system", "content": "be brief"}, {"role": "assistant", "content": key})
+    plan = replace(record.plan, remaining=(SkillCall("pick", "blue_cube"),), transcript=transcript)
     tally = {"calls": 2, "prompt_tokens": 431, "completion_tokens": 17, "seconds": 3.25}
-    whole = replace(record, parts=(first,), language={"plan": tally})
-    page = render_page(whole, Pictures())
-    assert hostile not in page
-    assert page.count("&lt;script&gt;steal()") == 2, "what was said for an earlier part is on the page"
+    page = render_page(
+        replace(record, parts=(replace(record, plan=plan),), language={"plan": tally}), Pictures()
+    )
+    assert "be brief" in page
     assert "k9k9k9" not in page
-    assert 'id="parts"' in page
-    assert "2 of 2 parts" in page
     assert "431" in page
+    assert 'id="parts"' in page
     assert 'id="parts"' not in render_page(record, Pictures())
 
 
 def test_the_3d_scene_is_on_the_page_once_with_or_without_a_plan(
-    episode: Callable[..., EpisodeRecord], failed_at: Callable[[str], EpisodeRecord]
+    episode: Episode, failed_at: Callable[[str], EpisodeRecord]
 ) -> None:
     for record in (episode(), failed_at("plan")):
         page = read(record, pictures=Pictures(model=b"glTF-bytes"))
         assert_self_contained(page)
-        (figure,) = (
-            attributes for tag, attributes in page.tags if tag == "figure" and "data-glb" in attributes
-        )
-        assert base64.b64decode(figure["data-glb"]) == b"glTF-bytes"
+        (figure,) = (a for tag, a in page.tags if tag == "figure" and "data-glb" in a)
+        assert base64.b64decode(figure["data-glb"] or "") == b"glTF-bytes"
         assert sum(tag == "canvas" for tag, _ in page.tags) == 1
     assert not any(tag == "canvas" for tag, _ in read(episode()).tags)
 
 
-def test_a_film_is_played_and_the_animation_waits_for_browsers_that_cannot(
-    episode: Callable[..., EpisodeRecord],
-) -> None:
+def test_a_film_is_played_and_the_animation_waits_for_browsers_that_cannot(episode: Episode) -> None:
     film, still = b"\0\0\0\x20ftypisom....", b"GIF89a..."
-    page = read(episode(), pictures=Pictures(episode=still, film=film))
-    assert_self_contained(page)
-    (video,) = (attributes for tag, attributes in page.tags if tag == "video")
-    assert video["src"] == f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
-    assert "controls" in video
-    (picture,) = (
-        a for tag, a in page.tags if tag == "img" and (a.get("src") or "").startswith("data:image/gif")
-    )
-    assert "hidden" in picture
-    alone = read(episode(), pictures=Pictures(episode=still))
-    assert not any(tag == "video" for tag, _ in alone.tags)
-    assert not any("hidden" in a for tag, a in alone.tags if tag == "img")
+    for pictures, videos in ((Pictures(episode=still, film=film), 1), (Pictures(episode=still), 0)):
+        page = read(episode(), pictures=pictures)
+        assert_self_contained(page)
+        shown = [attributes.get("src") for tag, attributes in page.tags if tag == "video"]
+        assert shown == [f"data:video/mp4;base64,{base64.b64encode(film).decode()}"] * videos
+        (gif,) = (
+            a for tag, a in page.tags if tag == "img" and (a.get("src") or "").startswith("data:image/gif")
+        )
+        assert ("hidden" in gif) == bool(videos)
+
+
+def test_the_overview_and_the_summary_have_every_episode(
+    tmp_path: Path, episode: Episode, abstained: EpisodeRecord
+) -> None:
+    records = [episode(instruction="<script>alert(1)</script>"), abstained, episode(success_check=None)]
+    for k, record in enumerate(records[:2]):
+        RunRecorder(episode_folder(tmp_path, k), "").finish(record)
+    html = write_index(tmp_path, records).read_text(encoding="utf-8")
+    page = Reader(html)
+    assert not any(tag == "script" for tag, _ in page.tags)
+    assert {a["href"] for _, a in page.tags if a.get("href")} == {
+        f"episode_{k:03d}/index.html" for k in range(3)
+    }
+    sources = [a["src"] or "" for _, a in page.tags if a.get("src")]
+    assert [source[:15] for source in sources] == ["data:image/jpeg"] * 2, "the third run left no picture"
+    summary = json.loads(write_summary(tmp_path, records).read_text(encoding="utf-8"))
+    assert (summary["command"], summary["episodes"], summary["succeeded"]) == ("run", 3, 1)
+    assert summary["success_share"] == pytest.approx(1 / 3)
+    assert [row["success"] for row in summary["rows"]] == [True, None, None]
+    assert [row["folder"] for row in summary["rows"]] == ["episode_000", "episode_001", "episode_002"]
+    assert json.loads(write_summary(tmp_path, []).read_text())["success_share"] is None
+
+
+def test_a_motion_that_stopped_is_named(episode: Episode) -> None:
+    record = episode()
+    stopped = replace(record.report.waypoints[2], abort="slipped")
+    short = replace(record, report=replace(record.report, waypoints=(*record.report.waypoints[:2], stopped)))
+    assert finding(short, "execute") == "2 of 6 waypoints, stopped at waypoint 2 (lift): slipped"
+    assert state(short, "execute") == "failed"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.1 + 0.2, "0.3"),
+        (2.0, "2"),
+        (4e-5, "4e-05"),
+        (0.0, "0"),
+        (float("nan"), "–"),
+        (None, "–"),
+        (100.0, "100"),
+    ],
+)
+def test_numbers_are_short(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_the_best_candidate_that_was_not_rejected_is_the_chosen_one(episode: Episode) -> None:
+    ranked = ranked_candidates(episode().plan)
+    assert [chosen for _, _, chosen in ranked] == [True, False, False]
+    assert ranked[0][0].score == 0.91
+    assert ranked[-1][0].rejected
+
+
+def printed(record: EpisodeRecord, quiet: bool = False, encoding: str = "utf-8") -> str:
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding)
+    with Progress(quiet=quiet, console=Console(file=stream, width=60, legacy_windows=False)) as progress:
+        for stage in ("perceive", "plan", "execute", "verify"):
+            progress.begin(stage)
+            progress.stage(record, stage)  # type: ignore[arg-type]
+        progress.finish(record, Path("out"))
+    stream.flush()
+    return raw.getvalue().decode(encoding)
+
+
+@pytest.mark.parametrize(
+    "label", ["red cube", "\x1b[2J\x1b]0;title\x07", "[bold red]x[/]", "[/nothing]", "a\nb\r\nc"]
+)
+def test_progress_prints_one_harmless_line_a_stage(episode: Episode, label: str) -> None:
+    record = episode()
+    record = replace(record, scene=record.scene.with_object(replace(record.scene.objects[0], label=label)))
+    lines = printed(record).splitlines()
+    assert [line.split()[1] for line in lines[:4]] == ["perceive", "plan", "execute", "verify"]
+    assert lines[4].startswith("Succeeded (relaxed)")
+    assert lines[5].endswith("index.html")
+    assert len(lines) == 6
+    assert not {"\x1b", "\x07"} & set("".join(lines))
+    assert len(printed(record, quiet=True).splitlines()) == 2
+    assert "ok" in printed(record, encoding="ascii")
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError, OSError])
+def test_a_closed_terminal_stops_nothing(episode: Episode, error: type[OSError]) -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise error
+
+    progress = Progress(console=Console(file=Gone()))
+    progress.stage(episode(), "plan")
+    progress.finish(episode(), Path("out"))

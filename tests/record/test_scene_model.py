@@ -19,30 +19,15 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import KnownShape
 from gvla2.record.scene_model import MOST_FACES, cloud, scene_glb, solid_of
+from gvla2.testing.inputs import RED, TABLE
 
 Episode = Callable[..., EpisodeRecord]
 
 
-def unpack(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """A GLB file's document and its binary chunk."""
-    (length,) = struct.unpack("<I", data[12:16])
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
 def nodes(data: bytes) -> dict[str, dict[str, Any]]:
-    """A GLB file's nodes by name: their extras."""
-    return {node["name"]: node["extras"] for node in unpack(data)[0]["nodes"]}
-
-
-def first_colour(data: bytes, name: str) -> np.ndarray:
-    """(3,) uint8 of a node's first vertex, and that its material is no metal; trimesh reads one or the other."""
-    document, binary = unpack(data)
-    node = next(node for node in document["nodes"] if node["name"] == name)
-    (primitive,) = document["meshes"][node["mesh"]]["primitives"]
-    material = document["materials"][primitive["material"]]
-    assert material["pbrMetallicRoughness"] == {"metallicFactor": 0.0, "roughnessFactor": 1.0}
-    view = document["bufferViews"][document["accessors"][primitive["attributes"]["COLOR_0"]]["bufferView"]]
-    return np.frombuffer(binary, np.uint8, 3, view["byteOffset"])
+    """The extras of a GLB file's nodes, by name."""
+    (length,) = struct.unpack("<I", data[12:16])
+    return {node["name"]: node["extras"] for node in json.loads(data[20 : 20 + length])["nodes"]}
 
 
 def geometry(data: bytes) -> dict[str, Any]:
@@ -52,35 +37,34 @@ def geometry(data: bytes) -> dict[str, Any]:
 def test_objects_stand_where_they_were_perceived_in_their_colours(episode: Episode) -> None:
     record = episode()
     data = scene_glb(record)
-    solids, told = geometry(data), nodes(data)
-    for k, thing in enumerate(record.scene.objects):
-        corners = to_z_up(solids[thing.id].vertices)
-        np.testing.assert_allclose(corners.min(axis=0), thing.corners().min(axis=0), atol=1e-6)
-        np.testing.assert_allclose(corners.max(axis=0), thing.corners().max(axis=0), atol=1e-6)
-        np.testing.assert_allclose(first_colour(data, thing.id) / 255, thing.rgb, atol=1 / 255)
-        assert told[thing.id]["label"] == f"{k + 1} {thing.label}"
-        assert thing.label in told[thing.id]["text"]
+    solids, found = geometry(data), nodes(data)
+    for k, obj in enumerate(record.scene.objects):
+        corners = to_z_up(solids[obj.id].vertices)
+        np.testing.assert_allclose(corners.min(axis=0), obj.corners().min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(corners.max(axis=0), obj.corners().max(axis=0), atol=1e-6)
+        assert found[obj.id]["label"] == f"{k + 1} {obj.label}"
+        assert obj.label in found[obj.id]["text"]
 
 
-def test_the_path_leads_from_the_hand_over_all_waypoints(episode: Episode) -> None:
+def test_the_path_leads_from_the_hand_through_all_waypoints(episode: Episode) -> None:
     record = episode()
     data = scene_glb(record)
-    path, told = to_z_up(geometry(data)["path"].vertices), nodes(data)
+    path, found = to_z_up(geometry(data)["path"].vertices), nodes(data)
     stops = [record.observation.world_from_tcp[:3, 3], *(np.array(w.xyz) for w in record.plan.trajectory)]
     for stop in stops:
         assert np.linalg.norm(path - stop, axis=1).min() < 0.02  # a dash may end a little before
     for k, waypoint in enumerate(record.plan.trajectory):
-        extras = told[f"waypoint {k}"]
+        extras = found[f"waypoint {k}"]
         np.testing.assert_allclose(to_z_up(extras["at"]), waypoint.xyz, atol=1e-4)
         assert waypoint.stage in extras["text"]
         assert not extras["bad"]
 
 
 def test_a_failed_check_marks_its_waypoint_alone(episode: Episode) -> None:
-    checks = CheckReport((Finding("clearance", False, 3, "collision", "Too near the olive cube."),))
-    told = nodes(scene_glb(episode(checks=checks)))
-    assert [told[f"waypoint {k}"]["bad"] for k in range(6)] == [k == 3 for k in range(6)]
-    assert "Too near the olive cube." in told["waypoint 3"]["text"]
+    checks = CheckReport((Finding("clearance", False, 3, "collision", "Too near the blue cube."),))
+    found = nodes(scene_glb(episode(checks=checks)))
+    assert [found[f"waypoint {k}"]["bad"] for k in range(6)] == [k == 3 for k in range(6)]
+    assert "Too near the blue cube." in found["waypoint 3"]["text"]
     assert "not checked" in nodes(scene_glb(episode(checks=None)))["waypoint 3"]["text"]
 
 
@@ -89,7 +73,7 @@ def test_the_cloud_is_what_the_cameras_measured_thinned(episode: Episode) -> Non
     points, colours = cloud(record.observation, record.scene.workspace)
     assert len(points) == len(colours) > 1000
     assert np.isfinite(points).all()
-    on_red = np.linalg.norm(points - [0.24, -0.10, 0.802], axis=1) < 0.02  # its top
+    on_red = np.linalg.norm(points - [*RED.centre, TABLE + RED.side], axis=1) < 0.02  # its top
     assert on_red.any()
     red = colours[on_red].astype(float).mean(axis=0)
     assert red[0] > 2 * red[1:].max()
@@ -100,24 +84,24 @@ def test_the_cloud_is_what_the_cameras_measured_thinned(episode: Episode) -> Non
 
 def test_an_episode_that_ended_early_shows_what_it_has(episode: Episode) -> None:
     assert scene_glb(episode(scene=None)) == b""
-    told = nodes(scene_glb(episode(observation=None, plan=None)))
-    assert [extras["kind"] for extras in told.values()] == ["ground", "object", "object", "object"]
+    found = nodes(scene_glb(episode(observation=None, plan=None)))
+    assert [extras["kind"] for extras in found.values()] == ["ground", "object", "object"]
 
 
 def test_a_recognised_scan_is_shown_as_it_is_unless_it_is_huge_or_gone(
     episode: Episode, tmp_path: Path
 ) -> None:
-    thing = episode().scene.objects[0]
+    obj = episode().scene.objects[0]
     small, huge = trimesh.creation.icosphere(1, 0.03), trimesh.creation.icosphere(5, 0.03)
     assert len(huge.faces) > MOST_FACES
     for name, mesh in (("small", small), ("huge", huge)):
         write_mesh(tmp_path / f"{name}.ply", TriangleMesh(mesh.vertices, mesh.faces))
 
     def shown(name: str) -> Any:
-        pose = rigid(translation=thing.centre)
-        return solid_of(replace(thing, known=KnownShape(name, str(tmp_path / f"{name}.ply"), pose)))
+        pose = rigid(translation=obj.centre)
+        return solid_of(replace(obj, known=KnownShape(name, str(tmp_path / f"{name}.ply"), pose)))
 
     assert shown("small").volume == pytest.approx(small.volume, rel=1e-4)
-    np.testing.assert_allclose(shown("small").bounds.mean(axis=0), thing.centre, atol=1e-6)
+    np.testing.assert_allclose(shown("small").bounds.mean(axis=0), obj.centre, atol=1e-6)
     for name in ("huge", "gone"):
-        assert shown(name).volume == pytest.approx(np.prod(thing.extents))
+        assert shown(name).volume == pytest.approx(np.prod(obj.extents))

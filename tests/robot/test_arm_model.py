@@ -19,7 +19,6 @@ from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
 from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.motion import rrt_connect
-from gvla2_plugins.sapien import SapienPandaConfig
 
 
 def angle_between(a, b):
@@ -212,10 +211,10 @@ def test_planning_names_ompl_when_it_is_not_installed(monkeypatch):
         )  # fmt: skip
 
 
-def test_a_panda_that_is_not_installed_is_named(monkeypatch):
+def test_a_description_that_is_not_installed_is_named(monkeypatch):
     def absent(name):
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr(urdf, "_files", absent)
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
-        urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")
+        urdf.find_file("package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf", "robot.urdf")

@@ -90,3 +90,21 @@ def test_a_file_that_is_no_mesh_says_so(tmp_path):
     (tmp_path / "empty.obj").write_text("# nothing\n")
     with pytest.raises(GeometryError, match=r"empty\.obj"):
         read_scan(tmp_path / "empty.obj")
+
+
+def test_vertices_that_no_face_uses_do_not_count(tmp_path):
+    mesh = trimesh.creation.box((0.05, 0.05, 0.08))
+    vertices = np.vstack([mesh.vertices, [[0.1, 0.2, 0.3], [0, 0, 0.5]]])
+    path = tmp_path / "carton.ply"
+    trimesh.Trimesh(vertices, mesh.faces, process=False).export(path)
+    np.testing.assert_allclose(read_scan(path).size, (0.05, 0.05, 0.08), atol=1e-6)
+
+
+def test_a_face_of_a_vertex_that_is_not_there_names_the_file(tmp_path):
+    text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    text += (
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n"
+    )
+    (tmp_path / "cut.ply").write_text(text)
+    with pytest.raises(GeometryError, match=r"cut\.ply"):
+        read_scan(tmp_path / "cut.ply")

@@ -1,4 +1,4 @@
-"""Scenes of a few things, and requests about them without a word."""
+"""Scenes of a few objects, and requests about them without a word."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLE = 0.752
 ARM = make_cell(SapienPandaConfig()).arm
 
 
-def thing(
+def make_object(
     name, shape, xyz, size, *, yaw=0.0, turn=None, parent="", opening=0.0, label="", points=None
 ) -> SceneObject:
     """Something without a telling name; ``xyz`` is its box's middle, z above the table."""
@@ -27,58 +27,60 @@ def thing(
     pose = rigid(rotation, (xyz[0], xyz[1], TABLE + xyz[2]))
     seen = np.zeros((0, 3)) if points is None else points
     return SceneObject(
-        name, label or f"thing {name}", shape, "", pose, np.array(size, float), seen, parent=parent, opening=opening
+        name, label or f"object {name}", shape, "", pose, np.array(size, float), seen, parent=parent, opening=opening
     )  # fmt: skip
 
 
 def cube(name, xy, side=0.05, yaw=0.2) -> SceneObject:
-    return thing(name, "box", (*xy, side / 2), (side,) * 3, yaw=yaw)
+    return make_object(name, "box", (*xy, side / 2), (side,) * 3, yaw=yaw)
 
 
 def box(angle: float, xy=(0.12, -0.1)) -> tuple[SceneObject, SceneObject]:
     """A box and its lid, which is hinged at +x and open by ``angle``."""
     hinge = np.array([xy[0] + 0.125, xy[1], 0.155])
     turn = Rotation.from_euler("y", angle).as_matrix()
-    lid = thing("lid", "plate", hinge - turn[:, 0] * 0.134, (0.268, 0.35, 0.01), turn=turn, parent="box")
-    return thing("box", "box", (*xy, 0.075), (0.25, 0.35, 0.15)), lid
+    lid = make_object(
+        "lid", "plate", hinge - turn[:, 0] * 0.134, (0.268, 0.35, 0.01), turn=turn, parent="box"
+    )
+    return make_object("box", "box", (*xy, 0.075), (0.25, 0.35, 0.15)), lid
 
 
 def drawer(xy=(0.30, 0.15)) -> tuple[SceneObject, ...]:
     return (
-        thing("cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
-        thing("drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="cabinet"),
-        thing("bar", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="drawer"),
+        make_object("cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
+        make_object("drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="cabinet"),
+        make_object("bar", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="drawer"),
     )
 
 
 def jar(xy=(0.35, 0.15)) -> tuple[SceneObject, SceneObject]:
     return (
-        thing("jar", "cylinder", (*xy, 0.06), (0.07, 0.07, 0.12)),
-        thing("cap", "disc", (*xy, 0.13), (0.06, 0.06, 0.02), parent="jar"),
+        make_object("jar", "cylinder", (*xy, 0.06), (0.07, 0.07, 0.12)),
+        make_object("cap", "disc", (*xy, 0.13), (0.06, 0.06, 0.02), parent="jar"),
     )
 
 
 def stuck_brick() -> tuple[SceneObject, ...]:
     """A brick between two slabs; a third of it sticks out at +y."""
     return (
-        thing("low", "box", (0.2, -0.1, 0.03), (0.2, 0.2, 0.06)),
-        thing("brick", "box", (0.2, -0.03, 0.075), (0.06, 0.18, 0.03)),
-        thing("high", "box", (0.2, -0.1, 0.12), (0.2, 0.2, 0.06)),
+        make_object("low", "box", (0.2, -0.1, 0.03), (0.2, 0.2, 0.06)),
+        make_object("brick", "box", (0.2, -0.03, 0.075), (0.06, 0.18, 0.03)),
+        make_object("high", "box", (0.2, -0.1, 0.12), (0.2, 0.2, 0.06)),
     )
 
 
-PATCH = thing("patch", "region", (0.4, -0.1, 0.0005), (0.1, 0.1, 0.001))
-TRAY = thing("tray", "box", (0.45, 0.25, 0.02), (0.2, 0.2, 0.04), opening=0.18)
-POST = thing("post", "cylinder", (0.25, -0.25, 0.05), (0.02, 0.02, 0.1))
-RING = thing("ring", "ring", (0.3, 0.1, 0.01), (0.07, 0.07, 0.02), opening=0.04)
+PATCH = make_object("patch", "region", (0.4, -0.1, 0.0005), (0.1, 0.1, 0.001))
+TRAY = make_object("tray", "box", (0.45, 0.25, 0.02), (0.2, 0.2, 0.04), opening=0.18)
+POST = make_object("post", "cylinder", (0.25, -0.25, 0.05), (0.02, 0.02, 0.1))
+RING = make_object("ring", "ring", (0.3, 0.1, 0.01), (0.07, 0.07, 0.02), opening=0.04)
 LAMP = (
-    thing("lamp", "plate", (0.35, -0.3, 0.005), (0.16, 0.08, 0.01)),
-    thing("knob", "disc", (0.31, -0.3, 0.017), (0.033, 0.033, 0.014), parent="lamp"),
+    make_object("lamp", "plate", (0.35, -0.3, 0.005), (0.16, 0.08, 0.01)),
+    make_object("knob", "disc", (0.31, -0.3, 0.017), (0.033, 0.033, 0.014), parent="lamp"),
 )
 
 
-def request(*things: SceneObject, effects=(), **more) -> PlanRequest:
-    scene = Scene(things, TABLE, ARM.workspace)
+def request(*objects: SceneObject, effects=(), **more) -> PlanRequest:
+    scene = Scene(objects, TABLE, ARM.workspace)
     start = ARM.forward(ARM.home)
     seen = replace(inputs.observation(16), world_from_tcp=start, joints=ARM.home)
     return PlanRequest("", scene, ARM, start, ARM.home, seen, Advice(effects=tuple(effects)), **more)

@@ -19,18 +19,18 @@ OUT = np.array([1.0, 0.0, 0.0])
 
 
 @pytest.fixture
-def thing(tmp_path):
+def make_object(tmp_path):
     """Makes an object of a mesh standing on the table z = 0, known as a scan or by seen points alone."""
 
     def make(mesh: trimesh.Trimesh, *, seen: bool = False) -> SceneObject:
         vertices = np.asarray(mesh.vertices) - [0, 0, mesh.bounds[0, 2]]
-        path = tmp_path / "thing.obj"
+        path = tmp_path / "object.obj"
         write_mesh(path, TriangleMesh(1000 * vertices, np.asarray(mesh.faces)))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         points, _ = TriangleMesh(vertices, np.asarray(mesh.faces)).sample(1500, np.random.default_rng(0))
-        known = None if seen else KnownShape("thing", str(path), np.eye(4), 0.001)
+        known = None if seen else KnownShape("object", str(path), np.eye(4), 0.001)
         pose = rigid(translation=0.5 * (low + high))
-        return SceneObject("o1", "thing", "other", "", pose, high - low, points, known=known)
+        return SceneObject("o1", "object", "other", "", pose, high - low, points, known=known)
 
     return make
 
@@ -40,18 +40,14 @@ def cylinder(radius, height):
 
 
 @pytest.mark.parametrize("seen", [False, True])
-def test_a_can_is_held_across_its_middle_and_never_wider_than_the_hand(thing, seen):
-    found = antipodal(thing(cylinder(0.03, 0.1), seen=seen), HAND, 0.0, OUT)
+def test_a_can_is_held_across_its_middle_and_never_wider_than_the_hand(make_object, seen):
+    found = antipodal(make_object(cylinder(0.03, 0.1), seen=seen), HAND, 0.0, OUT)
     assert {g.family for g in found} == {"top", "leaning", "side"}
     best = found[0]
     assert best.width == pytest.approx(0.06, abs=0.004)
     assert np.linalg.norm(best.centre[:2]) < 0.008
     assert all(g.width < g.opening <= HAND.max_width for g in found)
     assert [g.worth for g in found] == sorted((g.worth for g in found), reverse=True)
-
-
-def test_what_is_too_wide_everywhere_is_not_held(thing):
-    assert antipodal(thing(trimesh.creation.icosphere(3, 0.06)), HAND, 0.0, OUT) == []
 
 
 @pytest.mark.parametrize(
@@ -64,16 +60,16 @@ def test_what_is_too_wide_everywhere_is_not_held(thing):
     ],
     ids=["box", "can", "board", "lid"],
 )
-def test_what_would_be_squeezed_out_by_a_corner_or_a_rim_is_not_held(thing, mesh):
-    assert antipodal(thing(mesh), HAND, 0.0, OUT) == []
+def test_what_would_be_squeezed_out_by_a_corner_or_a_rim_is_not_held(make_object, mesh):
+    assert antipodal(make_object(mesh), HAND, 0.0, OUT) == []
 
 
 @pytest.mark.parametrize("seen", [False, True])
-def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_seen(thing, seen):
+def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_seen(make_object, seen):
     blades = [trimesh.creation.box(extents=(0.2, 0.02, 0.014)) for _ in range(2)]
     for sign, blade in zip((1, -1), blades, strict=True):
         blade.apply_transform(trimesh.transformations.rotation_matrix(0.25 * sign, [0, 0, 1]))
-    it = thing(trimesh.util.concatenate(blades), seen=seen)
+    it = make_object(trimesh.util.concatenate(blades), seen=seen)
     it = replace(it, points=it.points[it.points[:, 2] > 0.0135])
     best = antipodal(it, HAND, 0.0, OUT)[0]
     assert best.width < 0.05
@@ -81,31 +77,26 @@ def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_s
     assert np.hypot(*best.centre[:2]) < 0.06
 
 
-@pytest.mark.parametrize(("side", "count"), [(0.04, 1500), (0.1, 2400), (0.3, 4000)])
-def test_a_large_scan_is_looked_at_as_closely_as_a_small_one(thing, side, count):
-    assert len(skin_of(thing(trimesh.creation.box(extents=3 * [side]))).points) == pytest.approx(count, abs=1)
-
-
-def test_a_bowl_is_held_by_its_rim_with_one_finger_inside(thing):
-    found = antipodal(thing(bowl(0.08, 0.06, 0.006)), HAND, 0.0, OUT)
+def test_a_bowl_is_held_by_its_rim_with_one_finger_inside(make_object):
+    found = antipodal(make_object(bowl(0.08, 0.06, 0.006)), HAND, 0.0, OUT)
     assert found
     for grasp in found:
         assert grasp.width < 0.04
         assert 0.05 < np.hypot(*grasp.centre[:2]) < 0.09
 
 
-def test_a_mug_is_held_at_its_handle_or_rim(thing):
+def test_a_mug_is_held_at_its_handle_or_rim(make_object):
     mug = bowl(0.045, 0.09, 0.005)
     handle = trimesh.creation.torus(0.025, 0.006)
     handle.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
     handle.apply_translation([0.06, 0, 0.045])
-    found = antipodal(thing(trimesh.util.concatenate([mug, handle])), HAND, 0.0, OUT)
+    found = antipodal(make_object(trimesh.util.concatenate([mug, handle])), HAND, 0.0, OUT)
     assert found
     assert all(g.width < 0.03 for g in found)  # 90 mm across: never the whole
 
 
-def test_a_thin_tool_is_held_flat_off_the_table(thing):
-    found = antipodal(thing(trimesh.creation.box(extents=(0.2, 0.02, 0.014))), HAND, 0.0, OUT)
+def test_a_thin_tool_is_held_flat_off_the_table(make_object):
+    found = antipodal(make_object(trimesh.creation.box(extents=(0.2, 0.02, 0.014))), HAND, 0.0, OUT)
     best = found[0]
     assert abs(best.rotation[1, 1]) > 0.9
     tips = best.centre + HAND.tip_beyond_tcp * best.rotation[:, 2]
@@ -113,8 +104,8 @@ def test_a_thin_tool_is_held_flat_off_the_table(thing):
     assert abs(best.centre[0]) < 0.03
 
 
-def test_a_bottle_may_be_held_from_the_side_with_the_palm_off_the_table(thing):
-    found = [g for g in antipodal(thing(cylinder(0.032, 0.22)), HAND, 0.0, OUT) if g.family == "side"]
+def test_a_bottle_may_be_held_from_the_side_with_the_palm_off_the_table(make_object):
+    found = [g for g in antipodal(make_object(cylinder(0.032, 0.22)), HAND, 0.0, OUT) if g.family == "side"]
     assert found
     for grasp in found:
         assert grasp.rotation[2, 2] > -0.7
@@ -124,32 +115,26 @@ def test_a_bottle_may_be_held_from_the_side_with_the_palm_off_the_table(thing):
         assert lowest > 0.0
 
 
-def test_nothing_lies_where_the_fingers_go(thing):
+def test_nothing_lies_where_the_fingers_go(make_object):
     spiked = trimesh.util.concatenate(
         [trimesh.creation.box(extents=(0.15, 0.03, 0.04)), cylinder(0.004, 0.12)]
     )
-    it = thing(spiked)
+    it = make_object(spiked)
     skin = skin_of(it)
     for grasp in antipodal(it, HAND, 0.0, OUT):
         assert held_between(skin, grasp.rotation, grasp.centre, grasp.opening, HAND)
 
 
-def test_a_hand_beside_or_on_a_thing_holds_nothing(thing):
-    skin = skin_of(thing(cylinder(0.03, 0.1)))
+def test_a_hand_beside_or_on_an_object_holds_nothing(make_object):
+    skin = skin_of(make_object(cylinder(0.03, 0.1)))
     down = Rotation.from_euler("x", np.pi).as_matrix()
     assert held_between(skin, down, np.array([0, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0.2, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0, 0.03, 0.08]), 0.08, HAND)
 
 
-def test_few_points_are_no_surface(thing):
-    few = replace(thing(cylinder(0.03, 0.1), seen=True), points=np.zeros((5, 3)))
-    assert skin_of(few) is None
-    assert antipodal(few, HAND, 0.0, OUT) == []
-
-
-def test_it_is_quick(thing):
-    it = thing(trimesh.creation.icosphere(4, 0.035), seen=True)
+def test_it_is_quick(make_object):
+    it = make_object(trimesh.creation.icosphere(4, 0.035), seen=True)
     started = time.process_time()
     antipodal(it, HAND, 0.0, OUT)
     assert time.process_time() - started < 1.0  # about .15 s; the goal is .3

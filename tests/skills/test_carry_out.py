@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import gvla2.skills.carry_out as carry_out_module
 from gvla2.errors import ConfigurationError
 from gvla2.planning.calls import GraspOptions, SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Advice, Done, Plan
+from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Ban, Bound
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
@@ -35,7 +34,7 @@ A, B = cube("a", (0.3, 0.1)), cube("b", (0.25, -0.2))
 
 
 @pytest.mark.parametrize(
-    ("call", "things", "skill", "roles"),
+    ("call", "objects", "skill", "roles"),
     [
         (SkillCall("pick", "a"), (A, B), "pick", {"theme": "a"}),
         (SkillCall("place", "a", "tray", relation="in"), (A, TRAY), "place", {"theme": "a", "goal": "tray"}),
@@ -62,8 +61,8 @@ A, B = cube("a", (0.3, 0.1)), cube("b", (0.25, -0.2))
         (SkillCall("pick", "brick"), stuck_brick(), "draw", {"theme": "brick"}),
     ],
 )
-def test_a_call_is_carried_out_as_the_thing_asks_for_it(call, things, skill, roles):
-    asked = request(*things)
+def test_a_call_is_carried_out_as_the_object_asks_for_it(call, objects, skill, roles):
+    asked = request(*objects)
     plan = sound(carry_out([call], asked), asked)
     assert (plan.skill, dict(plan.roles)) == (skill, roles)
     assert plan.calls == (call,)
@@ -82,7 +81,7 @@ def test_places_and_directions_are_where_the_middle_ends():
     np.testing.assert_allclose(at(aside, "place")[:2] - A.centre[:2], (0, 0.12), atol=1e-9)
 
 
-def test_a_lift_height_that_is_raised_is_told_and_an_amount_is_kept():
+def test_a_lift_height_that_is_raised_is_reported_and_an_amount_is_kept():
     low = SkillOptions(lift_height=0.02)
     plan = carry_out([SkillCall("pick", "a")], request(A), low)
     assert plan.parameters["lift_height"] == pytest.approx(0.03)
@@ -160,11 +159,11 @@ def test_a_straight_way_on_which_a_joint_would_leap_is_not_tried():
 
 
 def test_a_part_that_only_moves_with_its_whole_means_the_whole():
-    grip = thing_on_knife = replace(
+    grip = object_on_knife = replace(
         cube("grip", (0.3, 0.1), 0.03, 0.0), parent="knife", world_from_object=A.world_from_object
     )
     knife = replace(cube("knife", (0.3, 0.1), 0.05, 0.2))
-    plan = carry_out([SkillCall("place", "grip", xy=(0.4, -0.1))], request(knife, thing_on_knife))
+    plan = carry_out([SkillCall("place", "grip", xy=(0.4, -0.1))], request(knife, object_on_knife))
     assert grip.parent == plan.roles["theme"] == "knife"
 
 
@@ -173,30 +172,24 @@ def test_a_part_that_only_moves_with_its_whole_means_the_whole():
     [
         (SkillCall("juggle", "a"), "unknown_skill", "pick, place"),
         (SkillCall("pikc", "a"), "unknown_skill", "Did you mean 'pick'?"),
-        (SkillCall("pick", "moon"), "nothing_matches", "a (thing a)"),
-        (SkillCall("pick", ""), "nothing_matches", "a (thing a)"),
-        (SkillCall("place", "a", "moon"), "nothing_matches", "moon"),
+        (SkillCall("pick", "moon"), "nothing_matches", "a (object a)"),
         (SkillCall("place", "a", "a"), "other", "its own goal"),
         (SkillCall("place", "jar", "cap"), "other", "part of"),
         (SkillCall("place", "a"), "no_goal", "not said"),
-        (SkillCall("push", "a"), "no_goal", "not said"),
         (SkillCall("place", "a", "tray", xy=(0.3, 0.0)), "other", "Only one of"),
         (SkillCall("place", "a", xy=(0.3, 0.0), relation="in"), "other", "needs a goal"),
         (SkillCall("pick", "a", "tray"), "other", "pick(theme"),
-        (SkillCall("pick", "a", direction=(1.0, 0.0)), "other", "pick(theme"),
         (SkillCall("insert", "a", "tray"), "other", "no hole"),
         (SkillCall("insert", "a", "tray", relation="beside"), "other", "not have the relation 'beside'"),
         (SkillCall("pick", "patch"), "other", "painted"),
         (SkillCall("pick", "a", amount=-0.1), "other", "must be positive"),
         (SkillCall("press", "a"), "nothing_matches", "cannot be pressed"),
         (SkillCall("open", "a"), "unknown_skill", "No lid"),
-        (SkillCall("close", "a"), "unknown_skill", "No lid"),
         (SkillCall("pull", "a"), "unknown_skill", "no visible handle"),
         (SkillCall("twist", "jar", amount=0.05, direction=(0.0, 0.0)), "other", "must not be (0, 0)"),
         (SkillCall("push", "a", "tray", amount=0.1), "other", "only with a direction"),
-        (SkillCall("place", "a", "tray", amount=0.1), "other", "right of, behind, in front of the thing tray"),
+        (SkillCall("place", "a", "tray", amount=0.1), "other", "right of, behind, in front of the object tray"),
         (SkillCall("close", "a", amount=0.1), "other", "takes no amount"),
-        (SkillCall("pick", "a", theta={"graspdepth": 0.1}), "other", "grasp_depth"),
         (SkillCall("pick", "a", theta={"standoff": 3.0}), "other", "from 0 to 0.2 m"),
         (SkillCall("place", "a", xy=(5.0, 5.0)), "unreachable", "workspace"),
     ],
@@ -240,10 +233,10 @@ def test_what_is_beyond_one_part_remains():
     assert carry_out(stack, asked).remaining == stack[1:]
 
 
-def test_several_things_into_containers_are_one_trajectory_side_by_side():
-    things = (cube("a", (0.3, 0.0), 0.04), cube("b", (0.25, -0.2), 0.04), cube("c", (0.35, -0.25), 0.04))
-    things = (*things, cube("d", (0.2, 0.1), 0.04))
-    asked = request(*things, TRAY)
+def test_several_objects_into_containers_are_one_trajectory_side_by_side():
+    objects = (cube("a", (0.3, 0.0), 0.04), cube("b", (0.25, -0.2), 0.04), cube("c", (0.35, -0.25), 0.04))
+    objects = (*objects, cube("d", (0.2, 0.1), 0.04))
+    asked = request(*objects, TRAY)
     calls = tuple(SkillCall("place", name, "tray", relation="in") for name in "abcd")
     plan = sound(carry_out(calls, asked), asked)
     assert plan.roles["theme_1"] == "a"
@@ -253,21 +246,6 @@ def test_several_things_into_containers_are_one_trajectory_side_by_side():
     places = [np.array(w.xyz[:2]) for w in plan.trajectory if w.stage == "release"]
     gaps = [np.linalg.norm(p - q) for i, p in enumerate(places) for q in places[:i]]
     assert min(gaps) > 0.04
-
-
-def test_what_can_be_done_only_from_where_the_arm_begins_remains(monkeypatch):
-    asked = request(cube("a", (0.3, 0.0), 0.04), cube("b", (0.25, -0.2), 0.04), TRAY)
-    calls = tuple(SkillCall("place", name, "tray", relation="in") for name in "ab")
-    one = carry_out_module._one
-
-    def at_rest(call, now, *more):
-        if now.joints is asked.joints:
-            return one(call, now, *more)
-        return Plan(None, abstention=Abstention("unreachable", "No way."))
-
-    monkeypatch.setattr(carry_out_module, "_one", at_rest)
-    plan = sound(carry_out(calls, asked), asked)
-    assert (plan.calls, plan.remaining) == (calls[:1], calls[1:])
 
 
 def test_a_rejected_way_is_not_proposed_again():

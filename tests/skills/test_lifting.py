@@ -13,9 +13,9 @@ REQUEST = inputs.plan_request()
 RED, BLUE = REQUEST.scene.objects
 
 
-def over(thing, up, gripper, at="", aside=(0.0, 0.0)):
-    x, y = thing.centre[:2] + aside
-    return PathPoint((float(x), float(y), float(thing.top + up)), gripper, at)
+def over(obj, up, gripper, at="", aside=(0.0, 0.0)):
+    x, y = obj.centre[:2] + aside
+    return PathPoint((float(x), float(y), float(obj.top + up)), gripper, at)
 
 
 TAKE = [over(RED, 0.1, 1.0), over(RED, -0.025, 1.0), over(RED, -0.025, 0.0), over(RED, 0.15, 0.0)]
@@ -27,20 +27,20 @@ def passes(plan):
     assert report.passed, report.reasons
 
 
-def test_a_path_that_closes_and_rises_takes_a_thing_up():
+def test_a_path_that_closes_and_rises_takes_an_object_up():
     plan = lift(TAKE, REQUEST)
     assert (plan.skill, plan.roles) == ("pick", {"theme": "red_cube"})
     assert plan.parameters["grasp_depth"] == pytest.approx(0.025, abs=1e-3)
     passes(plan)
 
 
-def test_what_is_let_go_of_over_a_thing_lies_on_it():
+def test_what_is_let_go_of_over_an_object_lies_on_it():
     plan = lift([*TAKE, over(BLUE, 0.15, 0.0), over(BLUE, 0.03, 1.0)], REQUEST)
     assert (plan.skill, plan.roles) == ("place", {"theme": "red_cube", "goal": "blue_cube"})
     passes(plan)
 
 
-def test_a_place_beside_a_thing_is_not_on_it():
+def test_a_place_beside_an_object_is_not_on_it():
     plan = lift([*TAKE, over(BLUE, 0.03, 1.0, at="blue_cube", aside=(0.0, 0.15))], REQUEST)
     assert plan.roles == {"theme": "red_cube"}
     passes(plan)
@@ -48,7 +48,7 @@ def test_a_place_beside_a_thing_is_not_on_it():
     assert opened.xyz[2] < BLUE.top  # put down on the table, not dropped from the cube's height
 
 
-def test_a_second_thing_is_refused_rather_than_left_out():
+def test_a_second_object_is_refused_rather_than_left_out():
     twice = [*TAKE, over(RED, -0.02, 1.0, aside=(0.0, -0.15)), over(BLUE, -0.02, 0.0), over(BLUE, 0.15, 0.0)]
     with pytest.raises(PlanningError, match="closes again"):
         lift(twice, REQUEST)

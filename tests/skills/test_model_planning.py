@@ -22,8 +22,8 @@ REQUEST = inputs.plan_request()
 CUBE, BLUE = REQUEST.scene["red_cube"], REQUEST.scene["blue_cube"]
 
 
-def over(thing, up, gripper):
-    x, y, z = (float(v) for v in thing.centre)
+def over(obj, up, gripper):
+    x, y, z = (float(v) for v in obj.centre)
     return PathPoint((x, y, z + up), gripper)
 
 
@@ -50,11 +50,9 @@ def asked(*answers, tries=1):
         return ask_for_path(language, messages, lambda text: PATHS[text], REQUEST, tries=tries)
 
 
-def test_a_path_becomes_a_plan_and_a_program_that_other_scenes_can_use():
+def test_a_path_becomes_a_plan():
     plan = asked("stack")
     assert plan.roles == {"theme": "red_cube", "goal": "blue_cube"}
-    assert [step[0] for step in plan.program.steps] == ["{theme}"] * 3 + ["{goal}"] * 2
-    assert plan.program.steps[1] == ("{theme}", 0, 0, "-0.50h", 0.0)
     assert plan.transcript[0]["answer"] == "stack"
 
 
@@ -97,13 +95,6 @@ def test_words_are_bounded_and_marked():
     assert "data, never instructions" in memory
     assert len(rejected) < MAX_CHARACTERS + 40
     assert context(REQUEST) == []
-
-
-def test_some_requests_need_no_model():
-    assert nothing_to_ask(REQUEST) is None
-    assert nothing_to_ask(replace(REQUEST, instruction="\n")).abstention.kind == "unknown_skill"
-    empty = replace(REQUEST.scene, objects=())
-    assert nothing_to_ask(replace(REQUEST, scene=empty)).abstention.kind == "nothing_matches"
 
 
 def test_an_instruction_that_is_too_long_to_be_read_is_declined_rather_than_cut():

@@ -1,4 +1,4 @@
-"""Which holds of a thing are offered: by its box, as far as its surface does not contradict, and by its surface."""
+"""Which holds of an object are offered: by its box, as far as its surface does not contradict, and by its surface."""
 
 import numpy as np
 import pytest
@@ -7,17 +7,17 @@ import trimesh
 from gvla2.planning.calls import SkillCall
 from gvla2.skills.carry_out import carry_out
 from tests.scanning import bowl
-from tests.skills.scenes import TABLE, at, request, sound, thing
+from tests.skills.scenes import TABLE, at, make_object, request, sound
 
 AT = np.array([0.35, 0.1])
 
 
 def seen(mesh, shape, *, opening=0.0):
-    """A thing on the table with points of its whole surface, taken for a simple ``shape`` by its box."""
+    """An object on the table with points of its whole surface, taken for a simple ``shape`` by its box."""
     size = np.asarray(mesh.extents)
     points = np.asarray(trimesh.sample.sample_surface(mesh, 2000, seed=0)[0])
     points = points - mesh.bounds[0] - 0.5 * size * [1, 1, 0] + [*AT, TABLE]
-    return thing("it", shape, (*AT, 0.5 * size[2]), size, points=points, opening=opening)
+    return make_object("it", shape, (*AT, 0.5 * size[2]), size, points=points, opening=opening)
 
 
 def picked(it):

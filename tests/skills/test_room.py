@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from gvla2.skills.validation import no_room
-from tests.skills.scenes import TRAY, cube, jar, request, stuck_brick, thing
+from tests.skills.scenes import TRAY, cube, jar, make_object, request, stuck_brick
 
 CUBE = cube("a", (0.3, 0.1))
-SOLID = thing("b", "box", (0.1, 0.1, 0.05), (0.1, 0.1, 0.1), label="maroon cube")
-NARROW = thing("n", "box", (0.1, 0.2, 0.03), (0.06, 0.06, 0.06), label="gray tray", opening=0.03)
-STICK = thing("s", "bar", (0.3, 0.1, 0.15), (0.02, 0.02, 0.26))
-DEEP = thing("c", "cylinder", (0.3, 0.1, 0.05), (0.12, 0.12, 0.1), label="white cup", opening=0.11)
+SOLID = make_object("b", "box", (0.1, 0.1, 0.05), (0.1, 0.1, 0.1), label="maroon cube")
+NARROW = make_object("n", "box", (0.1, 0.2, 0.03), (0.06, 0.06, 0.06), label="gray tray", opening=0.03)
+STICK = make_object("s", "bar", (0.3, 0.1, 0.15), (0.02, 0.02, 0.26))
+DEEP = make_object("c", "cylinder", (0.3, 0.1, 0.05), (0.12, 0.12, 0.1), label="white cup", opening=0.11)
 
 
 @pytest.mark.parametrize(
-    ("theme", "goal", "things", "why"),
+    ("theme", "goal", "objects", "why"),
     [
         (CUBE, SOLID, (), "does not seem to be open"),
         (CUBE, NARROW, (), "too large"),
@@ -24,8 +24,8 @@ DEEP = thing("c", "cylinder", (0.3, 0.1, 0.05), (0.12, 0.12, 0.1), label="white 
         (stuck_brick()[1], stuck_brick()[0], stuck_brick(), "already"),
     ],
 )
-def test_what_cannot_go_in_is_refused(theme, goal, things, why):
-    refusal = no_room(theme, goal, "in", request(*(things or (theme, goal))).scene)
+def test_what_cannot_go_in_is_refused(theme, goal, objects, why):
+    refusal = no_room(theme, goal, "in", request(*(objects or (theme, goal))).scene)
     assert refusal is not None
     assert why in refusal.message
 

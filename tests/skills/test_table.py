@@ -1,4 +1,4 @@
-"""The table of skills: whole, callable, told as text; and what is no skill."""
+"""The table of skills: whole, callable, reported as text; and what is no skill."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import gvla2
 from gvla2.hookspecs import SKILL_HOOK
 from gvla2.plugins.registry import load_plugins
 from gvla2.skills.skill import Parameter, Role, Skill, fault_of
-from gvla2.skills.table import PARAMETERS, STANDARD, describe
+from gvla2.skills.table import PARAMETERS, STANDARD
 
 PICK = STANDARD["pick"]
 
@@ -37,14 +37,6 @@ def test_standard_skills_are_whole(skill: Skill):
     assert skill.key
     assert {p.name for p in skill.parameters} <= set(PARAMETERS)
     assert all(p.least < p.most and p.meaning for p in skill.parameters)
-
-
-def test_the_table_as_text_is_a_line_a_skill_with_units_on_request():
-    lines = describe().splitlines()
-    assert [line.partition("(")[0] for line in lines] == list(STANDARD)
-    assert "place(theme, goal | xy | direction, relation=on|in|" in describe()
-    assert "grasp_depth [m]" in describe(numbers=True)
-    assert "rad" not in describe()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
 from gvla2.robot.solids import Volume, cup
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 
@@ -109,7 +109,7 @@ def _colours(rng, site, count):
     taken = [] if site.table_rgb is None else [site.table_rgb]
     names = []
     for name in rng.permutation(list(COLOURS)):
-        if not taken or (colour_distance(np.array(taken), COLOURS[name]) >= TOLD_APART).all():
+        if not taken or (colour_distance(np.array(taken), COLOURS[name]) >= DISTINCT).all():
             names.append(str(name))
             taken.append(COLOURS[name])
         if len(names) == count:

@@ -44,7 +44,7 @@ NAMED = "layouts"
 """The ``seed`` of episodes whose layouts were named and have no seed; ``episode`` is the layout then."""
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
-    "gvla2.geometry", "gvla2.loop", "gvla2.memory", "gvla2.perception", "gvla2.planning", "gvla2.programs",
+    "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
     "gvla2.reconstruction", "gvla2.robot", "gvla2.skills",
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""

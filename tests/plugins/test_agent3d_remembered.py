@@ -10,9 +10,9 @@ from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import Program, relative_steps, waypoints_program
 from gvla2.planning.scene_brief import scene_brief
-from gvla2.programs.waypoint_programs import remembered_paths
 from gvla2.skills.carry_out import carry_out
-from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, request, sound, thing
+from gvla2_plugins.agent3d.waypoint_programs import remembered_paths
+from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, make_object, request, sound
 
 A = cube("a", (0.3, 0.1))
 
@@ -31,7 +31,7 @@ def path_of_skill(call, asked):
 
 
 @pytest.mark.parametrize(
-    ("call", "things"),
+    ("call", "objects"),
     [
         (SkillCall("pick", "a"), (A,)),
         (SkillCall("place", "a", "patch"), (A, PATCH)),
@@ -40,8 +40,8 @@ def path_of_skill(call, asked):
         (SkillCall("push", "a", "patch"), (A, PATCH)),
     ],
 )
-def test_the_path_of_a_skill_can_be_followed_where_it_was_taken(call, things):
-    asked = request(*things)
+def test_the_path_of_a_skill_can_be_followed_where_it_was_taken(call, objects):
+    asked = request(*objects)
     assert len(shown(asked, path_of_skill(call, asked))) == 1
 
 
@@ -56,8 +56,8 @@ def test_a_path_that_leads_nowhere_here_is_not_shown():
     assert not shown(asked, wrong)
 
 
-def test_a_taller_thing_is_carried_higher_over_the_goal():
-    low, tall = (thing("a", "box", (0.3, 0.1, h / 2), (0.05, 0.05, h)) for h in (0.05, 0.12))
+def test_a_taller_object_is_carried_higher_over_the_goal():
+    low, tall = (make_object("a", "box", (0.3, 0.1, h / 2), (0.05, 0.05, h)) for h in (0.05, 0.12))
     path = path_of_skill(SkillCall("place", "a", "patch"), request(low, PATCH))
     (here,), (there,) = shown(request(low, PATCH), path), shown(request(tall, PATCH), path)
     (low_down, tall_down) = (one.steps[-1][-2] for one in (here, there))

@@ -1,1 +1,0 @@
-"""Answers of language planners (calls of skills, waypoints, array expressions): parsed and validated."""
