@@ -21,7 +21,7 @@ from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
 from gvla2.evaluation.config import DataConfig, ReconstructionBench, ResultsConfig
-from gvla2.evaluation.engine import BenchProgress, in_processes, workers_for
+from gvla2.evaluation.engine import BenchProgress, in_processes
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Offer, Registry
@@ -173,9 +173,9 @@ def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, p
     ],
 )
 def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path, changes, message):
-    with pytest.raises(Gvla2Error) as told:
+    with pytest.raises(Gvla2Error) as shown:
         run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")
-    assert message in str(told.value)
+    assert message in str(shown.value)
     assert not (tmp_path / "out" / "result.json").exists()
 
 
@@ -195,7 +195,7 @@ def test_nonsense_in_the_configuration(changes):
 
 def test_the_configurations_compose(registry):
     register(registry, all_schemas())
-    chosen = ["prior=none", "fusion=none", "renderer=reference"]
+    chosen = ["prior=none", "fusion=none", "renderer=gsplat"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=["data=meshes", "data.root=x", *chosen]))
         lists = [compose("bench", overrides=[f"data={name}", *chosen]) for name in ("gso30", "gso30_public")]
@@ -211,13 +211,6 @@ def test_work_is_shared_among_processes_and_errors_come_back():
     assert dict(in_processes(math.sqrt, [1.0, 4.0, 9.0], 2)) == {1.0: 1.0, 4.0: 2.0, 9.0: 3.0}
     with pytest.raises(ValueError, match=r"math domain error|nonnegative"):
         list(in_processes(math.sqrt, [-1.0], 1))
-
-
-def test_how_many_workers():
-    assert workers_for(3, 10) == 3
-    assert workers_for(3, 2) == 2
-    assert workers_for(0, 1) == 1
-    assert workers_for(2, 0) == 1
 
 
 def test_progress_without_a_terminal(capsys):

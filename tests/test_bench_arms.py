@@ -1,4 +1,4 @@
-"""Arms, rows and options of `gvla2 bench` as they are asked for; which episodes are filmed."""
+"""Arms, rows and options of `gvla2 bench` as they are asked for."""
 
 from dataclasses import replace
 
@@ -6,12 +6,8 @@ import pytest
 
 from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import BenchArm, arm_named, chosen_arms
-from gvla2.evaluation.config import RobotBench
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.suites.robot import worth_filming
+from gvla2.evaluation.arms import arm_named, chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects
-from gvla2.evaluation.suites.robot_episodes import EpisodeUnit
 from tests.composing import bench_config
 
 
@@ -108,29 +104,8 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
     assert "Did you mean 'robot'" in capsys.readouterr().err
 
 
-def planned(arm: str, layout: int) -> EpisodeUnit:
-    keys = {"relaxed": f"{arm}{layout}"}
-    return EpisodeUnit(
-        tuple(keys.values()), arm, RobotBench(), "lamp_on", {}, BenchArm(arm, arm), layout, keys, {}
-    )
-
-
-def test_pairs_that_differ_are_filmed_before_failures():
-    won = {"off": (0, 1, 0), "on": (0, 1, 1)}
-    plan = [planned(arm, layout) for arm in won for layout in range(3)]
-    cells = {
-        f"{arm}{i}": Cell("k", {}, {"success": bool(done)}, {})
-        for arm, d in won.items()
-        for i, done in enumerate(d)
-    }
-    assert [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
-    two = [(one.arm.name, one.layout) for one in worth_filming(plan, cells, 2)]
-    assert two == [("on", 2), ("off", 2), ("off", 0), ("on", 0)]
-    assert worth_filming(plan, cells, 0) == []
-
-
 @pytest.mark.parametrize(
-    ("override", "factor", "told"),
+    ("override", "factor", "shown"),
     [
         ("robot.finger_friction=0.01", "robot", "sapien_panda (finger_friction=0.01)"),
         ("verifier.margin=0.02", "verifier", "geometric (margin=0.02)"),
@@ -144,13 +119,13 @@ def test_pairs_that_differ_are_filmed_before_failures():
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
     ],
 )
-def test_whatever_changes_an_episode_is_told_in_its_row(registry, override: str, factor: str, told: str):
+def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: str, factor: str, shown: str):
     def stories_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
         return str(design.plan[0].factors.get(factor, "")), design.plan[0].by_profile["strict"]
 
     usual, changed = stories_of(), stories_of(override)
-    assert changed[0] == told != usual[0]
+    assert changed[0] == shown != usual[0]
     assert changed[1] != usual[1]
 
 
@@ -173,8 +148,9 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
         (["arms=[off]", "families=5"], "world=learnable only"),
+        (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )
-def test_options_that_would_only_label_an_arm_are_refused(registry, given: list[str], said: str):
+def test_designs_that_make_no_sense_are_refused(registry, given: list[str], said: str):
     with pytest.raises(ConfigurationError, match=said):
         designs(config_of(registry, "tasks=[lamp_on]", *given), registry)

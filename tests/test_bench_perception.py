@@ -14,7 +14,6 @@ from gvla2.evaluation.suites.perception import (
     LayoutUnit,
     chosen_components,
     chosen_tasks,
-    layout_seed,
     measure_layout,
 )
 from gvla2.plugins.discovery import Plugin
@@ -39,10 +38,10 @@ class Half:
     def perceive(self, observation, instruction, workspace):
         scene = self._robot.true_scene()
         moved = []
-        for thing in scene.objects[1:]:
-            pose = thing.world_from_object.copy()
+        for obj in scene.objects[1:]:
+            pose = obj.world_from_object.copy()
             pose[0, 3] += self._shift
-            moved.append(replace(thing, world_from_object=pose))
+            moved.append(replace(obj, world_from_object=pose))
         return replace(scene, objects=tuple(moved))
 
 
@@ -84,22 +83,21 @@ def rows_of(folder: Path) -> list[dict]:
     return json.loads((folder / "result.json").read_text())["rows"]
 
 
-def test_every_thing_is_a_row_and_is_measured_once(parts, tmp_path):
+def test_every_object_is_a_row_and_is_measured_once(parts, tmp_path):
     config = config_for(parts, tmp_path)
     assert run_bench(config, parts, tmp_path / "first") == 1
-    scene, *things = rows_of(tmp_path / "first")
+    scene, *objects = rows_of(tmp_path / "first")
     assert (scene["object"], scene["status"], scene["false"]) == ("scene", "ok", 0)
     assert scene["seconds"] > 0 and scene["cpu_seconds"] > 0  # noqa: PT018
-    assert {thing["object"] for thing in things} == {"cup_0", "cup_1"}
-    for thing in things:
-        assert thing["kind"] == "cup"
-        assert (thing["found"], thing["label"], thing["colour"]) == (1, 1, 1)
-        assert 0.8 < thing["iou"] <= 1
-        assert 0 <= thing["centre_mm"] < 6
-        assert 0 <= thing["extent_mm"] < 12
-        assert thing["extent_mm"] == max(abs(thing[f"extent_{axis}_mm"]) for axis in "xyz")
+    assert {obj["object"] for obj in objects} == {"cup_0", "cup_1"}
+    for obj in objects:
+        assert obj["kind"] == "cup"
+        assert (obj["found"], obj["label"], obj["colour"]) == (1, 1, 1)
+        assert 0.8 < obj["iou"] <= 1
+        assert 0 <= obj["centre_mm"] < 6
+        assert 0 <= obj["extent_mm"] < 12
+        assert obj["extent_mm"] == max(abs(obj[f"extent_{axis}_mm"]) for axis in "xyz")
     page = (tmp_path / "first" / "index.html").read_text()
-    assert page.count("data:image/png;base64,") == 1
     assert "by task" in page and "by kind" in page  # noqa: PT018
 
     assert run_bench(config, parts, tmp_path / "second") == 1
@@ -111,7 +109,7 @@ def test_every_thing_is_a_row_and_is_measured_once(parts, tmp_path):
     assert {row["episode"] for row in third} == {0, 1}
 
 
-def test_what_is_wrong_is_told(parts, tmp_path):
+def test_what_is_wrong_is_reported(parts, tmp_path):
     config = config_for(
         parts, tmp_path, perceivers=["oracle", "half", "blind"], perceiver=OwnConfig(name="half", shift=0.004)
     )
@@ -168,20 +166,12 @@ def test_choices(parts, tmp_path):
         config_for(parts, tmp_path, perceivers=[])
 
 
-def test_no_two_seeds_share_a_layout():
-    drawn = {layout_seed(seed, episode) for seed in range(20) for episode in range(20)}
-    assert len(drawn) == 400
-    assert layout_seed(7, 0) == 7
-
-
 def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
     class Real:
         arm = None
 
         def close(self): ...
 
-    unit = LayoutUnit(
-        ("key",), "", "pickup_cup", "blind", {}, 0, False, config_for(parts, tmp_path), tmp_path
-    )
+    unit = LayoutUnit(("key",), "", "pickup_cup", "blind", {}, 0, config_for(parts, tmp_path))
     with pytest.raises(ConfigurationError, match="knows what each pixel shows"):
         measure_layout(unit, {"robot": Real(), "task": None, "perceiver": Blind()})

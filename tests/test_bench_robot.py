@@ -11,10 +11,8 @@ import pytest
 
 from gvla2.commands.bench import run_bench
 from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
-from gvla2.evaluation.arms import arm_named
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import in_processes
-from gvla2.evaluation.suites.robot_episodes import EpisodeUnit, release, run_unit
 from tests.composing import bench_config
 from tests.dying import dies, dies_once, sleeps
 from tests.quick import QUICK
@@ -37,7 +35,7 @@ def rows_of(folder: Path) -> list[dict]:
 def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layouts(registry, tmp_path):
     tasks = "tasks=[pick_and_lift,push_block]"
     arms = "arms=['off','on','shuffled','best_theta']"
-    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]", "videos=0")
+    config = config_of(registry, tmp_path, tasks, arms, "episodes=1", "exploration_seeds=[3]")
     assert run_bench(config, registry, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
     assert len(rows) == 2 * 4 * 2, "tasks x arms x profiles"
@@ -63,37 +61,8 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert not (tmp_path / "second" / "banks").exists()
 
 
-def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
-    config = config_of(
-        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=1", 
-        "scale=1.2", "depth_noise.kind=gaussian", "depth_noise.sigma_m=0.2",
-        sight=("robot.image_size=96", "robot.video_size=16"),
-    )  # fmt: skip
-    run_bench(config, registry, tmp_path / "out")
-    (row,) = [row for row in rows_of(tmp_path / "out") if row["profile"] == "relaxed"]
-    assert not row["success"], "20 cm of noise hide a lamp"
-    assert row["film_agrees"]
-    assert (Path(row["film"]) / "index.html").is_file()
-    assert row["failure"] in (tmp_path / "out" / "index.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("arms=[offf]", "No arm 'offf'. Available: off, "),
-        ("tasks=[lamp_of]", "lamp_on"),
-        ("exploration_seeds=[20000]", "exploration_seeds"),
-        ("++own_arms.on.admision=false", "arms.on.admision.*Did you mean 'admission'"),
-    ],
-)
-def test_names_that_are_none_are_refused_before_anything_moves(registry, tmp_path, override, message):
-    config = config_of(registry, tmp_path, *override.split())
-    with pytest.raises(Gvla2Error, match=message):
-        run_bench(config, registry, tmp_path / "out")
-
-
 def test_scale_and_arms_are_checked():
-    for wrong in ({"scale": 0.0}, {"arms": []}, {"episodes": 0}, {"exploration": 2.0}, {"videos": -1}):
+    for wrong in ({"scale": 0.0}, {"arms": []}, {"episodes": 0}, {"exploration": 2.0}, {"layouts": [-1]}):
         with pytest.raises(ConfigurationError):
             RobotBench(**wrong)
 
@@ -107,7 +76,7 @@ def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path
 
 
 def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
-    def told(_signal: int, _frame: object) -> None:
+    def shown(_signal: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
     def tell() -> None:
@@ -115,7 +84,7 @@ def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
             time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    before = signal.signal(signal.SIGTERM, told)
+    before = signal.signal(signal.SIGTERM, shown)
     threading.Thread(target=tell, daemon=True).start()
     try:
         with pytest.raises(KeyboardInterrupt):
@@ -143,7 +112,7 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
         return real(self, request)
 
     monkeypatch.setattr(SkillPlanner, "plan", late_at_first)
-    config = config_of(registry, tmp_path, "tasks=[pick_and_lift]", "arms=['off']", "episodes=2", "videos=0")
+    config = config_of(registry, tmp_path, "tasks=[pick_and_lift]", "arms=['off']", "episodes=2")
     run_bench(config, registry, tmp_path / "first")
     rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [None, True]
@@ -155,26 +124,6 @@ def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time
     rows = [row for row in rows_of(tmp_path / "second") if row["profile"] == "relaxed"]
     assert [row["success"] for row in rows] == [True, True]
     assert len(asked) == 3, "only the late one is measured again"
-
-
-def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry, tmp_path, monkeypatch):
-    plain = config_of(registry, tmp_path, sight=())
-    assert (plain.planner_timeout, plain.perceiver.name) == (0.0, "classical")
-    seen = []
-
-    def look(parts, request, listener):
-        seen.append(request)
-        raise RuntimeError("seen enough")
-
-    monkeypatch.setattr("gvla2.evaluation.suites.robot_episodes.run_episode", look)
-    config = config_of(
-        registry, tmp_path, "planner_timeout=7", "max_parts=2", "tasks=[lamp_on]", "arms=['off']"
-    )
-    unit = EpisodeUnit((), "", config, "lamp_on", {"name": "lamp_on"}, arm_named(config, "off"), 1, {}, {})
-    with pytest.raises(AssertionError):
-        run_unit(unit, registry)
-    release()
-    assert (seen[0].planner_timeout, seen[0].max_parts) == (7.0, 2)
 
 
 def test_arms_do_not_learn_from_exploration_with_gaps(registry, tmp_path, monkeypatch):

@@ -55,7 +55,7 @@ def test_every_file_of_conf_is_a_choice_that_composes():
             composed(f"{'+' if group == 'experiment' else ''}{group}={name}")
 
 
-def test_a_number_out_of_its_range_is_told_with_the_range():
+def test_a_number_out_of_its_range_is_reported_with_the_range():
     with pytest.raises(ConfigurationError) as caught:
         composed("planner.lift_height=nan")
     assert str(caught.value) == "planner.lift_height is nan; it must be from 0 to 0.6 m."
@@ -205,7 +205,7 @@ def test_an_unforeseen_error_shows_its_traceback(folder: Path, capsys: pytest.Ca
     assert "HYDRA_FULL_ERROR" not in os.environ
 
 
-def test_a_list_where_one_is_chosen_is_told_from_a_sweep(folder: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_list_for_one_choice_suggests_a_sweep(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert launch("run", job, ["task=[put_block,push_block]"]) == 2
     assert "-m task=put_block,push_block" in capsys.readouterr().err
 

@@ -139,7 +139,7 @@ def test_the_plugin_of_the_page_conforms(plugin: ModuleType):
 def test_the_commands_of_the_page_name_what_there_is(name: str, registry: Registry):
     page = (ROOT / "docs" / f"{name}.md").read_text().replace("\\\n", "")
     found = re.findall(r"^gvla2 (\w+) ([^#\n]*)|`gvla2 (\w+) ([^`]*)`", page, re.MULTILINE)
-    for command, words in [(line or told, after or then) for line, after, told, then in found]:
+    for command, words in [(line or shown, after or then) for line, after, shown, then in found]:
         if command in PRIMARY and "planner=point" not in words:  # the reader's own
             _check_choices(registry, command, re.sub(r"\bhydra\S*=\S*", "", words))
 
@@ -203,6 +203,6 @@ def test_the_planner_of_the_tutorial_does_what_it_says(
         run_episodes(config, offered, tmp_path)
     finally:
         register(registry, PRIMARY)
-    told = json.loads((tmp_path / "result.json").read_text())
-    assert told["verdict"] == "uncertain"
-    assert told["failure"]["kind"] == "goal_not_reached"
+    shown = json.loads((tmp_path / "result.json").read_text())
+    assert shown["verdict"] == "uncertain"
+    assert shown["failure"]["kind"] == "goal_not_reached"

@@ -161,7 +161,7 @@ def test_joblib_and_submitit_find_the_same(views: Path, joblib: dict, tmp_path: 
     assert submitit == joblib
 
 
-def test_a_cluster_that_does_not_answer_is_told_as_such(tmp_path: Path):
+def test_a_cluster_that_does_not_answer_is_reported_as_such(tmp_path: Path):
     """Not as a folder that cannot be written, which is the other error of the system that Hydra may meet."""
     (tmp_path / "hydra_plugins").mkdir()
     (tmp_path / "hydra_plugins" / "lonely.py").write_text(LONELY)

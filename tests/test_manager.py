@@ -103,8 +103,8 @@ def test_the_latest_is_called_first_and_wins():
     registry = load_plugins()
     assert registry.get("planner", "same").summary == "b"
     assert registry.get("planner", "skill").summary == "b", "what this process registers comes before all"
-    told = {(p.plugin, p.message.partition(",")[0]) for p in registry.problems}
-    assert told == {
+    shown = {(p.plugin, p.message.partition(",")[0]) for p in registry.problems}
+    assert shown == {
         ("a", "'same' is already offered by plugin 'b'"),
         ("skill", "'skill' is already offered by plugin 'b'"),
     }
@@ -165,17 +165,17 @@ def test_a_hookwrapper_of_the_old_style_and_specname():
     assert registry.problems == ()
 
 
-def test_plugins_without_a_usable_hook_are_told_and_stop_nobody():
+def test_plugins_without_a_usable_hook_are_reported_and_stop_nobody():
     for name in ("one", "two"):
         gvla2.register(plugin(lambda: [], "gvla2_planer"), name)
         gvla2.register(plugin(lambda extra: []), f"{name}, with an argument")
-    told = {problem.plugin: problem.message for problem in load_plugins().problems}
-    assert told["one"] == told["two"] == "is no hook of gvla2. Did you mean 'gvla2_planners'?"
-    assert told["one, with an argument"] == told["two, with an argument"] == "must take no arguments."
+    shown = {problem.plugin: problem.message for problem in load_plugins().problems}
+    assert shown["one"] == shown["two"] == "is no hook of gvla2. Did you mean 'gvla2_planners'?"
+    assert shown["one, with an argument"] == shown["two, with an argument"] == "must take no arguments."
 
 
 @pytest.mark.parametrize("answer", [None, planner("mine")])
-def test_a_hook_that_returns_no_list_is_told(answer: object):
+def test_a_hook_that_returns_no_list_is_reported(answer: object):
     gvla2.register(plugin(lambda: answer), "odd")
     (problem,) = load_plugins().problems
     assert problem.message.startswith("returned ")
@@ -280,7 +280,7 @@ def test_a_kind_of_ones_own_is_a_group_with_a_default_that_others_need():
     check_component(registry.get("gripper", "soft"), registry.kinds["gripper"])
 
 
-def test_what_breaks_the_protocol_of_a_kind_of_ones_own_is_told():
+def test_what_breaks_the_protocol_of_a_kind_of_ones_own_is_reported():
     class Slack:
         """Holds nothing."""
 
@@ -335,7 +335,7 @@ def test_a_kind_whose_default_is_none_may_hold_nothing():
         (Kind("gripper", "gvla2_x", "a.B", "x"), "'module:Class'"),
     ],
 )
-def test_a_kind_that_cannot_be_is_told(kind: object, message: str):
+def test_a_kind_that_cannot_be_is_reported(kind: object, message: str):
     gvla2.register(plugin(lambda: [kind], KINDS_HOOK), "odd")
     registry = load_plugins()
     (problem,) = registry.problems

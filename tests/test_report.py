@@ -22,10 +22,10 @@ def url(tmp_path) -> str:
         for number in range(2):
             run = results.begin("reconstruction", tmp_path, "seed: 0")
             cells = []
-            for thing in ("apple", "bowl"):
+            for obj in ("apple", "bowl"):
                 for variant, value in (("baseline", 20.0), ("ab_fusion", 10.0 + number)):
-                    factors = {"object": thing, "variant": variant, "seed": number, "drift": "none"}
-                    key = f"{thing}{variant}{number}"
+                    factors = {"object": obj, "variant": variant, "seed": number, "drift": "none"}
+                    key = f"{obj}{variant}{number}"
                     cells.append(Cell(key, factors, {"cd_surface": value}, {"status": "ok"}))
             results.add(run, "reconstruction", cells)
     return url

@@ -31,11 +31,11 @@ def test_what_the_model_cost_is_in_the_result_by_purpose_and_the_key_nowhere(
         run_episodes(config, registry, tmp_path / "out")
         asked = len(model.requests)
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    told = result["language"]
-    assert set(told) == {"verify", "induce"}
-    assert told["verify"]["calls"] + told["induce"]["calls"] == asked
-    assert told["verify"]["prompt_tokens"] == 100 * told["verify"]["calls"] > 0
-    assert told["verify"]["seconds"] > 0
+    shown = result["language"]
+    assert set(shown) == {"verify", "induce"}
+    assert shown["verify"]["calls"] + shown["induce"]["calls"] == asked
+    assert shown["verify"]["prompt_tokens"] == 100 * shown["verify"]["calls"] > 0
+    assert shown["verify"]["seconds"] > 0
     assert result["choices"]["language"] == "endpoint"
     for file in (tmp_path / "out").rglob("*"):
         assert file.is_dir() or KEY.encode() not in file.read_bytes(), file

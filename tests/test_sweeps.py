@@ -49,9 +49,9 @@ def test_jobs_that_differ_in_their_seed_alone_are_one_row():
 
 def test_a_layout_that_two_jobs_ran_counts_once_in_the_interval():
     def with_layouts(job: int, first: int) -> Cell:
-        made, told = cell(job, 1, seed=str(first)), [[first, True, False], [first + 1, False, False]]
+        made, layouts = cell(job, 1, seed=str(first)), [[first, True, False], [first + 1, False, False]]
         setting = {"task": "lamp_on", "planner": "skill", "verifier": f"v{job}"}
-        return replace(made, notes={**made.notes, "layouts": told, "setting": setting})
+        return replace(made, notes={**made.notes, "layouts": layouts, "setting": setting})
 
     (table,) = run_sheets([with_layouts(0, 0), with_layouts(1, 1)])
     (row,) = table.rows
@@ -107,18 +107,18 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
 
     monkeypatch.setattr(run, "run_episodes", stopped)
     assert cli.main([*SWEEP, "quiet=true"]) == 130
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
     assert [job["overrides"]["seed"] for job in jobs_of(folder)] == ["0"]
-    again = re.search(r"To resume: gvla2 (.*)", told.err)
+    again = re.search(r"To resume: gvla2 (.*)", output.err)
     assert again is not None
-    assert re.search(r"\[0: .* -> .*index.html", told.err), "quiet=true still says how a job ended"
+    assert re.search(r"\[0: .* -> .*index.html", output.err), "quiet=true still says how a job ended"
 
     assert cli.main(shlex.split(again.group(1))) == 0
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     assert ran == [0, 1, 1], "what was done is not run again"
-    assert re.search(r"\[0: .* is done: ", told.err)
-    assert "all jobs" in told.out
+    assert re.search(r"\[0: .* is done: ", output.err)
+    assert "all jobs" in output.out
     rows = list(csv.DictReader((folder / "jobs.csv").read_text().splitlines()))
     assert [row["seed"] for row in rows] == ["0", "1"]
     assert {row["episodes"] for row in rows} == {"1"}
@@ -133,7 +133,7 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
 
 
 @pytest.mark.parametrize("error", [KeyError("nowhere"), SystemExit(7)])
-def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_told(
+def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_reported(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException
 ):
     """The planner crashes in the first of two episodes; the bank's database is none."""
@@ -152,31 +152,31 @@ def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_told(
     broken.write_bytes(b"this is no database" * 100)
     sweep = ("run", "-m", "seed=1", "episodes=2", *QUICK, "quiet=true", f"memory.url=sqlite:///{broken}")
     assert cli.main(sweep) == 0
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
     (row,) = csv.DictReader((folder / "jobs.csv").read_text().splitlines())
     assert (row["episodes"], row["succeeded"], row["status"]) == ("2", "1", "ok")
     assert row["memory_unavailable"] == "2"
-    assert "all jobs (memory unavailable in 2 of 2)" in " ".join(told.out.split())
-    assert "memory unavailable in 2 of 2 episodes: " in told.err
+    assert "all jobs (memory unavailable in 2 of 2)" in " ".join(output.out.split())
+    assert "memory unavailable in 2 of 2 episodes: " in output.err
     (result,) = folder.glob("*/result.json")
     failure = json.loads(result.read_text())["rows"][0]["failure"]
     assert (failure["stage"], failure["kind"]) == ("plan", "crashed")
 
 
 @pytest.mark.parametrize(
-    ("option", "told"),
+    ("option", "message"),
     [
         ("memory.bank='a b'", "'memory.bank' is wrong: 'a b' cannot be the name of a bank"),
         ("episodes=0", "at least 1"),
     ],
 )
 def test_no_sweep_of_a_wrong_configuration_is_resumed(
-    here: Path, capsys: pytest.CaptureFixture[str], option: str, told: str
+    here: Path, capsys: pytest.CaptureFixture[str], option: str, message: str
 ):
     assert cli.main([*SWEEP, option]) == 1
     shown = capsys.readouterr()
-    assert told in shown.err
+    assert message in shown.err
     assert "To resume" not in shown.err
     if "memory" in option:  # found by the job, not by the configuration itself
         assert "2 jobs, 2 of them failed" in " ".join(shown.out.split())
@@ -218,8 +218,8 @@ def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
 
     config = compose_run()
     memory = registry.build(config, "memory")
-    told = bank_line(config, memory)
+    output = bank_line(config, memory)
     memory.close()
-    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", told)
+    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", output)
     nothing = compose_run("memory=none")
     assert bank_line(nothing, registry.build(nothing, "memory")) == "memory none keeps no bank"

@@ -23,13 +23,6 @@ def test_the_page_shows_a_task_from_every_camera(tmp_path: Path, capsys: pytest.
     assert "http" not in html  # nothing is loaded from elsewhere
 
 
-def test_demonstrations_can_be_left_out(tmp_path: Path):
-    page = tmp_path / "page.html"
-    assert main(["put_block", "--start-only", "--output", str(page)]) == 0
-    assert "Demonstrated" not in page.read_text()
-    assert ", end" not in page.read_text()
-
-
 def test_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["tasks", "--nothing"]) == 2
     assert cli.main(["tasks", "--help"]) == 0

@@ -85,12 +85,6 @@ def test_it_composes(gvla2):
     assert done.stdout == "# @package planner\nname: hover\nheight: 0.2\n", done.stderr
 
 
-def test_its_wrong_options_are_told(gvla2):
-    done = gvla2("run", "planner=hover", "planner.hight=1")
-    assert done.returncode == 1
-    assert "Key 'hight' not in 'HoverConfig'. Did you mean 'height'?" in done.stderr
-
-
 def test_they_conform(python):
     tests = [str(example / "tests") for example in (EXAMPLE, TASK)]
     done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)

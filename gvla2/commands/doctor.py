@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import os
 import platform
 import re
 import subprocess
@@ -104,7 +103,6 @@ def examine(registry: Registry) -> list[Check]:
             *configuration(registry),
             *plugins(registry),
             opencv(),
-            models(),
             *libraries(simulator.result()),
             *([torch_device(torch.result())] if torch else []),
         ]
@@ -222,15 +220,6 @@ def opencv() -> Check:
         return Check("cv2", "ok", owners)
     advice = f"pip uninstall {' '.join(found)}, then install one of them"
     return Check("cv2", "warn", f"{owners} write the same files", advice)
-
-
-def models() -> Check:
-    """The weight files that scripts/fetch_model and scripts/fetch_sam bring."""
-    folder = Path(os.environ.get("GVLA2_MODELS") or "~/.cache/gvla2/models").expanduser()
-    files = sorted(path.name for path in folder.glob("*") if path.is_file())
-    return Check(
-        "models", "ok", f"{', '.join(files) or 'none'} in {folder}; `gvla2 data` lists data sets and weights"
-    )
 
 
 def libraries(faults: Mapping[str, str]) -> Iterator[Check]:

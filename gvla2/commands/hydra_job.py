@@ -24,6 +24,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
+from gvla2.commands.bench import as_overrides
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE, suite_schemas
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
@@ -49,9 +50,11 @@ class HydraTask:
     def __init__(self, function: JobFunction, registry: Registry | None = None) -> None:
         self.function = function
         self.registry = registry
+        self.error: Exception | None = None
+        """What a single job raised: Hydra would print a line of its own about it."""
 
     def __getstate__(self) -> dict[str, object]:
-        return {"function": self.function, "registry": None}
+        return {"function": self.function, "registry": None, "error": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ |= state
@@ -67,7 +70,8 @@ class HydraTask:
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if job.mode != RunMode.MULTIRUN:
-                raise
+                self.error = error
+                return None
             message = explain(error, self.registry)
             print(f"gvla2: job {job.job.num}: {printable(message)}", file=sys.stderr)
             raise Gvla2Error(message) from error
@@ -90,7 +94,7 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(command)
     if {"-h", "--help"} & set(argv):
-        suite = next((word.removeprefix("suite=") for word in argv if word.startswith("suite=")), "")
+        suite = next((word.partition("=")[2] for word in argv if word.startswith("bench_suite=")), "")
         print_help(command, registry, suite)
         return 0
     task = HydraTask(function, registry)
@@ -101,6 +105,8 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
                 _hydra_main(command, task)
             else:
                 _run_once(command, task, argv)
+        if task.error is not None:
+            raise task.error
     except SystemExit as leaving:  # --help, --cfg, and argparse's complaints
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except KeyboardInterrupt as stopped:
@@ -157,7 +163,7 @@ def complete(argv: Sequence[str], commands: Collection[str]) -> int:
     """Hydra's ``--shell-completion install=SHELL | uninstall=SHELL | query=SHELL``, for sub-commands too.
 
     A query has the line so far in COMP_LINE. Its first word completes to a command here, the others by Hydra, which
-    does not know a suite of ``bench`` or the words of ``memory``.
+    does not know the words of ``memory``; a suite of ``bench`` becomes its override.
     """
     name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
     command, space, rest = rest.lstrip().partition(" ")
@@ -165,7 +171,8 @@ def complete(argv: Sequence[str], commands: Collection[str]) -> int:
         print("" if space else "\n".join(each for each in commands if each.startswith(command)))
         return 0
     before, _, last = rest.rpartition(" ")
-    given = [word for word in before.split() if _is_override(word)]
+    words = as_overrides(before.split()) if command == "bench" else before.split()
+    given = [word for word in words if _is_override(word)]
     os.environ["COMP_LINE"] = " ".join([name, *given, last])
     command = command if command in PRIMARY else "run"
     _register(command)

@@ -173,7 +173,7 @@ def list_records(request: Request) -> Answer:
 
 
 def show(request: Request) -> Answer:
-    """Everything about one record, its links and its last events."""
+    """Everything about one record: its fields, links and events, oldest first."""
     with request.view() as view:
         record = find_record(view, request.words[0])
         links, events = view.links([record.id]), view.history(record.id)
@@ -185,7 +185,7 @@ def show(request: Request) -> Answer:
             rows.append(
                 ("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}")
             )
-        return [_table(("field", "value"), rows), *_events_table(data["events"][-10:])]
+        return [_table(("field", "value"), rows), _events_table(data["events"])]
 
     return Answer({"record": _columns(record), "links": links, "events": [*map(_event, events)]}, shown)
 
@@ -215,13 +215,6 @@ def search(request: Request) -> Answer:
         return [_table(columns, rows), f"A recall for these words would show {recalled} of them."]
 
     return Answer({"query": words, "found": found}, shown)
-
-
-def history(request: Request) -> Answer:
-    """A record's events, oldest first; forgotten records too."""
-    with request.view() as view:
-        events = view.history(request.words[0]) or view.history(find_record(view, request.words[0]).id)
-    return Answer([_event(event) for event in events], _events_table)
 
 
 def stats(request: Request) -> Answer:
@@ -326,7 +319,6 @@ VERBS: Mapping[str, tuple[Callable[[Request], Answer], Mapping[str, str | None],
     "list": (list_records, {}, ("states=[active]", "limit=20")),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
-    "history": (history, {"ID": None}, ("limit=20",)),
     "stats": (stats, {}, ()),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
@@ -428,7 +420,7 @@ def _records_table(records: Sequence[Mapping[str, Any]]) -> Sequence[Table | str
     return [_table(columns, rows) if rows else "The bank has no such records."]
 
 
-def _events_table(events: Sequence[Mapping[str, Any]]) -> Sequence[Table | str]:
+def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     rows = []
     for event in events:
         changes = event["change"] if isinstance(event["change"], dict) else {}
@@ -437,7 +429,7 @@ def _events_table(events: Sequence[Mapping[str, Any]]) -> Sequence[Table | str]:
         action = f"{event['action']} {event['target'] or ''}".strip()
         why = "(forgotten)" if event["erased"] else one_line(event["why"])
         rows.append((str(event["seq"]), _date(event["at"]), event["actor"], action, why, one_line(change)))
-    return [_table(("event", "time", "who", "action", "why", "change"), rows)]
+    return _table(("event", "time", "who", "action", "why", "change"), rows)
 
 
 def _changes(data: Mapping[str, Any]) -> Sequence[Table | str]:

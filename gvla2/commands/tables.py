@@ -14,9 +14,16 @@ from gvla2.record.text import printable
 WIDTH_OF_PIPES = 200
 
 
+class _Console(Console):
+    """Leaves a reader that went away (`gvla2 run --help | head`) to the command line, where Rich would exit with 1."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 def console() -> Console:
     """Standard output: as wide as the terminal, or wide enough for `grep` when piped."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_PIPES, highlight=False)
+    return _Console(width=None if sys.stdout.isatty() else WIDTH_OF_PIPES, highlight=False)
 
 
 def table(first: str, *columns: str, style: str = "cyan") -> Table:

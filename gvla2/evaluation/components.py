@@ -16,8 +16,9 @@ from gvla2.robot.options import DepthNoise
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds (empty slots have none), and of the language model if one of them needs it."""
-    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
+    """The typed options of the kinds that are chosen, and of the language model if one of them needs it."""
+    chosen = [k for k in kinds if not (nothing_in(root, k) or registry.chooses_none(root, k))]
+    found = [registry.configure(root, kind) for kind in chosen]
     asking = any("language" in component.needs for _, component in found)
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
 

@@ -183,8 +183,7 @@ class RobotBench(MemoryArms, SimulatedBench):
     and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one. With
     ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
     model was unavailable: it counts for no arm, and the next bench measures it again. ``branch`` holds the options of
-    the reconstruction branch, which runs where a ``reconstructor`` is chosen. ``videos`` failed episodes of each task
-    and arm are run once more with the camera on.
+    the reconstruction branch, which runs where a ``reconstructor`` is chosen.
     """
 
     suite: str = "robot"
@@ -200,7 +199,6 @@ class RobotBench(MemoryArms, SimulatedBench):
     replan: int = 0
     max_parts: int = 6
     planner_timeout: float = 0.0
-    videos: int = 1
     branch: BranchOptions = field(default_factory=BranchOptions)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
@@ -212,7 +210,7 @@ class RobotBench(MemoryArms, SimulatedBench):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        below = [name for name in ("videos", "replan", "exploration_replan") if getattr(self, name) < 0]
+        below = [name for name in ("replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
             (self.world in WORLDS, f"world is '{self.world}'; it is {' or '.join(WORLDS)}."),
             (not below, f"{', '.join(below)} must not be negative."),
@@ -279,32 +277,12 @@ class AgentsBench(MemoryArms):
     agent: ComponentConfig = field(default_factory=ComponentConfig)
 
 
-@dataclass
-class PublishedRunsConfig:
-    """``trajectories`` is a folder of runs with known outcomes, at most ``most`` of which are judged and learnt."""
-
-    trajectories: str = ""
-    most: int = 200
-
-    def __post_init__(self) -> None:
-        _require((self.most >= 1, "agents.most is at least 1."))
-
-
-@dataclass
-class TrajectoriesBench(MemoryArms):
-    """A verifier and a memory on published runs of software agents."""
-
-    suite: str = "trajectories"
-    agents: PublishedRunsConfig = field(default_factory=PublishedRunsConfig)
-
-
 SUITES: Mapping[str, type[BenchConfig]] = MappingProxyType(
     {
         "reconstruction": ReconstructionBench,
         "robot": RobotBench,
         "perception": PerceptionBench,
         "agents": AgentsBench,
-        "trajectories": TrajectoriesBench,
     }
 )
 """The suites by name, with their options. The suites themselves are in :mod:`gvla2.evaluation.suites`."""

@@ -123,9 +123,6 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
         """The unit as it is measured, given the rows so far."""
         return unit
 
-    def finish(self, units: Sequence[UnitT], rows: Rows) -> None:
-        """Called when everything is measured; may replace rows."""
-
     def result(self, units: Sequence[UnitT], rows: Rows) -> list[Cell]:
         """The rows of the last stage, in the order of the design."""
         return [rows[key] for unit in units for key in unit.keys]
@@ -153,7 +150,6 @@ def run_suite(suite: Suite[Any, Any]) -> list[Cell]:
                     new = {cell.key for cell in cells} & set(unit.keys) - rows.keys()
                     rows |= bench.store(cells, suite.stored_as(number))
                     progress.done(len(new), unit.label)
-            suite.finish(stages[-1], rows)
         return suite.result(stages[-1], rows)
     finally:
         suite.close()

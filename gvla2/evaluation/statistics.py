@@ -1,4 +1,4 @@
-"""Statistics of measured rows: intervals of success rates, paired tests and differences, ranking and calibration."""
+"""Statistics of measured rows: intervals of success rates, paired tests and differences."""
 
 from __future__ import annotations
 
@@ -119,45 +119,3 @@ def pooled_difference(by_task: Mapping[str, Sequence[Pair]], *, draws: int = 400
     low, high = np.percentile(100 * np.array(drawn), [2.5, 97.5])
     points = 100 * float(np.mean([gain.mean() for gain in gains]))
     return Change(points, float(low), float(high), sum(map(len, gains)))
-
-
-def auc(scores: Sequence[float], truths: Sequence[bool]) -> float | None:
-    """The probability that a success scores higher than a failure, ties counting half; None without one of each."""
-    from scipy.stats import mannwhitneyu
-
-    values, won = np.asarray(scores, float), np.asarray(truths, bool)
-    if won.all() or not won.any():
-        return None
-    good, bad = values[won], values[~won]
-    return float(mannwhitneyu(good, bad, method="asymptotic").statistic / (len(good) * len(bad)))
-
-
-def auc_interval(
-    scores: Sequence[float], truths: Sequence[bool], groups: Sequence[str], *, draws: int = 1000
-) -> tuple[float, float] | None:
-    """A 95 % bootstrap interval that draws whole groups: runs of one task are not independent."""
-    values, won = np.asarray(scores, float), np.asarray(truths, bool)
-    names, members = np.unique(np.asarray(groups), return_inverse=True)
-    places = [np.flatnonzero(members == i) for i in range(len(names))]
-    rng = np.random.default_rng(0)
-    found: list[float] = []
-    for _ in range(draws):
-        chosen = np.concatenate([places[i] for i in rng.integers(len(names), size=len(names))])
-        value = auc(values[chosen].tolist(), won[chosen].tolist())
-        if value is not None:
-            found.append(value)
-    if len(found) < draws // 2:
-        return None
-    low, high = np.percentile(found, [2.5, 97.5])
-    return float(low), float(high)
-
-
-def calibration_error(scores: Sequence[float], truths: Sequence[bool], bins: int = 10) -> float | None:
-    """The expected calibration error: the mean distance of a bin's score from its share of successes."""
-    values, won = np.asarray(scores, float), np.asarray(truths, float)
-    if not len(values):
-        return None
-    at = np.clip((values * bins).astype(int), 0, bins - 1)
-    members = (at == i for i in range(bins))
-    distances = [abs(values[one].mean() - won[one].mean()) * one.mean() for one in members if one.any()]
-    return float(sum(distances))

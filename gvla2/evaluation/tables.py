@@ -54,7 +54,7 @@ class Exhibits:
     """Exhibits below a table; ``style`` is how a page lays them out."""
 
     heading: str
-    style: Literal["pictures", "films", "overlays"]
+    style: Literal["pictures", "films"]
     exhibits: tuple[Exhibit, ...]
 
 

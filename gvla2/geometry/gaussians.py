@@ -1,7 +1,6 @@
 """3D Gaussians as arrays, in the parametrisation of 3D Gaussian splatting (3DGS), and their PLY files.
 
-float32 ``x y z nx ny nz f_dc_0..2 [f_rest_*] opacity(logit) scale_0..2(log) rot_0..3(wxyz)``. Other tools add
-properties of their own, so a file that was read is changed in place: only xyz, every other byte is kept.
+float32 ``x y z nx ny nz f_dc_0..2 [f_rest_*] opacity(logit) scale_0..2(log) rot_0..3(wxyz)``.
 """
 
 from __future__ import annotations
@@ -10,8 +9,7 @@ import io
 import os
 import re
 from copy import copy
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -98,20 +96,6 @@ class Gaussians:
         """(N, 3) standard deviations along the Gaussian's own axes, metres."""
         return np.asarray(np.exp(self.log_scales), dtype=np.float32)
 
-    def covariances(self) -> NDArray[np.float64]:
-        """(N, 3, 3) square metres, in the frame of the centres: R S S^T R^T."""
-        q = self.rotations.astype(np.float64)
-        w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        ).transpose(2, 0, 1)
-        scaled = rotation * np.exp(self.log_scales.astype(np.float64))[:, None, :]
-        return np.asarray(scaled @ scaled.transpose(0, 2, 1))
-
     def with_centres(self, centres: ArrayLike) -> Gaussians:
         """The same Gaussians at other centres (N, 3); every other array is shared, not copied."""
         moved = np.asarray(centres, dtype=np.float32)
@@ -129,59 +113,23 @@ _DC = ("f_dc_0", "f_dc_1", "f_dc_2")
 _REQUIRED = (*_XYZ, *_DC, "opacity", *_SCALES, *_ROTATIONS)
 
 
-@dataclass(frozen=True)
-class GaussianPly:
-    """A PLY file of Gaussians held in memory: its meaning, and the bytes that it was read from."""
-
-    gaussians: Gaussians
-    _content: bytes = field(repr=False)
-    _dtype: np.dtype[np.void] = field(repr=False)
-    _offset: int = field(repr=False)  # of the first vertex in the content, bytes
-
-    @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> GaussianPly:
-        """Read a binary 3DGS file, of either byte order, with any further properties and elements.
-
-        Raises :class:`GeometryError`, naming the file, when it is absent, ASCII, truncated, not a PLY file,
-        without a property that Gaussians need, or with centres that are not finite.
-        """
-        source = Path(path)
-        try:
-            content = source.read_bytes()
-            vertices = _vertices(source, content)
-            gaussians = _gaussians(vertices)
-        except (OSError, PlyParseError, ValueError) as error:
-            raise GeometryError(f"Cannot read Gaussians from {source}: {error}") from error
-        return cls(gaussians, content, vertices.dtype, int(vertices.offset))
-
-    def with_centres(self, centres: ArrayLike) -> GaussianPly:
-        """The same file with other centres (N, 3), metres."""
-        return replace(self, gaussians=self.gaussians.with_centres(centres))
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the file whole or not at all: the bytes that were read, except for changed centres.
-
-        Raises :class:`gvla2.errors.OutputError`.
-        """
-        content = bytearray(self._content)
-        centres = self.gaussians.centres
-        records = np.frombuffer(content, self._dtype, len(centres), self._offset)
-        for axis, name in enumerate(_XYZ):
-            # A file may hold doubles: unmoved centres keep all their digits.
-            moved = centres[:, axis] != records[name].astype(np.float32)
-            np.copyto(records[name], centres[:, axis], where=moved)
-        write_whole(path, content)
-
-
 def read_gaussians(path: str | os.PathLike[str]) -> Gaussians:
-    """The Gaussians of a 3DGS file; errors as in :meth:`GaussianPly.read`."""
-    return GaussianPly.read(path).gaussians
+    """The Gaussians of a binary 3DGS file, of either byte order; its further properties and elements are left out.
+
+    Raises :class:`GeometryError`, naming the file, when it is absent, ASCII, truncated, not a PLY file,
+    without a property that Gaussians need, or with centres that are not finite.
+    """
+    source = Path(path)
+    try:
+        return _gaussians(_vertices(source))
+    except (OSError, PlyParseError, ValueError) as error:
+        raise GeometryError(f"Cannot read Gaussians from {source}: {error}") from error
 
 
 def write_gaussians(path: str | os.PathLike[str], gaussians: Gaussians) -> None:
     """Write a new 3DGS file, little-endian, with zero normals as the field's tools expect them.
 
-    Raises :class:`gvla2.errors.OutputError`. To change a file that exists, use :class:`GaussianPly`.
+    Raises :class:`gvla2.errors.OutputError`.
     """
     rest = np.zeros((len(gaussians), 0)) if gaussians.sh_rest is None else gaussians.sh_rest
     columns: dict[str, NDArray[np.floating]] = {name: gaussians.centres[:, i] for i, name in enumerate(_XYZ)}
@@ -199,11 +147,12 @@ def write_gaussians(path: str | os.PathLike[str], gaussians: Gaussians) -> None:
     write_whole(path, stream.getvalue())
 
 
-def _vertices(source: Path, content: bytes) -> np.memmap[tuple[int], np.dtype[np.void]]:
-    """The vertex records as they lie in a complete file; ValueError and PlyParseError say what is wrong."""
+def _vertices(source: Path) -> NDArray[np.void]:
+    """The vertex records of a complete file; ValueError and PlyParseError say what is wrong."""
+    content = source.read_bytes()
     if re.match(rb"ply\s+(?:(?:comment|obj_info)[^\n]*\n)*format ascii", content):
         raise ValueError("it is an ASCII file and only binary ones are read; save it as binary PLY.")
-    ply = PlyData.read(str(source))  # maps the file, so this reads only the header
+    ply = PlyData.read(io.BytesIO(content))
     if "vertex" not in ply:
         raise ValueError(f"it has no element 'vertex', only {[element.name for element in ply]}.")
     vertices = ply["vertex"].data
@@ -212,9 +161,7 @@ def _vertices(source: Path, content: bytes) -> np.memmap[tuple[int], np.dtype[np
         raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
     if len(vertices) == 0:
         raise ValueError("it holds no Gaussians.")
-    if not isinstance(vertices, np.memmap):
-        raise ValueError("its vertices have properties of varying length.")
-    return vertices
+    return np.asarray(vertices)
 
 
 def _gaussians(records: NDArray[np.void]) -> Gaussians:
@@ -231,14 +178,5 @@ def _gaussians(records: NDArray[np.void]) -> Gaussians:
 
 
 def _columns(records: NDArray[np.void], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """(N, len(names)) float32; one copy where the file has them side by side, as all tools write them."""
-    fields = records.dtype.fields
-    assert fields is not None  # the caller has found the names there
-    kind, offsets = zip(*(fields[name][:2] for name in names), strict=True)
-    steps = {b - a for a, b in pairwise(offsets)}
-    if set(kind) == {np.dtype("<f4")} and steps <= {4}:
-        block = np.ndarray(
-            (len(records), len(names)), "<f4", records.data, offsets[0], (records.dtype.itemsize, 4)
-        )
-        return np.ascontiguousarray(block, dtype=np.float32)
+    """(N, len(names)) float32."""
     return np.stack([records[name] for name in names], axis=1).astype(np.float32)

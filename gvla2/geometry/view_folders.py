@@ -2,7 +2,7 @@
 
 Three kinds are read, recognised by their files:
 
-* ``cameras.json`` or ``cameras.npz``: our plain folder, see :mod:`gvla2.geometry.view_formats`;
+* ``cameras.json``: our plain folder, see :mod:`gvla2.geometry.view_formats`;
 * ``views.npz``: what a robot run stores, and :func:`write_views` writes;
 * ``render_mvs_25/model/000.{png,npy}``: an object of a GSO-30 tree.
 
@@ -121,7 +121,7 @@ def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: in
     else:
         present = ", ".join(sorted(p.name for p in place.iterdir())[:8]) or "nothing"
         raise GeometryError(
-            f"Cannot read views from {place}: it has neither cameras.json (or cameras.npz), nor {ARCHIVE}, nor "
+            f"Cannot read views from {place}: it has neither cameras.json, nor {ARCHIVE}, nor "
             f"render_mvs_25/model/000.png. It holds: {present}."
         )
     return views if size is None else Views(tuple(resized(view, size) for view in views))

@@ -6,7 +6,6 @@ import io
 import json
 import os
 import re
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -76,43 +75,14 @@ def parse_view_spec(spec: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def parse_axis_word(word: str) -> FloatArray:
-    """(3, 3) signed permutation of a transform word of the released code, or of ``identity``.
-
-    ``perm021_signpnp`` means: the new axes are the old axes 0, 2 and 1, with the signs +, - and +. A word may name a
-    mirror (determinant -1). Raises :class:`ConfigurationError` for anything else.
-    """
-    if word == "identity":
-        return np.eye(3)
-    match = re.fullmatch(r"perm([012]{3})_sign([pn]{3})", word)
-    if match is None or len(set(match[1])) != 3:
-        raise ConfigurationError(
-            f"Cannot read the axis transform '{word}': write 'identity', or a permutation of 012 and three signs, "
-            "p or n, such as perm021_signpnp."
-        )
-    matrix = np.zeros((3, 3))
-    for row, (column, sign) in enumerate(zip(match[1], match[2], strict=True)):
-        matrix[row, int(column)] = 1.0 if sign == "p" else -1.0
-    return matrix
-
-
-def parse_rotation_word(word: str) -> FloatArray:
-    """(3, 3) rotation of a transform word; a :class:`ConfigurationError` for a mirror, which is not a rotation."""
-    matrix = parse_axis_word(word)
-    if np.linalg.det(matrix) < 0:
-        raise ConfigurationError(
-            f"The axis transform '{word}' is mirrored (determinant -1); flip one more sign."
-        )
-    return matrix
-
-
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 def find_cameras(place: Path) -> Path | None:
     """The folder's file of cameras."""
-    return next((p for name in ("cameras.json", "cameras.npz") if (p := place / name).is_file()), None)
+    path = place / "cameras.json"
+    return path if path.is_file() else None
 
 
 def read_plain(cameras: Path, numbers: Sequence[int] | None = None) -> Views:
@@ -157,35 +127,13 @@ def write_plain(folder: str | os.PathLike[str], views: Views) -> None:
 def _entries(cameras: Path) -> list[Mapping[str, Any]]:
     """One mapping a view, with name, K, T or world_from_camera, and convention."""
     try:
-        if cameras.suffix == ".json":
-            document = json.loads(cameras.read_text("utf-8"))
-        else:
-            with np.load(io.BytesIO(cameras.read_bytes()), allow_pickle=False) as arrays:
-                document = _as_document({name: arrays[name] for name in arrays.files})
+        document = json.loads(cameras.read_text("utf-8"))
         if not isinstance(document, dict) or not isinstance(document.get("views"), list):
             raise ValueError("it has no list 'views'")
         shared = {k: document[k] for k in ("K", "convention") if k in document}
         return [{**shared, **entry} for entry in document["views"]]
-    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise GeometryError(f"Cannot read the cameras {cameras}: {error}.") from error
-
-
-def _as_document(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    pose = next((name for name in ("T", "world_from_camera") if name in arrays), None)
-    if pose is None or "K" not in arrays:
-        raise ValueError(
-            f"it needs K and T (or world_from_camera), and holds {', '.join(arrays) or 'nothing'}"
-        )
-    count = len(arrays[pose])
-    names = arrays.get("names", np.arange(count))
-    K = np.broadcast_to(arrays["K"], (count, 3, 3))
-    if arrays[pose].ndim != 3 or len(names) != count:
-        raise ValueError(
-            f"{pose} has shape {arrays[pose].shape} for {len(names)} names; one matrix a view is needed"
-        )
-    convention = str(arrays.get("convention", "opencv"))
-    views = [{"name": str(names[i]), "K": K[i], pose: arrays[pose][i]} for i in range(count)]
-    return {"convention": convention, "views": views}
 
 
 def _view(cameras: Path, entry: Mapping[str, Any]) -> View:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -43,13 +44,7 @@ class WaypointActions:
 
         Raises :class:`RobotError` for another shape, and for what is not a finite number.
         """
-        numbers = np.asarray(action, dtype=np.float64)
-        if numbers.shape != LOW.shape or not np.isfinite(numbers).all():
-            raise RobotError(
-                f"An action is {len(LOW)} finite numbers (x, y, z, roll, pitch, yaw, gripper), "
-                f"got {np.array2string(numbers, precision=3, threshold=12)} of shape {numbers.shape}."
-            )
-        numbers = np.clip(numbers, LOW, HIGH)
+        numbers = _clipped(action, LOW, HIGH, "x, y, z, roll, pitch, yaw, gripper")
         low, high = self.workspace.low, self.workspace.high
         xyz = low + 0.5 * (numbers[:3] + 1.0) * (high - low)
         turn = Rotation.from_euler("xyz", np.pi * numbers[3:6]).as_matrix()
@@ -69,7 +64,8 @@ class WaypointActions:
                 f"{low.round(3).tolist()} to {high.round(3).tolist()} m."
             )
         place = 2.0 * (xyz - low) / (high - low) - 1.0
-        angles = _angles(pose[:3, :3] @ _DOWN.T) / np.pi
+        with warnings.catch_warnings(action="ignore"):  # at a pitch of 90 degrees the yaw is taken to be 0
+            angles = Rotation.from_matrix(pose[:3, :3] @ _DOWN.T).as_euler("xyz") / np.pi
         return np.asarray(np.clip([*place, *angles, gripper], LOW, HIGH), dtype=np.float32)
 
 
@@ -96,26 +92,22 @@ class JointDeltas:
         than four steps away from where it is ``measured`` (dof,): a blocked arm does not wind up. Raises
         :class:`RobotError` for another shape, and for what is not a finite number.
         """
-        numbers = np.asarray(action, dtype=np.float64)
-        low, high = self.bounds
-        if numbers.shape != low.shape or not np.isfinite(numbers).all():
-            raise RobotError(
-                f"An action is {len(low)} finite numbers (a change for each joint, gripper), "
-                f"got {np.array2string(numbers, precision=3, threshold=12)} of shape {numbers.shape}."
-            )
-        numbers = np.clip(numbers, low, high)
+        numbers = _clipped(action, *self.bounds, "a change for each joint, gripper")
         lead = np.clip(before + self.step * numbers[:-1] - measured, -4 * self.step, 4 * self.step)
         return measured + lead, float(numbers[-1])
 
 
-def _angles(turn: FloatArray) -> FloatArray:
-    """Roll, pitch, yaw (3,) in radians of a rotation (3, 3); at a pitch of 90 degrees the roll is taken to be 0."""
-    cosine = float(np.hypot(turn[0, 0], turn[1, 0]))
-    pitch = np.arctan2(-turn[2, 0], cosine)
-    if cosine < 1e-6:
-        return np.array([0.0, pitch, np.arctan2(-turn[0, 1], turn[1, 1])])
-    roll = np.arctan2(turn[2, 1], turn[2, 2])
-    return np.array([roll, pitch, np.arctan2(turn[1, 0], turn[0, 0])])
+def _clipped(
+    action: ArrayLike, low: NDArray[np.float32], high: NDArray[np.float32], names: str
+) -> FloatArray:
+    """The action (N,) within its bounds; raises :class:`RobotError` unless it is N finite numbers."""
+    numbers = np.asarray(action, dtype=np.float64)
+    if numbers.shape != low.shape or not np.isfinite(numbers).all():
+        raise RobotError(
+            f"An action is {len(low)} finite numbers ({names}), "
+            f"got {np.array2string(numbers, precision=3, threshold=12)} of shape {numbers.shape}."
+        )
+    return np.asarray(np.clip(numbers, low, high))
 
 
 MAX_DEPTH = 10.0

@@ -16,13 +16,13 @@ from gvla2.geometry.views import View
 from gvla2.planning.scene import Box
 
 REACH = 2
-"""Pixels either way from which a depth is told."""
+"""Pixels either way that a depth is filled in from."""
 FEWEST = 4
 """Known pixels of one colour that tell it."""
 ALIKE = 24
 """Levels of 255, in each channel, by which pixels of one surface differ at most."""
 STRAIGHT = 0.006
-"""Metres by which the known depths may be off a plane: at a step in depth nothing is told."""
+"""Metres by which the known depths may be off a plane: nothing is filled in at a step in depth."""
 STEADY = 0.3
 """What keeps a plane through few pixels from tilting, in squared pixels."""
 
@@ -52,9 +52,9 @@ def filled(
     right_side = np.einsum("nk,ik,nk->ni", weight, basis, near)
     plane = np.linalg.solve(left_side, right_side[..., None])[..., 0]
     off = (weight * (near - plane @ basis) ** 2).sum(axis=1) / weight.sum(axis=1)
-    told = off < STRAIGHT**2
+    straight = off < STRAIGHT**2
     result = depth.copy()
-    result[rows[told], columns[told]] = plane[told, 0]
+    result[rows[straight], columns[straight]] = plane[straight, 0]
     return result
 
 

@@ -166,7 +166,7 @@ def _scale(value: object) -> bool:
 
 
 def _turned(value: object) -> bool:
-    if not isinstance(value, Orientation) or not _text(value.policy) or not _finite(value.angle):
+    if not isinstance(value, Orientation) or not _text(value.policy):
         return False
     return _three(value.vector) and _three(value.closing)
 

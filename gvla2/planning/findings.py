@@ -54,7 +54,7 @@ FindingKind = Literal[
 
 @dataclass(frozen=True)
 class Finding:
-    """One object a check measured at one waypoint (``index`` -1: the whole trajectory).
+    """What one check found at one waypoint (``index`` -1: the whole trajectory).
 
     ``value`` against ``limit`` in SI units, if numeric.
     """

@@ -26,29 +26,26 @@ class Orientation:
     * ``hold``: as before.
     * ``grasp``: approach along ``vector`` (3,), fingers closing along ``closing`` (3,); world frame.
     * ``axis``: approach along ``vector``, with the least turn from before.
-    * ``twist``: turn by ``angle`` (radians, right hand) about the world axis ``vector``.
-    * ``slerp``: the share ``angle`` in [0, 1] of the way to the grasp given by ``vector`` and ``closing``.
     """
 
-    policy: Literal["hold", "grasp", "axis", "twist", "slerp"] = "hold"
+    policy: Literal["hold", "grasp", "axis"] = "hold"
     vector: tuple[float, float, float] = (0.0, 0.0, -1.0)
     closing: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    angle: float = 0.0
 
     @property
     def fault(self) -> str:
         """Why it is not a rotation, a sentence; "" if it is."""
-        if self.policy not in ("hold", "grasp", "axis", "twist", "slerp"):
-            return f"orientation policy '{self.policy}' is unknown; use hold, grasp, axis, twist or slerp."
+        if self.policy not in ("hold", "grasp", "axis"):
+            return f"orientation policy '{self.policy}' is unknown; use hold, grasp or axis."
         if self.policy == "hold":
             return ""
         vector, closing = np.asarray(self.vector, np.float64), np.asarray(self.closing, np.float64)
-        if vector.shape != (3,) or not np.isfinite([*vector, self.angle]).all():
-            return "the orientation's vector and angle must be finite."
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            return "the orientation's vector must be finite."
         length = float(np.linalg.norm(vector))
         if length < 1e-6:
             return "the orientation's vector has no length."
-        if self.policy in ("axis", "twist"):
+        if self.policy == "axis":
             return ""
         if closing.shape != (3,) or not np.isfinite(closing).all():
             return "the orientation's closing direction must be finite."
@@ -67,13 +64,6 @@ class Orientation:
             case "axis":
                 turn, _ = Rotation.align_vectors([vector / np.linalg.norm(vector)], [before[:, 2]])
                 return np.asarray(turn.as_matrix() @ before)
-            case "twist":
-                step = Rotation.from_rotvec(vector / np.linalg.norm(vector) * self.angle)
-                return np.asarray(step.as_matrix() @ before)
-            case "slerp":
-                goal = grasp_rotation(vector, np.asarray(self.closing, dtype=np.float64))
-                rotvec = Rotation.from_matrix(goal @ before.T).as_rotvec() * self.angle
-                return np.asarray(Rotation.from_rotvec(rotvec).as_matrix() @ before)
 
 
 def grasp_rotation(approach: FloatArray, closing: FloatArray) -> FloatArray:

@@ -131,7 +131,7 @@ class Registry:
     def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
         if kind in built:
             return built[kind]
-        if nothing_in(root, kind) or self._chooses_none(root, kind):
+        if nothing_in(root, kind) or self.chooses_none(root, kind):
             built[kind] = None
             return None
         if kind in path:
@@ -192,7 +192,8 @@ class Registry:
         node = _node(root, kind)
         return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
 
-    def _chooses_none(self, root: object, kind: str) -> bool:
+    def chooses_none(self, root: object, kind: str) -> bool:
+        """Whether ``root`` chooses ``none`` of a kind whose default that is, and no component is called so."""
         own, name = self.kinds.get(kind), self.chosen(root, kind)
         return own is not None and own.default == name == NONE and NONE not in self._offers[kind]
 

@@ -105,7 +105,7 @@ def _solve(x: FloatArray, y: FloatArray, share: FloatArray, beta: float) -> tupl
         if determinant > 1e-10 * a * d:
             new_gain = (d * (sxy + beta) - sx * sy) / determinant
             new_bias = (a * sy - sx * (sxy + beta)) / determinant
-        else:  # a constant render: gain and bias cannot be told apart
+        else:  # a constant render: gain and bias are indistinguishable
             new_gain = 1.0
             new_bias = (sy - sx) / d
         change = max(abs(new_gain - gain), abs(new_bias - bias))

@@ -91,27 +91,27 @@ def refine_geometry(
     paper = options.mode == "paper"
     # Carving has no drift, generated objects do; a prior would mend the seen sides alone, and tear them.
     if not paper:
-        obj = branch.told(branch.compensated, obj, "drift")
+        obj = branch.run(branch.compensated, obj, "drift")
     # Source A: G0 -> x_A, theta_A.
     if options.prior:
-        obj = branch.told(fuse_prior, obj, seen, parts.prior)
+        obj = branch.run(fuse_prior, obj, seen, parts.prior)
     if options.appearance:
         # (g, b) = argmin |g I^ + b - I|_M + beta (g - 1)^2 + beta b^2
-        obj = branch.told(calibrate_colours, obj, views, parts.renderer)
+        obj = branch.run(calibrate_colours, obj, views, parts.renderer)
     if options.soft_hull:
-        obj = branch.told(branch.shrunk, obj)  # p' = c + (p - c)(1 - lambda(p))
+        obj = branch.run(branch.shrunk, obj)  # p' = c + (p - c)(1 - lambda(p))
     a = obj
     # Source B: p'' = c + (p' - c) * a + delta; carrying on from A keeps what A has mended.
-    b = branch.told(branch.compensated, g0 if paper else a, "axis")
-    out = branch.told(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
+    b = branch.run(branch.compensated, g0 if paper else a, "axis")
+    out = branch.run(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
-        out = branch.told(branch.better, out, b)
+        out = branch.run(branch.better, out, b)
         painted = None
         if options.appearance:
-            out = branch.told(inset, out, views, parts.renderer)
+            out = branch.run(inset, out, views, parts.renderer)
             last = branch.stages[-1]
             painted = (last.after if last.status == "applied" else last.before).get("alpha_iou")
-        out = branch.told(branch.unless_refuted, out, g0, painted)
+        out = branch.run(branch.unless_refuted, out, g0, painted)
     return BranchResult(g0, a, b, out, tuple(branch.stages))
 
 
@@ -126,7 +126,7 @@ class _Branch:
         self._seen, self._views, self._parts, self._options = seen, seen.views, parts, options
         self.stages: list[StageReport] = []
 
-    def told(self, stage: Callable[P, Outcome], *args: P.args, **options: P.kwargs) -> Reconstruction:
+    def run(self, stage: Callable[P, Outcome], *args: P.args, **options: P.kwargs) -> Reconstruction:
         """What a stage makes of its arguments; its report, where it has any, is noted with its seconds."""
         began = time.perf_counter()
         obj, report = stage(*args, **options)
@@ -293,6 +293,6 @@ def fuse_prior(
     gaussians = obj.gaussians
     if gaussians is not None and len(gaussians):
         gaussians = place(gaussians, obj.mesh, mesh, normals, seen.silhouettes, depths, step)
-    told = float((posterior.confidence > 0).mean())
-    report = StageReport("prior", "applied", evidence.told, {}, {"voxels_told": told})
+    measured = float((posterior.confidence > 0).mean())
+    report = StageReport("prior", "applied", evidence.summary, {}, {"voxels_measured": measured})
     return replace(obj, gaussians=gaussians, mesh=mesh), report

@@ -173,7 +173,7 @@ def carve(views: Views, resolution: int = 96) -> Carving:
 
     The grid has about ``resolution`` cubed voxels. Views without a mask and views with an empty one are ignored; when
     the others' silhouettes have no point in common, the worst of them is dropped, again and again. With one view the
-    object is as deep as it is wide. Each of these is told in the status. Deterministic.
+    object is as deep as it is wide. The status reports each of these. Deterministic.
 
     Raises :class:`GeometryError` when no mask shows anything, when two views contradict each other, and for a
     ``resolution`` below 8.
@@ -208,14 +208,14 @@ def _evidence(views: Views) -> tuple[tuple[Silhouette, ...], list[str], tuple[st
 
 
 def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[str], region: Region) -> str:
-    told = list(notes)
+    status = list(notes)
     if dropped:
-        told.insert(0, f"fallback: the views disagree, so {', '.join(dropped)} was dropped")
+        status.insert(0, f"fallback: the views disagree, so {', '.join(dropped)} was dropped")
     if len(used) == 1:
-        told.insert(0, "fallback: one view only, so the depth is a guess from the mask's width")
+        status.insert(0, "fallback: one view only, so the depth is a guess from the mask's width")
     elif not region.complete:
-        told.insert(0, "fallback: the views leave the depth open, so it is a guess from the masks' width")
-    return "; ".join(told) or "ok"
+        status.insert(0, "fallback: the views leave the depth open, so it is a guess from the masks' width")
+    return "; ".join(status) or "ok"
 
 
 def _measured_depth(views: Views, first: Silhouette) -> float | None:

@@ -261,8 +261,8 @@ LEAST_COVERAGE = 0.05
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
 OFF_SCALE, OFF_ALONE = 0.1, 1.0
-"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is told: several views, and
-one view alone, whose hull is deep."""
+"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported: several
+views, and one view alone, whose hull is deep."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
@@ -276,14 +276,14 @@ class DepthEvidence:
 
     ``depth`` (S, H, W) metres along each camera's z, NaN where nothing is known; ``std`` (S, H, W) its relative
     standard deviation; ``weight`` (S, H, W) > 0 where known: confidence over variance; ``normals`` (S, H, W, 3) world,
-    unit, towards the camera, 0 where there is none; ``told`` what was found, as a sentence.
+    unit, towards the camera, 0 where there is none; ``summary`` what was found, as a sentence.
     """
 
     depth: FloatArray
     std: FloatArray
     weight: FloatArray
     normals: FloatArray
-    told: str
+    summary: str
 
 
 def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None = None) -> DepthEvidence:
@@ -328,13 +328,13 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     typical = float(np.median(weight[weight > 0]))
     right = f"depth right to {100 * float(np.nanmedian(aligned.std)):.2f} %"
     if usable.sum() < 2:
-        right = "how right its depth is cannot be told from one"
-    told = f"{int(usable.sum())} of {len(views)} views used, {right}."
+        right = "how right its depth is cannot be judged from one"
+    summary = f"{int(usable.sum())} of {len(views)} views used, {right}."
     scale = float(np.median(rough[usable]))
     if max(scale, 1 / scale) - 1 > (OFF_SCALE if usable.sum() > 1 else OFF_ALONE):
-        told += f" The masks fit its depth times {scale:.3g}: is it in metres?"
+        summary += f" The masks fit its depth times {scale:.3g}: is it in metres?"
     return DepthEvidence(
-        believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), told
+        believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), summary
     )
 
 
@@ -363,9 +363,9 @@ def doubted(
         refuted = maximum_filter(behind > _DOUBT * aligned.std, (1, 3, 3))
     std = aligned.std.copy()
     for s, gap in enumerate(behind):
-        told = gap[solid[s] & np.isfinite(gap)]
-        if len(told) >= _FEWEST:
-            std[s] = np.hypot(std[s], np.sqrt(np.mean(np.clip(told, 0.0, _GROSS) ** 2)))
+        residual = gap[solid[s] & np.isfinite(gap)]
+        if len(residual) >= _FEWEST:
+            std[s] = np.hypot(std[s], np.sqrt(np.mean(np.clip(residual, 0.0, _GROSS) ** 2)))
     return replace(aligned, std=std), refuted
 
 
@@ -445,10 +445,10 @@ def _first_scale(depth: FloatArray, front: FloatArray) -> float:
 
 
 def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> FloatArray:
-    """Posterior mean of depth (S, H, W): what was told, a Gaussian, times where surfaces lie behind a hull.
+    """Posterior mean of depth (S, H, W): the measurement, a Gaussian, times where surfaces lie behind a hull.
 
     Sure depth stays as it is; unsure depth comes near the hull, so that what nobody knows is left as the masks
-    have it. Pixels that the hull misses keep what was told.
+    have it. Pixels that the hull misses keep the measurement.
     """
     believed = aligned.depth.copy()
     known = np.isfinite(believed) & np.isfinite(front)
@@ -461,16 +461,16 @@ def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> Float
 
 @compiled
 def _mean_gap(
-    told: FloatArray, sigma: FloatArray, far: FloatArray, nodes: FloatArray, likely: FloatArray
+    measured: FloatArray, sigma: FloatArray, far: FloatArray, nodes: FloatArray, likely: FloatArray
 ) -> FloatArray:
-    mean = np.empty(len(told))
-    for n in range(len(told)):
+    mean = np.empty(len(measured))
+    for n in range(len(measured)):
         top = bottom = 0.0
         for k in range(len(nodes)):
-            gap = told[n] + sigma[n] * nodes[k]
+            gap = measured[n] + sigma[n] * nodes[k]
             if 0 <= gap <= far[n]:
                 share = likely[k] / (1 + (gap / (GAP * far[n])) ** 2)
                 top += share * gap
                 bottom += share
-        mean[n] = top / bottom if bottom > 1e-9 else min(max(told[n], 0.0), far[n])
+        mean[n] = top / bottom if bottom > 1e-9 else min(max(measured[n], 0.0), far[n])
     return mean

@@ -41,7 +41,7 @@ class ViewSet:
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
             raise GeometryError(
-                f"Views are told apart by their names, and {', '.join(doubled)} stands twice."
+                f"Views are identified by their names, and {', '.join(doubled)} stands twice."
             )
 
     @cached_property

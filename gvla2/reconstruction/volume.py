@@ -89,7 +89,7 @@ SOLID = 0.75
 @dataclass(frozen=True)
 class Posterior:
     """``field``: metres inside the object; ``confidence`` (X, Y, Z) float32: the summed weight of the depth pixels
-    that told of each voxel, 0 where the masks and G0 alone speak. ``needed`` (N, 3): points that depth had cut away,
+    measured at each voxel, 0 where the masks and G0 alone speak. ``needed`` (N, 3): points that depth had cut away,
     and some mask's ray found nothing else.
     """
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.robot.descent import chain_of
 
 _PURPOSES = {
     "pinocchio": "An arm's kinematics",
@@ -104,6 +105,7 @@ class Kinematics:
         self.velocity: FloatArray = np.array(self._arm.velocityLimit)
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high)).all():
             raise RobotError(f"{urdf.name} has joints without usable limits.")
+        self.chain = chain_of(self._arm, self._tcp, self.low, self.high)
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)
@@ -140,19 +142,10 @@ class Kinematics:
         """(N, 3) tool positions at joints (N, dof), metres, world."""
         return np.array([self.pose(row).translation for row in joints]).reshape(-1, 3)
 
-    def jacobian_and_pose(self, joints: FloatArray) -> tuple[FloatArray, Any]:
-        """(6, dof) Jacobian in the tool frame, metres, then radians, per radian of each joint; world_from_tcp, SE3."""
-        self._pin.computeJointJacobians(self._arm, self._data, joints)
-        pose = self._pin.updateFramePlacement(self._arm, self._data, self._tcp)
-        return self._pin.getFrameJacobian(self._arm, self._data, self._tcp, self._pin.LOCAL), pose
-
-    def jacobian(self, joints: FloatArray) -> FloatArray:
-        """The Jacobian (6, dof) alone."""
-        return np.asarray(self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp))
-
     def manipulability(self, joints: FloatArray) -> float:
         """sqrt(det(J J^T)) (Yoshikawa), 0 at a singularity."""
-        jacobian = self.jacobian(np.asarray(joints, dtype=np.float64))
+        joints = np.asarray(joints, dtype=np.float64)
+        jacobian = self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp)
         return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
 
     def limit_distance(self, joints: FloatArray) -> float:

@@ -57,7 +57,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Skill:
-    """One object that a hand can do, called by planners and learnt about by memory.
+    """An action of the hand, called by planners and learnt about by memory.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
     proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import trimesh
 
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.geometry.camera import Camera
@@ -151,12 +152,6 @@ TABLE = 0.62
 WORKSPACE = Box(np.array([-0.1, -0.45, TABLE]), np.array([0.7, 0.45, TABLE + 0.8]))
 INSTRUCTION = "lift the red cube"
 
-_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-_FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-)  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Block:
@@ -177,8 +172,10 @@ class Block:
 
     def surface(self, index: int) -> Surface:
         """Its triangles in the world frame."""
-        vertices = transform_points(self.world_from_block, _CORNERS * self.side)
-        return Surface(vertices, _FACES, np.array(self.rgb), index)
+        cube = trimesh.creation.box((self.side,) * 3)
+        return Surface(
+            transform_points(self.world_from_block, cube.vertices), cube.faces, np.array(self.rgb), index
+        )
 
 
 RED = Block("red cube", "red", (0.85, 0.10, 0.10), 0.052, (0.30, -0.08), 0.4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from gvla2.memory.contracts import (
     MemoryContext,
     MemoryEpisode,
     MemoryTask,
-    RecordType,
     Retriever,
     Verdict,
     Verifier,
@@ -56,34 +56,27 @@ def check_memory(memory: Memory) -> None:
         Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
         Lesson("failure_avoidance", "Do not lift less than 0.2 m.", Bound("lift_height", 0.2).to_json()),
     )
-    for step, verdict in enumerate(
-        (
-            None,
-            Verdict.from_criteria({"done": 1.0, "safe": 0.9}, ("it rose",), "testing"),
-            Verdict.from_criteria({"done": 0.0, "safe": 0.2}, ("it slipped",), "testing"),
-            Verdict.unavailable("nobody looked", "testing"),
-        )
+    context = _recalled(memory, task)
+    for verdict in (
+        Verdict.from_criteria({"done": 1.0, "safe": 0.9}, ("it rose",), "testing"),
+        Verdict.from_criteria({"done": 0.0, "safe": 0.2}, ("it slipped",), "testing"),
+        Verdict.unavailable("nobody looked", "testing"),
     ):
-        with allowed("recall()"):
-            context = memory.recall(task)
-        _check_context(context)
-        if verdict is None:
-            continue
-        episode = MemoryEpisode(task, lessons, "approach, grasp, lift", context, f"check-{step}")
+        episode = MemoryEpisode(task, lessons, "approach, grasp, lift", context, f"check-{verdict.outcome}")
         with allowed(f"learn() from a verdict '{verdict.outcome}'"):
             learned = memory.learn(episode, verdict)
         require_type(learned, Learned, "learn()'s answer")
-        require(learned.discarded >= 0, "discarded is a count.")
-    with allowed("recall() of an empty query"):
-        _check_context(memory.recall(MemoryTask("")))
+        context = _recalled(memory, task)
+    _recalled(memory, MemoryTask(""))
     with allowed("close(), called twice,"):
         memory.close()
         memory.close()
 
 
-def _check_context(context: object) -> None:
+def _recalled(memory: Memory, task: MemoryTask) -> MemoryContext:
+    with allowed(f"recall() of '{task.query}'"):
+        context = memory.recall(task)
     require_type(context, MemoryContext, "recall()'s answer")
-    assert isinstance(context, MemoryContext)
     require(
         len(context.text) <= LONGEST_TEXT,
         f"The text block must be bounded, got {len(context.text)} characters.",
@@ -99,6 +92,7 @@ def _check_context(context: object) -> None:
             f"Record '{item.id}': its terms sum to {total:.6f}, its score is {item.score:.6f}.",
         )
         json.dumps(item.effect)
+    return context
 
 
 def candidates(
@@ -160,7 +154,6 @@ def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
     table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
     table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
     table /= np.linalg.norm(table, axis=1, keepdims=True)
-    hint: RecordType = "procedural_hint"
     return candidates(
         [
             "grasp the cube deep and lift it 0.25 m",
@@ -178,8 +171,8 @@ def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
         ],
         vectors=table[:5],
         confidence=[0.9, 0.95, 0.8, 0.3, 0.7],
-        outcomes=["verified_success", "verified_success", "verified_success", "uncertain", "verified_fail"],
-        types=[hint, hint, hint, hint, "failure_avoidance"],
+        outcomes=[*["verified_success"] * 3, "uncertain", "verified_fail"],
+        types=[*["procedural_hint"] * 4, "failure_avoidance"],
         ages=[0.0, 1.0, 2.0, 300.0, 5.0],
         usage=[3, 5, 0, 0, 1],
         conflicts=[0, 0, 1, 4, 0],
@@ -233,7 +226,7 @@ def check_embedder(embedder: Embedder) -> None:
     lengths = np.linalg.norm(table, axis=1)
     require(
         np.allclose(lengths[[0, 2, 3]], 1, atol=1e-4),
-        f"RecordRows must have length 1, got {lengths.round(4)}.",
+        f"Rows must have length 1, got {lengths.round(4)}.",
     )
     require(lengths[1] == 0, f"An empty text gives a zero row, got length {lengths[1]:.4f}.")
     require(np.allclose(table[0], table[3], atol=1e-5), "Equal texts must get equal vectors.")
@@ -269,10 +262,9 @@ def check_verifier(verifier: Verifier) -> None:
         )
 
 
-def _check_verdict(verdict: object, what: str) -> None:
+def _check_verdict(verdict: Verdict, what: str) -> None:
     """The outcome follows from the quality; that may be below the criteria's mean (a gate), which is not checked."""
     require_type(verdict, Verdict, f"verify()'s answer to {what}")
-    assert isinstance(verdict, Verdict)
     if verdict.outcome == "unavailable":
         require(verdict.reasons, f"{what}: a verifier that cannot judge says why.")
         return
@@ -305,18 +297,18 @@ def check_inducer(inducer: Inducer) -> None:
         Verdict.from_criteria({"completion": 0.0}),
         Verdict.unavailable("nobody was there"),
     )
-    task = MemoryTask("Pick up the red cube")
-    for transcript in ("", "- moved to the cube\n- closed the fingers\nerror: it slipped"):
-        for own in ((), (OWN,)):
-            for verdict in verdicts:
-                with allowed("induce()"):
-                    lessons = inducer.induce(MemoryEpisode(task, own, transcript), verdict)
-                require_type(lessons, tuple, "What induce() returns")
-                for lesson in lessons:
-                    require_type(lesson, Lesson, "What induce() gives")
-                    require(lesson.type in TYPES, f"'{lesson.type}' is not a type of lesson.")
-                    require(bool(lesson.content.strip()), "A lesson needs words.")
-                require(set(own) <= set(lessons), "induce() lost one of the episode's own lessons.")
+    transcripts = ("", "- moved to the cube\n- closed the fingers\nerror: it slipped")
+    for transcript, own, verdict in product(transcripts, ((), (OWN,)), verdicts):
+        with allowed("induce()"):
+            lessons = inducer.induce(
+                MemoryEpisode(MemoryTask("Pick up the red cube"), own, transcript), verdict
+            )
+        require_type(lessons, tuple, "What induce() returns")
+        for lesson in lessons:
+            require_type(lesson, Lesson, "What induce() gives")
+            require(lesson.type in TYPES, f"'{lesson.type}' is not a type of lesson.")
+            require(bool(lesson.content.strip()), "A lesson needs words.")
+        require(set(own) <= set(lessons), "induce() lost one of the episode's own lessons.")
 
 
 PAIRS = (

@@ -133,9 +133,8 @@ def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = T
         robot.close()
 
 
-def _check_observation(robot: RobotBackend, seen: object) -> None:
+def _check_observation(robot: RobotBackend, seen: Observation) -> None:
     require_type(seen, Observation, "observe()'s answer")
-    assert isinstance(seen, Observation)
     require_rigid(seen.world_from_tcp, "world_from_tcp")
     require_share(seen.gripper, "gripper")
     require(
@@ -208,8 +207,8 @@ def check_camera(camera: DepthCamera) -> None:
         require_type(frames, CameraFrames, "observe()")
         for view, stamp in zip(frames.views, frames.timestamps, strict=True):
             require_rigid(view.camera.world_from_camera, f"The pose of the view '{view.name}'")
-            require(view.depth is not None, f"The view '{view.name}' has no depth.")
-            assert view.depth is not None
+            if view.depth is None:
+                raise ConformanceError(f"The view '{view.name}' has no depth.")
             known = view.depth[np.isfinite(view.depth)]
             require(
                 bool((known > 0).all() and (known < 100).all()),

@@ -105,7 +105,7 @@ def grow_down(
     different: Sequence[NDArray[np.bool_]],
     colour_step: float,
 ) -> list[NDArray[np.bool_]]:
-    """The masks (H, W) with the lowest pixels of each object, which lie too near to the table to be told by height.
+    """The masks (H, W) with the lowest pixels of each object, too near to the table to be separated by height.
 
     A pixel of ``low`` that looks ``different`` from the table joins a mask at most :data:`DEEP` pixels off, where it
     looks like the nearest pixel there: paint beside an object is left alone.

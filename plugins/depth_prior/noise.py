@@ -48,9 +48,9 @@ def learned(
         off = np.abs(made / exact / np.median((made / exact)[known]) - 1)
         typical = max(float(np.median(off[known])), 1e-6)
         truthful = np.log(1 / (1 + off / typical))
-        told = (1 - noise.confidence) * truthful + noise.confidence * (0.7 * doubt - 0.7)
+        log_certainty = (1 - noise.confidence) * truthful + noise.confidence * (0.7 * doubt - 0.7)
         found[s] = whole * made
-        sure[s] = np.where(known, np.clip(np.exp(told), 1e-3, 1.0), 0.0)
+        sure[s] = np.where(known, np.clip(np.exp(log_certainty), 1e-3, 1.0), 0.0)
     if noise.global_scale == noise.pose_degrees == noise.pose_shift == 0:
         return found, sure, None
     return found, sure, _moved(poses, whole, noise, rng)

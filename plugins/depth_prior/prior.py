@@ -73,10 +73,10 @@ class DepthPrior:
             depth, sure = noisy.astype(np.float32), np.where(np.isfinite(noisy), sure, 0.0)
         elif self._config.noise == "learned":
             given = np.stack([view.camera.world_from_camera for view in views])
-            noisy, told, poses = learned(
+            noisy, certainty, poses = learned(
                 depth.astype(np.float64), given, self._config.learned, self._rng(views)
             )
-            depth, sure = noisy.astype(np.float32), sure * told
+            depth, sure = noisy.astype(np.float32), sure * certainty
         return GeometryEstimate(depth, sure.astype(np.float32), poses)
 
     def _rng(self, views: Views) -> np.random.Generator:

@@ -27,8 +27,12 @@ class CriterionScore:
     reason: str
 
 
+class InconclusiveError(Exception):
+    """The evidence does not decide whether the skill reached its goal; the message says what is missing."""
+
+
 class Case:
-    """One episode's evidence with its objects looked up; lookups give None if nothing is found."""
+    """One episode's evidence with its objects looked up."""
 
     def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
         self.evidence, self.config = evidence, config
@@ -38,8 +42,29 @@ class Case:
             correspond(evidence.before, evidence.after) if evidence.after is not None else None
         )
 
+    def handled(self, *names: str) -> SceneObject:
+        """The object of :meth:`role`; raises :class:`InconclusiveError` if the plan names none."""
+        roles = names or ("theme", "part")
+        found = self.role(*roles)
+        if found is None:
+            raise InconclusiveError(f"The plan names no object as {' or '.join(roles)}.")
+        return found
+
+    def perceived(self) -> Scene:
+        """The scene afterwards; raises :class:`InconclusiveError` if there is none."""
+        if self.after is None:
+            raise InconclusiveError("Nothing was perceived at the end.")
+        return self.after
+
+    def again(self, obj: SceneObject) -> SceneObject:
+        """The same object afterwards; raises :class:`InconclusiveError` if it was not seen again."""
+        later = self.later(obj)
+        if later is None:
+            raise InconclusiveError(f"{obj.label} was not seen again.")
+        return later
+
     def role(self, *names: str) -> SceneObject | None:
-        """The object before, by the first of these roles that the plan gives."""
+        """The object before, by the first of these roles that the plan gives; None if it gives none."""
         ids = {o.id: o for o in self.before.objects}
         return next((ids[i] for name in names if (i := self.evidence.plan.roles.get(name, "")) in ids), None)
 

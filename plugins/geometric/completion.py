@@ -1,6 +1,6 @@
 """Did the skill reach its goal? One rule per skill, from perceived scenes and the hand's own measurements.
 
-Each rule gives a score in [0, 1], or None if the evidence is inconclusive, and a sentence.
+Each rule gives a score in [0, 1] and a sentence; it raises :class:`InconclusiveError` if the evidence decides nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +13,14 @@ import numpy as np
 
 from gvla2.planning.scene import SceneObject
 from gvla2.skills.mechanisms import shines
-from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
+from gvla2_plugins.geometric.case import (
+    Case,
+    CriterionScore,
+    InconclusiveError,
+    goal_now,
+    outside_footprint,
+    something_at,
+)
 from gvla2_plugins.geometric.rules import (
     closed,
     drawn,
@@ -39,7 +46,10 @@ def completion(case: Case) -> CriterionScore:
     rule = _RULES.get(case.evidence.plan.skill)
     if rule is None:
         return CriterionScore(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
-    found = rule(case)
+    try:
+        found = rule(case)
+    except InconclusiveError as error:
+        return CriterionScore(None, str(error))
     if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
         return CriterionScore(
             0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not."
@@ -63,16 +73,12 @@ def _meant_another(case: Case) -> str:
 
 def _pick(case: Case) -> CriterionScore:
     """The theme is up and in the hand; or it is not visible, gone from its place, and the hand holds something."""
-    theme = case.role("theme", "part")
-    if theme is None:
-        return CriterionScore(None, "The plan does not say what was to be picked.")
+    theme = case.handled()
     if not case.holding:
         return CriterionScore(0.0, "The hand is empty at the end.")
-    if case.after is None:
-        return CriterionScore(None, "The hand holds something, but nothing was perceived at the end.")
-    later = case.later(theme)
+    after, later = case.perceived(), case.later(theme)
     if later is None:
-        if something_at(theme, case.after, case.config.same_place):
+        if something_at(theme, after, case.config.same_place):
             return CriterionScore(0.2, f"Something still stands where {theme.label} stood.")
         if case.last_held is False:
             return CriterionScore(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
@@ -139,14 +145,9 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
 
 def _push(case: Case) -> CriterionScore:
     """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
-    theme, goal = case.role("theme", "part"), case.role("goal")
-    if theme is None:
-        return CriterionScore(None, "The plan does not say what was to be pushed.")
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
-    later = case.later(theme)
-    if later is None:
-        return CriterionScore(None, f"{theme.label} was not seen again.")
+    theme, goal = case.handled(), case.role("goal")
+    case.perceived()
+    later = case.again(theme)
     if goal is None:
         return _shifted(case, theme, later)
     reach = float(later.extents[:2].max())
@@ -163,28 +164,25 @@ def _push(case: Case) -> CriterionScore:
 def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> CriterionScore:
     """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
     plan = case.evidence.plan
-    waypoints = plan.trajectory.waypoints if plan.trajectory else ()
     stroke = np.zeros(3)
-    for before, after in pairwise(waypoints):
+    for before, after in pairwise(case.planned):
         if theme.id in after.allowed_contacts and after.stage.startswith("push"):
             stroke += np.subtract(after.xyz, before.xyz)
     length = float(np.linalg.norm(stroke))
     planned = length - plan.parameters.get("standoff", 0.0)
     if length < 1e-6 or planned <= case.config.same_place:
-        return CriterionScore(None, "The plan does not say how far to push.")
+        raise InconclusiveError("The plan does not say how far to push.")
     along = float((later.centre - theme.centre) @ stroke) / length
-    said = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
+    travel = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
     if 0.5 * planned <= along <= 1.5 * planned:
-        return CriterionScore(1.0, f"{said}.")
-    return CriterionScore(max(0.0, 0.4 * min(along / planned, 1.0)), f"{said}: not as planned.")
+        return CriterionScore(1.0, f"{travel}.")
+    return CriterionScore(max(0.0, 0.4 * min(along / planned, 1.0)), f"{travel}: not as planned.")
 
 
 def _press(case: Case) -> CriterionScore:
     """The tool went at least half of the planned press below the button's top, and felt it."""
-    button = case.role("part", "theme", "goal")
+    button = case.handled("part", "theme", "goal")
     plan, reports = case.evidence.plan, case.evidence.report.waypoints
-    if button is None or plan.trajectory is None:
-        return CriterionScore(None, "The plan does not say what was to be pressed.")
     near = [r for r in reports if outside_footprint(np.asarray(r.target), button) <= 0.02]
     if not near:
         return CriterionScore(0.0, f"The tool never came over {button.label}.")
@@ -195,16 +193,16 @@ def _press(case: Case) -> CriterionScore:
     # The tool's shortfall is what is missing of the planned depth.
     depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
     aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
-    said = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
+    travel = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
     if aside > max(0.02, 0.5 * float(button.extents[:2].max())):
         return CriterionScore(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
     if depth < 0.5 * planned:
-        return CriterionScore(max(0.0, 0.6 * depth / planned), f"{said}: not far enough.")
+        return CriterionScore(max(0.0, 0.6 * depth / planned), f"{travel}: not far enough.")
     if not lowest.contacts:
-        return CriterionScore(0.4, f"{said}, but felt no contact.")
+        return CriterionScore(0.4, f"{travel}, but felt no contact.")
     if case.after is not None and shines(button, case.before, case.after) is False:
-        return CriterionScore(0.1, f"{said} and felt it, but the lamp stayed dark.")
-    return CriterionScore(1.0, f"{said} and felt it.")
+        return CriterionScore(0.1, f"{travel} and felt it, but the lamp stayed dark.")
+    return CriterionScore(1.0, f"{travel} and felt it.")
 
 
 _RULES: dict[str, Callable[[Case], CriterionScore]] = {

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
-from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
+from gvla2_plugins.geometric.case import (
+    Case,
+    CriterionScore,
+    InconclusiveError,
+    goal_now,
+    outside_footprint,
+    something_at,
+)
 
 LEAST_GROWN = 0.4
 """Least rise of a container where an object lies in it, as a share of the object's height."""
@@ -22,34 +31,30 @@ def place(case: Case) -> CriterionScore:
     """Everything is at its target: one object, or several in sequence."""
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
-        return placed(case, case.role("theme", "part"), case.role("goal"))
-    findings = []
+        return placed(case, case.handled(), case.role("goal"))
+    scores, unknown = [], None
     for name in sorted(several):
-        theme = case.role(name)
-        goal = case.role(name.replace("theme", "goal"))
-        if goal is None and theme is not None:
-            goal = _under(case, theme)
-        findings.append(placed(case, theme, goal))
-    known = [f for f in findings if f.score is not None]
-    worst = min(known, key=lambda f: f.score or 0.0, default=None)
-    unknown = next((f for f in findings if f.score is None), None)
-    # One clear failure decides; else one unknown makes the whole unknown.
-    if unknown is not None and (worst is None or (worst.score or 0.0) >= 0.5):
-        return unknown
-    assert worst is not None
-    if (worst.score or 0.0) < 0.5:
-        return worst
-    return CriterionScore(worst.score, f"All {len(findings)} objects are at their targets.")
+        try:
+            theme = case.handled(name)
+            found = placed(case, theme, case.role(name.replace("theme", "goal")) or _under(case, theme))
+        except InconclusiveError as error:
+            unknown = unknown or error
+            continue
+        if (found.score or 0.0) < 0.5:
+            return found  # one clear failure decides; else one unknown makes the whole unknown
+        scores.append(found.score or 0.0)
+    if unknown is not None:
+        raise unknown
+    return CriterionScore(min(scores), f"All {len(scores)} objects are at their targets.")
 
 
-def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> CriterionScore:
+def placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> CriterionScore:
     """The theme rests on the goal, in it, or beside it if so planned, and the hand released it."""
-    if theme is None or goal is None:
-        return CriterionScore(None, "The plan does not say what to put where.")
+    if goal is None:
+        raise InconclusiveError("The plan does not say where to put it.")
     if case.last_held:
         return CriterionScore(0.1, "The hand still holds something at the end.")
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
+    case.perceived()
     later = case.later(theme)
     if later is None:
         return _taken_in(case, theme, goal)
@@ -64,9 +69,8 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> C
         return CriterionScore(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
     found = inside(case, later, goal, reach)
     if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
-        taken = _taken_in(case, theme, goal)  # its match may be a piece of the container
-        if taken.score is not None:
-            return taken
+        with suppress(InconclusiveError):
+            return _taken_in(case, theme, goal)  # its match may be a piece of the container
     now = goal_now(case, goal)
     if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
         return CriterionScore(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
@@ -77,21 +81,20 @@ def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionSco
     """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
     released it, the goal is higher than before by most of the object's height.
     """
-    spot = _let_go(case, theme)
-    unknown = CriterionScore(None, f"{theme.label} was not seen again.")
-    now = goal_now(case, goal)
-    if spot is None or case.after is None or outside_footprint(spot, now) > 0.0 or goal.shape == "region":
-        return unknown
-    if something_at(theme, case.after, case.config.same_place):
+    spot, after = _let_go(case, theme), case.perceived()
+    unknown = InconclusiveError(f"{theme.label} was not seen again.")
+    if spot is None or outside_footprint(spot, goal_now(case, goal)) > 0.0 or goal.shape == "region":
+        raise unknown
+    if something_at(theme, after, case.config.same_place):
         return CriterionScore(0.2, f"Something is still where {theme.label} was.")
     about = 0.5 * float(theme.extents[:2].max())
     was = _height(case.before, spot, about, frozenset({theme.id}))
-    grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
+    grown = _height(after, spot, about, frozenset()) - max(was, goal.bottom)
     if grown >= LEAST_GROWN * (theme.top - theme.bottom):
         return CriterionScore(
             0.85, f"{theme.label} is gone from its place, and {goal.label} is higher where it was put."
         )
-    return unknown
+    raise unknown
 
 
 def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
@@ -148,30 +151,24 @@ ASTRAY = 0.06
 
 def opened(case: Case) -> CriterionScore:
     """The lid stands upright, or leans away from the box; or the box shows its inside."""
-    lid, body, doubt = _lid(case)
-    if doubt is not None:
-        return doubt
-    assert lid is not None
+    lid, body = _lid(case)
     later, box = case.later(lid), case.later(body) if body is not None else None
     if later is not None:
         angle = opening_angle(later, box or body)
-        said = f"{lid.label} is open by {np.degrees(angle):.0f}°"
+        travel = f"{lid.label} is open by {np.degrees(angle):.0f}°"
         if angle >= UPRIGHT:
-            return CriterionScore(1.0, f"{said}.")
-        return CriterionScore(_short(angle, UPRIGHT), f"{said} only.")
+            return CriterionScore(1.0, f"{travel}.")
+        return CriterionScore(_short(angle, UPRIGHT), f"{travel} only.")
     if body is not None and box is not None and body.opening == 0.0:
         if box.opening > 0.5 * float(body.extents[:2].min()):
             return CriterionScore(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
         return CriterionScore(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
-    return CriterionScore(None, f"{lid.label} was not seen again.")
+    raise InconclusiveError(f"{lid.label} was not seen again.")
 
 
 def closed(case: Case) -> CriterionScore:
     """The lid lies flat over the box; or the box no longer shows its inside."""
-    lid, body, doubt = _lid(case)
-    if doubt is not None:
-        return doubt
-    assert lid is not None
+    lid, body = _lid(case)
     later, box = case.later(lid), case.later(body) if body is not None else None
     was = opening_angle(lid, body)
     if later is not None:
@@ -197,20 +194,17 @@ def closed(case: Case) -> CriterionScore:
         return CriterionScore(
             0.8, f"{lid.label} was not seen again, and {body.label} no longer shows its inside."
         )
-    return CriterionScore(None, f"{lid.label} was not seen again.")
+    raise InconclusiveError(f"{lid.label} was not seen again.")
 
 
-def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, CriterionScore | None]:
-    """Lid and box of the plan's theme before, or a finding that there is no evidence."""
-    theme = case.role("theme", "part")
-    if theme is None:
-        return None, None, CriterionScore(None, "The plan does not say what to swing.")
-    if case.after is None:
-        return None, None, CriterionScore(None, "Nothing was perceived at the end.")
+def _lid(case: Case) -> tuple[SceneObject, SceneObject | None]:
+    """Lid and box of the plan's theme before."""
+    theme = case.handled()
+    case.perceived()
     lid, body = hinged(theme, case.before.objects)
     if lid is None:
-        return None, None, CriterionScore(None, f"No lid was seen on {theme.label}.")
-    return lid, body, None
+        raise InconclusiveError(f"No lid was seen on {theme.label}.")
+    return lid, body
 
 
 def _short(came: float, wanted: float) -> float:
@@ -231,24 +225,21 @@ def shut(case: Case) -> CriterionScore:
 
 def _slid(case: Case, wanted: float | None) -> CriterionScore:
     """The slid object moved along the hand's way by ``wanted`` metres, or by a share of that way."""
-    theme = case.role("theme", "part")
-    if theme is None:
-        return CriterionScore(None, "The plan does not say what to slide.")
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
+    theme = case.handled()
+    case.perceived()
     way = _stroke(case)
     length = float(np.linalg.norm(way))
     if length < case.config.same_place:
-        return CriterionScore(None, "The plan does not say how far to slide.")
+        raise InconclusiveError("The plan does not say how far to slide.")
     need = PUSHED * length if wanted is None else wanted
     moved = [m for obj in _sliding(case, theme) if (m := _along(case, obj, way / length)) is not None]
     if not moved:
-        return CriterionScore(None, f"{theme.label} was not seen again.")
+        raise InconclusiveError(f"{theme.label} was not seen again.")
     most = max(moved)
-    said = f"{theme.label} went {100 * most:.1f} of {100 * length:.1f} cm"
+    travel = f"{theme.label} went {100 * most:.1f} of {100 * length:.1f} cm"
     if most >= need:
-        return CriterionScore(1.0, f"{said}.")
-    return CriterionScore(_short(most, need), f"{said}: not far enough.")
+        return CriterionScore(1.0, f"{travel}.")
+    return CriterionScore(_short(most, need), f"{travel}: not far enough.")
 
 
 def _stroke(case: Case) -> np.ndarray:
@@ -282,12 +273,8 @@ def _along(case: Case, obj: SceneObject, way: np.ndarray) -> float | None:
 
 def twisted(case: Case) -> CriterionScore:
     """The cap is off: in the hand or somewhere else; on its goal, if the plan has one."""
-    cap = case.role("theme", "part")
-    if cap is None:
-        return CriterionScore(None, "The plan does not say what to turn.")
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
-    goal = case.role("goal")
+    cap = case.handled()
+    after, goal = case.perceived(), case.role("goal")
     if goal is not None:
         return placed(case, cap, goal)
     body, later = case.seen(cap.parent), case.later(cap)
@@ -305,8 +292,8 @@ def twisted(case: Case) -> CriterionScore:
             0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away."
         )
     if bottle is None or body is None:
-        return CriterionScore(None, f"{cap.label} was not seen again.")
-    there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
+        raise InconclusiveError(f"{cap.label} was not seen again.")
+    there = [o for o in after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
         if not case.holding or case.last_held is False:  # the cap itself is there, under another name
             return CriterionScore(0.1, f"Something is still where {cap.label} was, and the hand is empty.")
@@ -318,16 +305,11 @@ def twisted(case: Case) -> CriterionScore:
 
 def inserted(case: Case) -> CriterionScore:
     """The ring is around the post's foot: its middle within a hole's radius of the post's, low, and released."""
-    ring, post = case.role("theme", "part"), case.role("goal")
-    if ring is None or post is None:
-        return CriterionScore(None, "The plan does not say what goes over what.")
+    ring, post = case.handled(), case.handled("goal")
     if case.last_held:
         return CriterionScore(0.1, "The hand still holds something at the end.")
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
-    later, now = case.later(ring), case.later(post)
-    if later is None:
-        return CriterionScore(None, f"{ring.label} was not seen again.")
+    case.perceived()
+    later, now = case.again(ring), case.later(post)
     at = post.centre
     if now is not None and float(np.linalg.norm((now.centre - post.centre)[:2])) < ASTRAY:
         at = now.centre
@@ -346,22 +328,18 @@ def inserted(case: Case) -> CriterionScore:
 
 def drawn(case: Case) -> CriterionScore:
     """On its goal, if there is one; else out of its holder, in the hand or beside it."""
-    theme = case.role("theme", "part")
-    if theme is None:
-        return CriterionScore(None, "The plan does not say what to draw out.")
+    theme = case.handled()
     if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
         return placed(case, theme, case.role("goal"))
-    if case.after is None:
-        return CriterionScore(None, "Nothing was perceived at the end.")
-    way = case.way(theme.id)
+    after, way = case.perceived(), case.way(theme.id)
     length = float(np.linalg.norm(way))
     later = case.later(theme)
     if later is None or length < case.config.same_place:
-        if later is None and case.holding and not something_at(theme, case.after, case.config.same_place):
+        if later is None and case.holding and not something_at(theme, after, case.config.same_place):
             return CriterionScore(0.8, f"{theme.label} is gone from its place and the hand holds something.")
-        return CriterionScore(None, f"{theme.label} was not seen again.")
+        raise InconclusiveError(f"{theme.label} was not seen again.")
     along = float((later.centre - theme.centre) @ way) / length
-    said = f"{theme.label} came out by {100 * along:.1f} of {100 * length:.1f} cm"
+    travel = f"{theme.label} came out by {100 * along:.1f} of {100 * length:.1f} cm"
     if along >= 0.7 * length:
-        return CriterionScore(1.0, f"{said}.")
-    return CriterionScore(_short(along, 0.7 * length), f"{said} only.")
+        return CriterionScore(1.0, f"{travel}.")
+    return CriterionScore(_short(along, 0.7 * length), f"{travel} only.")

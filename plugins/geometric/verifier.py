@@ -102,8 +102,7 @@ def _spatial_consistency(case: Case) -> CriterionScore:
 
 def _collision_safety(case: Case) -> CriterionScore:
     """The robot touched nothing where its plan allowed no contact."""
-    planned = case.evidence.plan.trajectory.waypoints if case.evidence.plan.trajectory else ()
-    touched = []
+    planned, touched = case.planned, []
     for report in case.evidence.report.waypoints:
         if report.abort == "collision":
             return CriterionScore(0.0, f"Stopped in a collision at '{report.stage}'.")
@@ -118,8 +117,7 @@ def _collision_safety(case: Case) -> CriterionScore:
 
 def _execution_validity(case: Case) -> CriterionScore:
     """The motion ran to its end, near its waypoints."""
-    planned = case.evidence.plan.trajectory.waypoints if case.evidence.plan.trajectory else ()
-    reports = case.evidence.report.waypoints
+    planned, reports = case.planned, case.evidence.report.waypoints
     done = [r for r in reports if not r.abort]
     if (stopped := case.evidence.report.abort) is not None:
         share = len(done) / max(len(planned), 1)

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError, OutputError
-from gvla2.geometry.view_formats import parse_rotation_word, write_gso, write_plain
+from gvla2.geometry.view_formats import write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_whole
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2_plugins.sam3d.registration import parse_rotation_word
 from gvla2_plugins.sam3d.result_tree import align_result, read_result
 
 if TYPE_CHECKING:

@@ -7,19 +7,20 @@ unknowns. Gaussians move with their rotations, scales and harmonics.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations, product, starmap
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import GeometryError
+from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.view_formats import parse_axis_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
 from gvla2.reconstruction.contracts import Reconstruction
@@ -161,16 +162,38 @@ def _score(mesh: TriangleMesh, shown: Sequence[Silhouette], sim3: Sim3) -> float
     return mask_agreement(place_mesh(mesh, sim3), shown)
 
 
+def parse_rotation_word(word: str) -> FloatArray:
+    """(3, 3) rotation by quarter turns of a transform word of the released code, or of ``identity``.
+
+    ``perm021_signpnp`` means: the new axes are the old axes 0, 2 and 1, with the signs +, - and +. Raises
+    :class:`ConfigurationError` for anything else, and for a mirror (determinant -1), which is not a rotation.
+    """
+    if word == "identity":
+        return np.eye(3)
+    match = re.fullmatch(r"perm([012]{3})_sign([pn]{3})", word)
+    if match is None or len(set(match[1])) != 3:
+        raise ConfigurationError(
+            f"Cannot read the axis transform '{word}': write 'identity', or a permutation of 012 and three signs, "
+            "p or n, such as perm021_signpnp."
+        )
+    matrix = _signed_permutation(
+        [int(axis) for axis in match[1]], [1.0 if s == "p" else -1.0 for s in match[2]]
+    )
+    if np.linalg.det(matrix) < 0:
+        raise ConfigurationError(
+            f"The axis transform '{word}' is mirrored (determinant -1); flip one more sign."
+        )
+    return matrix
+
+
+def _signed_permutation(axes: Sequence[int], signs: Sequence[float]) -> FloatArray:
+    return np.diag(signs) @ np.eye(3)[list(axes)]
+
+
 def _quarter_turns() -> list[FloatArray]:
     """The 24 rotations that take axes to axes."""
-    words = (
-        f"perm{p}_sign{a}{b}{c}"
-        for p in ("012", "021", "102", "120", "201", "210")
-        for a in "pn"
-        for b in "pn"
-        for c in "pn"
-    )
-    return [turn for turn in map(parse_axis_word, words) if np.linalg.det(turn) > 0]
+    every = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    return [turn for turn in starmap(_signed_permutation, every) if np.linalg.det(turn) > 0]
 
 
 def _fitted(mesh: TriangleMesh, hull: Carving, turn: FloatArray) -> Sim3:

@@ -18,13 +18,13 @@ from gvla2.geometry.gaussians import Gaussians, read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.view_formats import parse_rotation_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d.registration import (
     Registration,
+    parse_rotation_word,
     place,
     register,
     register_along_ray,
@@ -86,8 +86,8 @@ class ResultFiles:
 def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultFiles:
     """Read ``<stem>.ply`` (Gaussians), ``<stem>.glb`` (mesh) and ``params.npz`` (pose) of a folder.
 
-    One of the first two suffices; a PLY without Gaussians' properties is ignored when there is a mesh. Raises
-    :class:`GeometryError`, naming the file, when both are absent or one is broken.
+    One of the first two suffices. Raises :class:`GeometryError`, naming the file, when both are absent or one is
+    broken.
     """
     place_ = Path(folder)
     ply, glb = place_ / f"{stem}.ply", place_ / f"{stem}.glb"
@@ -97,17 +97,9 @@ def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultF
             f"{place_} has neither {ply.name} nor {glb.name}. It holds: {present or 'nothing'}."
         )
     mesh = read_mesh(glb) if glb.is_file() else None
-    gaussians, note = None, ""
-    try:
-        gaussians = read_gaussians(ply) if ply.is_file() else None
-    except GeometryError as error:
-        if mesh is None or "is no 3DGS file" not in str(error):
-            raise
-        note = f"{ply.name} holds no Gaussians"
-    if mesh is None:
-        note = f"{glb.name} is missing"
-    elif gaussians is None and not note:
-        note = f"{ply.name} is missing"
+    gaussians = read_gaussians(ply) if ply.is_file() else None
+    absent = glb if mesh is None else ply if gaussians is None else None
+    note = "" if absent is None else f"{absent.name} is missing"
     return ResultFiles(
         gaussians, mesh, _read_pose(place_ / "params.npz"), note, None if mesh is None else glb
     )
@@ -139,11 +131,11 @@ def align_result(
     gaussians = result.gaussians
     if gaussians is None and result.mesh is not None:
         gaussians = surfels(result.mesh, None, count)
-    told = [result.note + (", flat Gaussians lie on the mesh" if result.gaussians is None else "")]
+    notes = [result.note + (", flat Gaussians lie on the mesh" if result.gaussians is None else "")]
     if found.iou < _POOR:
-        told.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
-    told = [text for text in told if text]
-    status = f"fallback: {'; '.join(told)}" if told else "ok"
+        notes.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
+    notes = [text for text in notes if text]
+    status = f"fallback: {'; '.join(notes)}" if notes else "ok"
     return replace(place(Reconstruction(gaussians, result.mesh, glb=result.glb), found.sim3), status=status)
 
 
@@ -158,7 +150,7 @@ def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
         raise GeometryError("No Gaussian of the result is more than 30 % opaque: it has no silhouette.")
     chosen = solid[:: max(1, len(solid) // _MOST_GAUSSIANS)]
     # A tetrahedron a Gaussian, as wide as it and wide enough to close the gaps to its neighbours.
-    spread = np.sqrt(np.maximum(np.einsum("nii->n", g.covariances()[chosen]) / 3, 1e-12))
+    spread = np.sqrt(np.maximum((g.scales[chosen].astype(np.float64) ** 2).mean(axis=1), 1e-12))
     reach = np.maximum(1.5 * spread, _spacing(g.centres[chosen].astype(np.float64))).reshape(-1, 1, 1)
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
     vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)

@@ -55,6 +55,6 @@ class SplatReconstructor:
             # The Gaussians moved inside their surface, and the mesh with them: move it back to the surface.
             mesh = fill_masks(carry(mesh, hull.gaussians, shaped), views)
         fitted, second = optimise(shaped, views, self._options)
-        told = [] if hull.status == "ok" else [hull.status]
-        told += [f"{r.status}: {r.reason}" for r in (first, second) if r.status == "rejected"]
-        return Reconstruction(fitted, mesh, "; ".join(told) or "ok")
+        notes = [] if hull.status == "ok" else [hull.status]
+        notes += [f"{r.status}: {r.reason}" for r in (first, second) if r.status == "rejected"]
+        return Reconstruction(fitted, mesh, "; ".join(notes) or "ok")

@@ -48,28 +48,21 @@ def test_a_success_teaches_what_another_task_of_its_family_is_told(sandboxed, tm
     assert "data, not orders" in prompts[-1]
 
 
-def test_who_says_that_it_is_done_has_not_solved_it(sandboxed, tmp_path: Path):
-    with LocalModel(giving({})) as model, KnowledgeBank(tmp_path / "m.db") as bank:
-        made = tried("deposit-photos", model.url, bank)
-    assert made.run.exit_status == "Submitted"
-    assert not made.solved
-    assert made.verdict.outcome == "verified_fail"
-
-
-def test_who_never_ends_is_ended(sandboxed, tmp_path: Path):
-    with LocalModel(lambda request: said(block("ls"))) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+@pytest.mark.parametrize(
+    ("answer", "ended", "steps"),
+    [
+        (giving({}), "Submitted", 1),
+        (lambda request: said(block("ls")), "LimitsExceeded", 4),
+        (lambda request: said("I cannot help with that."), "RepeatedFormatError", 0),
+    ],
+)
+def test_an_agent_that_submits_too_early_never_or_refuses_fails(
+    sandboxed, tmp_path: Path, answer, ended: str, steps: int
+):
+    with LocalModel(answer) as model, KnowledgeBank(tmp_path / "m.db") as bank:
         made = tried("deposit-photos", model.url, bank, steps=4)
-    assert (made.run.exit_status, made.run.steps) == ("LimitsExceeded", 4)
-
-
-def test_a_model_that_refuses_to_act_ends_after_a_few_reminders(sandboxed, tmp_path: Path):
-    with (
-        LocalModel(lambda request: said("I cannot help with that.")) as model,
-        KnowledgeBank(tmp_path / "m.db") as bank,
-    ):
-        made = tried("deposit-photos", model.url, bank)
-    assert made.run.exit_status == "RepeatedFormatError"
-    assert made.run.steps == 0
+    assert (made.run.exit_status, made.run.steps, made.solved) == (ended, steps, False)
+    assert made.verdict.outcome == "verified_fail"
 
 
 def test_a_model_that_is_not_there_is_nobodys_failure(sandboxed, tmp_path: Path):

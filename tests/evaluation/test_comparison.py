@@ -17,15 +17,15 @@ from gvla2.evaluation.tables import NOT_MEASURED, render_report, to_latex, to_ma
 def cells() -> list[Cell]:
     """Two objects, two seeds; the branch takes a tenth off the first object's distance, adds 2 % to the other's."""
     made = []
-    for thing, base, factor in (("a_mug", 20.0, 0.9), ("bowl", 10.0, 1.02)):
+    for obj, base, factor in (("a_mug", 20.0, 0.9), ("bowl", 10.0, 1.02)):
         for seed in (0, 1):
             for variant in ("ab_fusion", "baseline"):
                 value = (base + seed) * (factor if variant == "ab_fusion" else 1)
-                factors = {"data": "meshes", "baseline": "hull", "drift": "none", "object": thing}
+                factors = {"data": "meshes", "baseline": "hull", "drift": "none", "object": obj}
                 measures = {"cd_surface": value, "psnr": 20.0, "lpips": None, "seconds": 1.0}
                 made.append(
                     Cell(
-                        f"{thing}{seed}{variant}",
+                        f"{obj}{seed}{variant}",
                         {**factors, "seed": seed, "variant": variant},
                         measures,
                         {"status": "ok"},

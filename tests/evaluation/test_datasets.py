@@ -37,11 +37,11 @@ def test_objects_are_chosen_in_the_order_asked(tree):
 
 def test_any_one_mesh_of_a_folder_serves_and_two_are_ambiguous(tree, tmp_path):
     mesh = read_mesh(tree / "brick" / "textured.obj")
-    (tree / "thing").mkdir()
-    write_mesh(tree / "thing" / "scan.glb", mesh)
-    assert "thing" in [item.name for item in open_dataset("meshes", tree).items]
-    write_mesh(tree / "thing" / "other.obj", mesh)
-    assert "thing" not in [item.name for item in open_dataset("meshes", tree).items]
+    (tree / "object").mkdir()
+    write_mesh(tree / "object" / "scan.glb", mesh)
+    assert "object" in [item.name for item in open_dataset("meshes", tree).items]
+    write_mesh(tree / "object" / "other.obj", mesh)
+    assert "object" not in [item.name for item in open_dataset("meshes", tree).items]
 
 
 def test_what_is_missing_is_said(tmp_path, monkeypatch):
@@ -52,10 +52,10 @@ def test_what_is_missing_is_said(tmp_path, monkeypatch):
     monkeypatch.setenv("GVLA2_DATA", str(tmp_path / "mine"))
     monkeypatch.chdir(tmp_path)
     assert roots("gso30")[0] == tmp_path / "mine" / "gso30"
-    with pytest.raises(ConfigurationError) as told:
+    with pytest.raises(ConfigurationError) as shown:
         open_dataset("gso30", tmp_path / "nowhere")
-    assert str(tmp_path / "nowhere") in str(told.value)
-    assert "CC BY 4.0" in str(told.value)
+    assert str(tmp_path / "nowhere") in str(shown.value)
+    assert "CC BY 4.0" in str(shown.value)
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigurationError, match="holds no object"):
         open_dataset("gso30", tmp_path / "empty")
@@ -87,11 +87,11 @@ def write_gso(folder: Path, source: Path) -> None:
 @pytest.mark.parametrize("upright", [True, False])
 def test_a_gso_tree_with_a_true_shape_in_either_frame(tmp_path, block, upright):
     source = block(tmp_path / "source", (0.2, 0.1, 0.04))
-    write_gso(tmp_path / "gso" / "thing", source)
+    write_gso(tmp_path / "gso" / "object", source)
     mesh = read_mesh(source)
     shape = mesh.vertices if upright else mesh.vertices[:, [0, 2, 1]] * [1, 1, -1]
-    (tmp_path / "gso" / "thing" / "meshes").mkdir()
-    write_mesh(tmp_path / "gso" / "thing" / "meshes" / "model.obj", mesh.with_vertices(shape))
+    (tmp_path / "gso" / "object" / "meshes").mkdir()
+    write_mesh(tmp_path / "gso" / "object" / "meshes" / "model.obj", mesh.with_vertices(shape))
     dataset = open_dataset("gso30", tmp_path / "gso", size=32)
     views = dataset.load(dataset.items[0])
     assert (len(views.inputs), len(views.targets)) == (5, 15)

@@ -64,7 +64,7 @@ def test_addresses(tmp_path):
 
 def test_a_file_that_is_no_database(tmp_path):
     path = tmp_path / "x.sqlite"
-    path.write_text("this is a letter, not a database, and long enough to be told apart" * 20)
+    path.write_text("this is a letter, not a database, and long enough to be distinguished" * 20)
     with pytest.raises(Gvla2Error, match="cannot be used"):
         Results.open(f"sqlite:///{path}")
     assert path.read_text().startswith("this is a letter")

@@ -29,13 +29,13 @@ def test_arrays_are_seen_and_not_changed_and_their_maker_still_writes():
 
 
 def test_a_box_that_moves_by_a_centre_does_not_exist():
-    thing = read_only(inputs.scene()).objects[0]
-    before = thing.world_from_object.copy()
-    goal = thing.centre
+    obj = read_only(inputs.scene()).objects[0]
+    before = obj.world_from_object.copy()
+    goal = obj.centre
     goal[2] += 0.3
-    assert np.array_equal(thing.world_from_object, before)
+    assert np.array_equal(obj.world_from_object, before)
     with pytest.raises(ValueError, match="read-only"):
-        thing.world_from_object[2, 3] += 0.3
-    mine = replace(thing, points=thing.points.copy())
+        obj.world_from_object[2, 3] += 0.3
+    mine = replace(obj, points=obj.points.copy())
     mine.points[...] = 0.0
-    assert not (thing.points == 0.0).all()
+    assert not (obj.points == 0.0).all()

@@ -53,15 +53,6 @@ def test_a_mesh_without_area_has_no_samples() -> None:
         _ = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int)).bounds
 
 
-def test_with_vertices_keeps_topology_and_colours() -> None:
-    mesh = TriangleMesh(SQUARE, FACES, np.full((4, 3), 0.5))
-    moved = mesh.with_vertices(SQUARE + 1)
-    assert moved.colours is mesh.colours
-    assert moved.faces is mesh.faces
-    with pytest.raises(GeometryError, match="4 vertices"):
-        mesh.with_vertices(SQUARE[:3])
-
-
 @pytest.mark.parametrize(
     ("vertices", "faces", "colours", "words"),
     [

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plyfile import PlyData
 
-from gvla2.errors import GeometryError, OutputError
-from gvla2.geometry.gaussians import GaussianPly, Gaussians, read_gaussians, write_gaussians
+from gvla2.errors import GeometryError
+from gvla2.geometry.gaussians import Gaussians, read_gaussians, write_gaussians
 
 FIELDS = [
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
@@ -52,33 +52,25 @@ def foreign_file(
     return records
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     shuffle=st.randoms(use_true_random=False),
     extra=st.lists(st.sampled_from(["f4", "f8", "u1", "i2"]), max_size=4),
     order=st.sampled_from("<>"),
-    trailer=st.sampled_from([b"", b"\x03\0\0\0\0\x01\0\0\0\x02\0\0\0"]),
 )
-def test_only_xyz_bytes_change_between_read_and_write(
-    tmp_path_factory: pytest.TempPathFactory, seed, shuffle, extra, order, trailer
+def test_files_of_other_tools_are_read_whatever_their_order_and_further_properties(
+    tmp_path_factory: pytest.TempPathFactory, seed, shuffle, extra, order
 ) -> None:
     path = tmp_path_factory.mktemp("ply") / "in.ply"
     fields = [(name, "f4") for name in FIELDS] + [(f"mine_{i}", kind) for i, kind in enumerate(extra)]
     shuffle.shuffle(fields)
-    trailer = trailer if order == "<" else b""
+    trailer = b"\x03\0\0\0\0\x01\0\0\0\x02\0\0\0" if order == "<" else b""
     records = foreign_file(path, fields, order, seed=seed, trailer=trailer)
-    ply = GaussianPly.read(path)
-    out = path.with_name("out.ply")
-    ply.write(out)
-    assert out.read_bytes() == path.read_bytes()
-
-    centres = np.random.default_rng(seed + 1).normal(size=(5, 3)).astype(np.float32)
-    ply.with_centres(centres).write(out)
+    found = read_gaussians(path)
     for axis, name in enumerate("xyz"):
-        records[name] = centres[:, axis]
-    body = records.tobytes() + trailer
-    assert out.read_bytes() == path.read_bytes()[: -len(body)] + body
+        np.testing.assert_array_equal(found.centres[:, axis], records[name])
+    np.testing.assert_array_equal(found.opacity_logits, records["opacity"])
 
 
 @pytest.mark.parametrize("rest", [None, 9, 24, 45])
@@ -106,18 +98,6 @@ def test_harmonics_are_in_numeric_order_wherever_they_lie(tmp_path: Path) -> Non
     records = foreign_file(tmp_path / "g.ply", fields)
     expected = np.stack([records[name] for name in rest], axis=1)
     assert np.array_equal(read_gaussians(tmp_path / "g.ply").sh_rest, expected)
-
-
-def test_doubles_that_were_not_moved_keep_their_digits(tmp_path: Path) -> None:
-    path = tmp_path / "g.ply"
-    records = foreign_file(path, [(name, "f8" if name in "xyz" else "f4") for name in FIELDS])
-    ply = GaussianPly.read(path)
-    centres = ply.gaussians.centres.copy()
-    centres[2] += 1
-    ply.with_centres(centres).write(path)
-    x = PlyData.read(path)["vertex"].data["x"]
-    assert np.array_equal(np.delete(x, 2), np.delete(records["x"], 2))
-    assert x[2] == centres[2, 0]
 
 
 def break_file(path: Path, how: str) -> None:
@@ -167,25 +147,5 @@ def test_broken_files_are_named_and_explained(tmp_path: Path, how: str, words: s
     path = tmp_path / "g.ply"
     break_file(path, how)
     with pytest.raises(GeometryError, match=words) as caught:
-        GaussianPly.read(path)
+        read_gaussians(path)
     assert "g.ply" in str(caught.value)
-
-
-def test_a_file_read_may_be_replaced_while_it_is_held(tmp_path: Path) -> None:
-    path = tmp_path / "g.ply"
-    gaussians = random_gaussians(100, None)
-    write_gaussians(path, gaussians)
-    ply = GaussianPly.read(path)
-    path.write_bytes(b"")  # another program truncates it
-    assert np.array_equal(ply.gaussians.centres, gaussians.centres)
-    ply.write(path)
-    assert np.array_equal(read_gaussians(path).centres, gaussians.centres)
-
-
-def test_a_failed_write_leaves_nothing_behind(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="nowhere"):
-        write_gaussians(tmp_path / "nowhere" / "g.ply", random_gaussians(1, None))
-    (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(OutputError, match="folder"):
-        write_gaussians(tmp_path / "folder.ply", random_gaussians(1, None))
-    assert [p.name for p in tmp_path.iterdir()] == ["folder.ply"]

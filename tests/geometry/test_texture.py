@@ -68,12 +68,6 @@ def test_what_no_face_uses_takes_no_part_in_a_mean():
     assert (seen > 0.75).all()
 
 
-def test_a_mesh_without_pictures_has_no_texture():
-    textured = card(quarters(8))
-    plain = TexturedMesh(textured.mesh, textured.uv, np.full(2, -1), textured.rgb, ())
-    assert Texture.of(plain) is None
-
-
 def test_a_texture_of_other_faces_is_refused():
     textured = card(quarters(8))
     with pytest.raises(GeometryError, match="1 faces but a texture of 2"):

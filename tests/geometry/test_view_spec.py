@@ -1,10 +1,7 @@
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.view_formats import parse_axis_word, parse_view_spec
+from gvla2.geometry.view_formats import parse_view_spec
 
 
 @pytest.mark.parametrize(
@@ -36,24 +33,3 @@ def test_specs(spec, numbers):
 def test_what_is_no_spec_is_named(spec, what):
     with pytest.raises(ConfigurationError, match=what):
         parse_view_spec(spec)
-
-
-@settings(max_examples=30)
-@given(st.lists(st.integers(0, 60), min_size=1, max_size=12, unique=True))
-def test_numbers_come_back_in_their_order(numbers):
-    assert parse_view_spec(",".join(map(str, numbers))) == tuple(numbers)
-
-
-def test_axis_words():
-    np.testing.assert_array_equal(parse_axis_word("perm012_signpnn"), np.diag([1.0, -1.0, -1.0]))
-    # Row i is the new axis i: the old axis perm[i] with its sign.
-    np.testing.assert_array_equal(parse_axis_word("perm021_signpnp") @ [1, 2, 3], [1, -3, 2])
-    np.testing.assert_array_equal(parse_axis_word("identity"), np.eye(3))
-
-
-@pytest.mark.parametrize(
-    "word", ["", "perm011_signppp", "perm012_signpp", "perm012", "perm012_signppx", "perm0123_signppp"]
-)
-def test_what_is_no_axis_word_is_named(word):
-    with pytest.raises(ConfigurationError, match="axis transform"):
-        parse_axis_word(word)

@@ -5,7 +5,7 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.views import View
 
 CAMERA = Camera.from_fov(1.0, np.eye(4), 4, 3, name="front")
 IMAGE = np.zeros((3, 4, 3), dtype=np.uint8)
@@ -25,20 +25,6 @@ def test_sizes_must_agree_with_the_camera(what: str) -> None:
         View(CAMERA, IMAGE, **{what: np.zeros((4, 3))})
 
 
-def test_an_image_of_another_size_is_refused() -> None:
-    with pytest.raises(GeometryError, match="image"):
-        View(CAMERA, IMAGE[:2])
-
-
 def test_points_of_a_colour_camera_are_refused() -> None:
     with pytest.raises(GeometryError, match="no depth"):
         View(CAMERA, IMAGE).points()
-
-
-def test_no_views_is_an_error_and_views_behave_as_a_sequence() -> None:
-    with pytest.raises(GeometryError):
-        Views(())
-    views = Views((View(CAMERA, IMAGE),) * 2)
-    assert len(views) == 2
-    assert [view.name for view in views] == ["front", "front"]
-    assert views[1].camera is CAMERA

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.language import Endpoint
-from gvla2.perception.clicks import Segments, localized, locate, overlay
+from gvla2.perception.clicks import Segments, localized, locate
 from gvla2.perception.clusters import iou
 from gvla2.perception.frames import frames_of
 from gvla2.perception.objects import object_of
@@ -50,7 +50,7 @@ def ask(model, seen, **options):
     )
 
 
-def test_it_settles_on_the_thing_that_is_clicked(seen):
+def test_it_settles_on_the_object_that_is_clicked(seen):
     target = seen[2][1]
     with clicking(at(target), at(target, shift=6)) as model:
         found = ask(model, seen)
@@ -71,7 +71,7 @@ def test_done_ends_it_but_not_before_something_is_marked(seen):
     assert "nothing is marked yet" in json.dumps(model.requests[1])
 
 
-def test_insane_clicks_are_refused_and_the_model_is_told(seen):
+def test_insane_clicks_are_refused_and_the_model_is_reported(seen):
     outside = {"done": False, "x": 1400, "y": 20, "on": True}
     nowhere = {"done": False, "x": 10, "y": 10, "on": True}
     with clicking(outside, nowhere, at(seen[2][1]), DONE) as model:
@@ -90,7 +90,7 @@ def test_the_budget_ends_it_and_the_last_good_mask_is_kept(seen):
     assert iou(found.mask, seen[2][1]) > 0.8
 
 
-def test_a_mask_that_is_no_thing_does_not_replace_a_good_one(seen):
+def test_a_mask_that_is_no_object_does_not_replace_a_good_one(seen):
     image, encoded, proposals = seen
 
     class Turns:
@@ -138,16 +138,9 @@ def test_a_click_beside_takes_away(seen, two):
     assert [c.on for c in found.clicks] == [True, False]
 
 
-def test_the_overlay_shows_outlines_the_mark_and_clicks(seen):
-    image, _, proposals = seen
-    plain = overlay(image, [], None, [], 640)
-    assert overlay(image, proposals, None, [], 640) != plain
-    assert overlay(image, [], proposals[0], [], 640) != plain
-
-
-def test_the_scene_says_which_thing_was_meant(world, two):
+def test_the_scene_says_which_object_was_meant(world, two):
     frames, table, _ = frames_of(two.observation.views, world.WORKSPACE)
-    things = [
+    objs = [
         object_of(
             np.concatenate([f.points[t == k] for f, t in zip(frames, two.truth, strict=True)]),
             np.concatenate([f.view.image[t == k] for f, t in zip(frames, two.truth, strict=True)]) / 255.0,
@@ -155,7 +148,7 @@ def test_the_scene_says_which_thing_was_meant(world, two):
         )
         for k in (1, 2)
     ]  # fmt: skip
-    scene = Scene(tuple(things), world.TABLE, world.WORKSPACE)
+    scene = Scene(tuple(objs), world.TABLE, world.WORKSPACE)
     # Clicks are asked for in the picture that shows most.
     shown = int(np.argmax([(t > 0).sum() for t in two.truth]))
     with clicking(at(two.truth[shown] == 2), DONE) as model:

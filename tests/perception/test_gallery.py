@@ -11,7 +11,6 @@ from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import object_of
-from gvla2.perception.scans import check_names, read_scans
 from gvla2.planning.scene import Scene
 
 
@@ -34,14 +33,14 @@ def own_cache(tmp_path_factory):
 def scene_of(world, observation):
     frames, table, _ = frames_of(observation.views, world.WORKSPACE)
     found = clusters(frames, [raised(f, table, world.WORKSPACE) for f in frames])
-    things = []
+    objs = []
     for k in range(found.count):
         rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)]) / 255.0
-        things.append(object_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
-    return Scene(tuple(things), world.TABLE, world.WORKSPACE, "test")
+        objs.append(object_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
+    return Scene(tuple(objs), world.TABLE, world.WORKSPACE, "test")
 
 
-def test_known_things_get_their_names_poses_and_meshes(world, folder):
+def test_known_objects_get_their_names_poses_and_meshes(world, folder):
     brick, bottle = world.brick(), world.bottle()
     lying = rigid([[0, 0, -1], [0, 1, 0], [1, 0, 0]], (0.3, 0.1, world.TABLE + 0.035))
     seen = world.Seen([(brick, world.standing(brick, 0.15, -0.12, 0.8)), (bottle, lying)], noise=0.0008)
@@ -52,11 +51,11 @@ def test_known_things_get_their_names_poses_and_meshes(world, folder):
         ("painted brick", brick, world.standing(brick, 0.15, -0.12, 0.8)),
         ("blue bottle", bottle, lying),
     ):
-        thing = by_name[name]
-        assert (thing.named_by, thing.known.name) == ("gallery", name)
-        assert thing.sureness > 0.8
+        obj = by_name[name]
+        assert (obj.named_by, obj.known.name) == ("gallery", name)
+        assert obj.sureness > 0.8
         true = trimesh.transform_points(np.asarray(mesh.vertices), pose)
-        placed = thing.known.mesh().vertices
+        placed = obj.known.mesh().vertices
         gaps = np.linalg.norm(placed[:, None] - true[None], axis=-1).min(axis=1)
         assert np.median(gaps) < 0.004
         assert gaps.max() < 0.012
@@ -66,8 +65,8 @@ def test_the_painted_end_tells_which_way_round_it_lies(world, folder):
     brick = world.brick()
     for yaw in (0.3, 0.3 + np.pi):
         seen = world.Seen([(brick, world.standing(brick, 0.25, 0.0, yaw))], noise=0.0008)
-        (thing,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
-        found = thing.known.world_from_scan[:2, 0]
+        (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+        found = obj.known.world_from_scan[:2, 0]
         assert found @ [np.cos(yaw), np.sin(yaw)] > 0.95
 
 
@@ -90,11 +89,11 @@ def test_what_is_not_in_the_gallery_is_unknown(world, folder, change):
 def test_same_shape_other_colour_is_told_apart(world, folder):
     bottle = world.bottle((0.8, 0.1, 0.1))
     seen = world.Seen([(bottle, world.standing(bottle, 0.25, 0.0))], noise=0.0008)
-    (thing,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
-    assert thing.label == "ketchup"
+    (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+    assert obj.label == "ketchup"
 
 
-def test_a_camera_without_depth_and_a_thing_of_few_points_do_not_stop_it(world, folder, two):
+def test_a_camera_without_depth_and_an_object_of_few_points_do_not_stop_it(world, folder, two):
     views = list(two.observation.views)
     views[0] = replace(views[0], depth=None)
     views[1] = replace(views[1], depth=np.full_like(views[1].depth, np.nan))
@@ -104,9 +103,3 @@ def test_a_camera_without_depth_and_a_thing_of_few_points_do_not_stop_it(world, 
     scene = labelled(replace(scene, objects=(*scene.objects, speck)), blind, [Gallery(folder)])
     assert {o.label for o in scene.objects if o.named_by} == {"painted brick", "blue bottle"}
     assert any(note.startswith("speck: unknown") and "5 points" in note for note in scene.notes)
-
-
-def test_two_scans_of_one_name_are_refused(folder):
-    scans = read_scans(folder)
-    with pytest.raises(Exception, match="Two scans"):
-        check_names([*scans, scans[0]])

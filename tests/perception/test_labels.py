@@ -1,7 +1,6 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError
@@ -20,9 +19,9 @@ class Saying:
     def __init__(self, source, **answers):
         self.source, self.answers, self.asked = source, answers, []
 
-    def names(self, things, scene, observation):
-        self.asked += [o.id for o in things]
-        return [self.answers.get(o.id, Naming("", 0.9, why="Never seen.")) for o in things]
+    def names(self, objs, scene, observation):
+        self.asked += [o.id for o in objs]
+        return [self.answers.get(o.id, Naming("", 0.9, why="Never seen.")) for o in objs]
 
 
 def test_the_first_that_is_sure_names_and_the_rest_keeps_colour_and_shape():
@@ -81,21 +80,12 @@ def test_what_a_model_writes_is_a_name_and_no_more():
     assert "\n" not in named.objects[0].label
 
 
-def test_a_model_that_is_not_there_leaves_things_unknown():
+def test_a_model_that_is_not_there_leaves_objects_unknown():
     scene, seen = inputs.scene(inputs.RED), inputs.observation()
     reader = CropReader(Endpoint(VisionOptions(base_url="http://127.0.0.1:9/v1", retries=0)), 512)
     named = labelled(scene, seen, [reader])
     assert named.objects[0].named_by == ""
     assert "could not be asked" in named.notes[-1]
-
-
-def test_a_thing_that_no_picture_shows_is_unknown():
-    scene, seen = inputs.scene(inputs.RED), inputs.observation(48)
-    away = replace(scene.objects[0], points=np.full((5, 3), 50.0))
-    with answered() as model:
-        (answer,) = CropReader(Endpoint(VisionOptions(base_url=model.url)), 512).names([away], scene, seen)
-    assert answer.label == ""
-    assert not model.requests
 
 
 def test_options_say_what_they_need():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gvla2.perception.objects import coarse_shape, footprint, numbered, object_of
+from gvla2.perception.objects import coarse_shape, numbered, object_of
 
 
 def box_points(size, yaw, at, rng, count=3000):
@@ -14,21 +14,15 @@ def box_points(size, yaw, at, rng, count=3000):
 
 def test_a_box_is_measured_whatever_its_turn():
     points = box_points([0.12, 0.06, 0.05], 0.7, [0.3, 0.1, 0.525], np.random.default_rng(0))
-    thing = object_of(points, np.full((len(points), 3), [0.9, 0.1, 0.1]), 0.5, 1.0)
-    assert sorted(thing.extents) == pytest.approx([0.05, 0.06, 0.12], abs=0.003)
-    assert thing.centre == pytest.approx([0.3, 0.1, 0.525], abs=0.003)
-    assert (thing.colour, thing.shape) == ("red", "box")
-    assert thing.label == "red box"
-
-
-def test_a_line_of_points_has_a_footprint():
-    yaw, low, high = footprint(np.linspace(0, 1, 9)[:, None] * [0.1, 0.1])
-    assert max(high - low) == pytest.approx(0.1414, abs=1e-3)
-    assert yaw == pytest.approx(np.pi / 4, abs=0.01)
+    obj = object_of(points, np.full((len(points), 3), [0.9, 0.1, 0.1]), 0.5, 1.0)
+    assert sorted(obj.extents) == pytest.approx([0.05, 0.06, 0.12], abs=0.003)
+    assert obj.centre == pytest.approx([0.3, 0.1, 0.525], abs=0.003)
+    assert (obj.colour, obj.shape) == ("red", "box")
+    assert obj.label == "red box"
 
 
 @pytest.mark.parametrize(("height", "shape"), [(0.1, "cylinder"), (0.02, "disc")])
-def test_round_things_are_told(height, shape):
+def test_round_objects_are_reported(height, shape):
     angles = np.linspace(0, 2 * np.pi, 400)
     ring = np.stack([0.04 * np.cos(angles), 0.04 * np.sin(angles)], axis=1)
     points = np.concatenate([np.column_stack([ring, np.full(400, z)]) for z in (0.0, height)])

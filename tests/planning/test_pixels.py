@@ -127,16 +127,6 @@ def test_a_path_drawn_across_the_picture_gets_its_height_back(scene):
     np.testing.assert_allclose(found, arc, atol=1e-9)
 
 
-def test_a_path_towards_the_camera_keeps_between_its_ends_heights(scene):
-    a, b = np.array([0.3, -0.2, inputs.TABLE + 0.02]), np.array([0.3, 0.2, inputs.TABLE + 0.10])
-    camera = front(np.array([0.3, 0.0, inputs.TABLE]))
-    line = np.linspace(a, b, 5)
-    pixels = [Pixel("front", *uv) for uv in camera.project(line)[0]]
-    found = path_in_air(camera, pixels, {0: a, 4: b}, scene, a)
-    assert (np.diff(found[:, 2]) > 0).all()
-    assert np.linalg.norm(found - line, axis=1).max() < 0.03
-
-
 def test_after_the_last_event_up_in_the_picture_is_up(scene):
     a = np.array([0.3, 0.0, inputs.TABLE + 0.05])
     camera = front(a)

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from gvla2.planning.contracts import Advice
@@ -14,10 +13,6 @@ from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 LIFT = '[["red_cube",0,0,100,1],["red_cube",0,0,-25,1],["red_cube",0,0,-25,0],["red_cube",0,0,150,0]]'
-STACK = (
-    '[["red_cube",0,0,100,1],["red_cube",0,0,-25,1],["red_cube",0,0,-25,0],["red_cube",0,0,150,0],'
-    '["blue_cube",0,0,150,0],["blue_cube",0,0,30,1]]'
-)
 PUSH = '[["red_cube","blue_cube",-90,-20,0],["red_cube","blue_cube",60,-20,0]]'
 BARE = "[[300,-80,150,1],[300,-80,25,1],[300,-80,25,0],[300,-80,200,0]]"
 
@@ -41,14 +36,6 @@ def test_a_lift_takes_the_object_up(answer):
     assert plan.trajectory.waypoints[-1].carries == "red_cube"
     assert plan.program.language == "waypoints"
     assert plan.program.steps[2] == ("{theme}", 0, 0, "-0.48h", 0)
-
-
-def test_one_object_is_put_on_another():
-    plan = planned(STACK)
-    assert (plan.skill, plan.roles) == ("place", {"theme": "red_cube", "goal": "blue_cube"})
-    passes(plan)
-    opened = next(w for w in plan.trajectory if w.carries and w.gripper > 0.5)
-    assert np.linalg.norm(np.subtract(opened.xyz, REQUEST.scene["blue_cube"].centre)[:2]) < 0.02
 
 
 def test_a_closed_hand_pushes_towards_another_object():

@@ -33,8 +33,6 @@ def path_of_skill(call, asked):
 @pytest.mark.parametrize(
     ("call", "objects"),
     [
-        (SkillCall("pick", "a"), (A,)),
-        (SkillCall("place", "a", "patch"), (A, PATCH)),
         (SkillCall("place", "a", "tray", relation="in"), (A, TRAY)),
         (SkillCall("insert", "ring", "post"), (RING, POST)),
         (SkillCall("push", "a", "patch"), (A, PATCH)),

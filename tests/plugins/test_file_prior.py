@@ -52,23 +52,10 @@ def test_depth_confidence_and_poses_come_back(tmp_path):
     np.testing.assert_allclose(found.world_from_camera, poses())
 
 
-def test_metric_depth_has_no_poses(tmp_path):
-    assert prior(tmp_path, depth=stacked()).predict(views()).world_from_camera is None
-
-
 def test_a_point_map_becomes_depth_in_its_own_cameras(tmp_path):
     points = np.stack([view.points() for view in views()])
     found = prior(tmp_path, point_map=points, world_from_camera=poses()).predict(views())
     np.testing.assert_allclose(found.depth, stacked(), rtol=1e-5)
-
-
-def test_pictures_are_resized_by_the_nearest_pixel(tmp_path):
-    depth = stacked()
-    found = prior(tmp_path, depth=depth.repeat(2, axis=1).repeat(2, axis=2)).predict(views())
-    np.testing.assert_array_equal(found.depth, depth)
-    assert set(np.unique(prior(tmp_path, depth=depth[:, ::2, ::2]).predict(views()).depth)) <= set(
-        np.unique(depth)
-    )
 
 
 def test_rows_are_found_by_name(tmp_path):

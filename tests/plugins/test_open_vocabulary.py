@@ -8,7 +8,7 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_perceiver, inputs
 from gvla2_plugins.open_vocabulary import VocabularyConfig
-from gvla2_plugins.open_vocabulary.models import filled, load_detector, load_sam3
+from gvla2_plugins.open_vocabulary.models import load_detector, load_sam3
 from gvla2_plugins.open_vocabulary.perceiver import FoundMask, VocabularyPerceiver, named_in
 
 
@@ -64,12 +64,6 @@ def test_without_words_the_instruction_names_them():
 )
 def test_names_stand_between_verbs_and_prepositions(instruction, names):
     assert named_in(instruction) == names
-
-
-def test_a_box_is_filled_where_its_pixels_are():
-    mask = filled(np.array([0.5, 0.25, 0.5, 0.5], np.float32), (8, 8))
-    assert mask[:4, 2:6].all()
-    assert mask.sum() == 16
 
 
 def test_options_that_cannot_be():

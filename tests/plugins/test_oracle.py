@@ -26,8 +26,8 @@ def test_it_tells_the_true_scene_without_the_names_of_bodies():
     names = {body.name for body in instance.layout.bodies}
     assert not names & {o.id for o in scene.objects}
     assert sum(o.parent != "" for o in scene.objects) == 2
-    for thing in scene.objects:
-        assert not thing.parent or scene[thing.parent].label.endswith("jar")
+    for obj in scene.objects:
+        assert not obj.parent or scene[obj.parent].label.endswith("jar")
     true = sorted(body.world_from_body[0, 3] for body in instance.layout.bodies)
     np.testing.assert_allclose(sorted(o.centre[0] for o in scene.objects), true, atol=2e-3)
     robot.close()

@@ -11,8 +11,8 @@ from gvla2.perception.options import VisionOptions
 from gvla2.testing import check_perceiver, inputs
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.sam import SamConfig
-from gvla2_plugins.sam.models import encoded, model_files
-from gvla2_plugins.sam.perceiver import SamPerceiver, best_mask, prompt_for
+from gvla2_plugins.sam.models import model_files
+from gvla2_plugins.sam.perceiver import SamPerceiver
 
 
 class ByColour:
@@ -52,7 +52,7 @@ def test_it_conforms(perceiver):
     check_perceiver(perceiver)
 
 
-def test_one_prompt_a_thing_and_picture_and_no_more_encodes_than_pictures(perceiver):
+def test_one_prompt_an_object_and_picture_and_no_more_encodes_than_pictures(perceiver):
     scene = perceiver.perceive(inputs.observation(), "", inputs.WORKSPACE)
     assert [o.label for o in scene.objects] == ["red cube", "blue cube"]
     assert 1 <= perceiver._segmenter.encodes <= 3
@@ -101,33 +101,6 @@ def test_where_the_model_is_unsure_geometry_draws_the_outline():
 
     scene = SamPerceiver(SamConfig(name="sam"), Unsure()).perceive(inputs.observation(), "", inputs.WORKSPACE)
     assert len(scene.objects) == 2
-
-
-def test_a_mask_does_not_leak_into_another_thing():
-    own, other = np.zeros((40, 40), bool), np.zeros((40, 40), bool)
-    own[10:20, 10:20], other[10:20, 20:30] = True, True
-    everywhere = Segments(np.full((1, 1, 40, 40), 5.0, np.float32), np.array([[0.9]]))
-    mask, score = best_mask(everywhere, own, other)
-    assert not (mask & other).any()
-    assert mask.sum() <= 20 * 20
-    assert score == 0.9
-
-
-def test_the_prompt_is_the_box_and_the_deepest_pixel():
-    own = np.zeros((30, 30), bool)
-    own[5:12, 8:20] = True
-    prompt = prompt_for(own)
-    assert prompt.box == (8.0, 5.0, 20.0, 12.0)
-    assert own[int(prompt.points[0, 1]), int(prompt.points[0, 0])]
-    assert 7 <= prompt.points[0, 1] <= 10
-
-
-def test_prompts_are_stretched_and_padded():
-    box = Prompt(np.zeros((0, 2)), np.zeros(0, bool), (10.0, 20.0, 30.0, 40.0))
-    clicks = Prompt(np.array([[5.0, 6.0]]), np.array([False]))
-    coordinates, labels = encoded([box, clicks], (64, 128), 1024)
-    assert coordinates[0].tolist() == [[80.0, 320.0], [240.0, 640.0]]
-    assert labels.tolist() == [[2.0, 3.0], [0.0, -1.0]]
 
 
 def test_clicks_find_what_the_instruction_means():

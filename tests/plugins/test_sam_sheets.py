@@ -1,8 +1,7 @@
 import numpy as np
-import pytest
 
 from gvla2.perception.clicks import Segments
-from gvla2_plugins.sam.perceiver import MARGIN, about, packed, sheets_of
+from gvla2_plugins.sam.perceiver import sheets_of
 
 SIZE = (256, 256)
 
@@ -19,7 +18,7 @@ def picture(seed, size=SIZE):
     return np.random.default_rng(seed).integers(0, 256, (*size, 3), dtype=np.uint8)
 
 
-def test_small_things_of_four_pictures_share_a_sheet():
+def test_small_objects_of_four_pictures_share_a_sheet():
     marks = [np.where(marked((100, 90, 130, 120)) >= 0, k, -1) for k in range(4)]
     images = [picture(k) for k in range(4)]
     (sheet,) = sheets_of(images, marks)
@@ -51,33 +50,3 @@ def test_pictures_of_two_sizes_have_sheets_of_their_own_and_empty_ones_none():
     marks = [marked((5, 5, 20, 20)), marked((5, 5, 20, 20), size=(120, 160)), marked()]
     assert sorted(s.image.shape[:2] for s in sheets_of(images, marks)) == [(120, 160), SIZE]
     assert sheets_of(images[2:], marks[2:]) == []
-
-
-def test_neighbours_in_sight_are_not_asked_for_twice():
-    marks = marked((100, 100, 110, 110), (100, 115, 110, 140))
-    (sheet,) = sheets_of([picture(0), picture(1)], [marks, np.where(marks >= 0, marks + 2, -1)])
-    assert [int((sheet.marks == k).sum()) for k in range(4)] == [100, 250, 100, 250]
-
-
-def test_a_part_has_a_margin_inside_the_picture():
-    first, wide = marked((100, 100, 110, 130)) == 0, marked((0, 0, 256, 256)) == 0
-    margin = round(256 * MARGIN)
-    assert about(first) == (slice(100 - margin, 110 + margin), slice(100 - margin, 130 + margin))
-    assert about(wide) == (slice(0, 256), slice(0, 256))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_tiles_lie_on_their_sheets_and_not_on_one_another(seed):
-    rng = np.random.default_rng(seed)
-    parts = []
-    for k in range(12):
-        low, long = rng.integers(0, 100, 2), rng.integers(20, 150, 2)
-        parts.append((k, k, tuple(slice(int(a), int(a + b)) for a, b in zip(low, long, strict=True))))
-    sheets = packed(parts, SIZE)
-    assert sorted(t.picture for tiles in sheets for t in tiles) == list(range(12))
-    for tiles in sheets:
-        taken = np.zeros(SIZE, int)
-        for tile in tiles:
-            assert all(0 <= side.start < side.stop <= 256 for side in tile.place)
-            taken[tile.place] += 1
-        assert taken.max() == 1

@@ -16,10 +16,6 @@ from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 LIFT = """move("grasp", affordance=at(red_cube), gripper=0)
 move("raise", affordance=above(red_cube, 150), speed=0.5)"""
-STACK = """move("grasp", affordance=at(red_cube), gripper=0)
-move("raise", affordance=above(red_cube, 180))
-move("over", affordance=above(blue_cube, 150))
-move("release", affordance=above(blue_cube, red_cube.height / 2 + 5), gripper=1)"""
 PUSH = """move("beside it", affordance=beside(red_cube, 0, -90, -5), gripper=0)
 move("push", affordance=beside(red_cube, 0, 70, -5), speed=0.4)"""
 IDS = {o.id: o.id for o in REQUEST.scene.objects}
@@ -44,14 +40,6 @@ def test_maps_of_a_lift_take_the_object_up():
     assert last.carries == "red_cube"
     assert last.xyz[2] == pytest.approx(REQUEST.scene["red_cube"].top + 0.15, abs=0.03)
     assert LIFT in plan.transcript[0]["answer"]
-
-
-def test_one_object_is_put_on_another():
-    plan = planned(STACK)
-    assert plan.roles == {"theme": "red_cube", "goal": "blue_cube"}
-    passes(plan)
-    opened = next(w for w in plan.trajectory if w.carries and w.gripper > 0.5)
-    assert np.linalg.norm(np.subtract(opened.xyz, REQUEST.scene["blue_cube"].centre)[:2]) < 0.02
 
 
 def test_a_closed_hand_pushes():
@@ -99,14 +87,6 @@ def test_a_gripper_map_says_where_the_hand_closes():
     assert way[-1].gripper == 0.0
     constant = stops(read_program(LIFT), REQUEST, IDS, VoxPoserConfig())
     assert [s.gripper for s in constant][-1] == 0.0
-
-
-def test_a_plateau_is_entered_in_its_middle():
-    (stop,) = stops(
-        read_program("move('a', affordance=(z > 300) * (x < 200))"), REQUEST, IDS, VoxPoserConfig()
-    )[-1:]
-    assert stop.place[0] < 0.2
-    assert stop.place[2] > inputs.TABLE + 0.3
 
 
 def test_reasons_go_back_to_the_model():

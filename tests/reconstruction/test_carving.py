@@ -6,7 +6,7 @@ import trimesh
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import look_along, rigid
+from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
 
@@ -60,36 +60,6 @@ def test_it_is_deterministic(masked_views, jug):
     np.testing.assert_array_equal(first.gaussians.sh_dc, second.gaussians.sh_dc)
 
 
-def test_it_moves_with_the_world(masked_views, jug):
-    views = masked_views(jug, count=6, size=128)
-    turn = rigid(trimesh.transformations.euler_matrix(0.4, -0.7, 1.1)[:3, :3], (3.0, -2.0, 5.0))
-    moved = Views(
-        tuple(
-            replace(v, camera=replace(v.camera, world_from_camera=turn @ v.camera.world_from_camera))
-            for v in views
-        )
-    )
-    here, there = carve(views, 64), carve(moved, 64)
-    volumes = [trimesh.Trimesh(c.mesh.vertices, c.mesh.faces).volume for c in (here, there)]
-    centres = [trimesh.Trimesh(c.mesh.vertices, c.mesh.faces).center_mass for c in (here, there)]
-    assert volumes[1] == pytest.approx(volumes[0], rel=0.01)
-    np.testing.assert_allclose(turn[:3, :3] @ centres[0] + turn[:3, 3], centres[1], atol=0.004)
-
-
-def test_any_unit_serves(masked_views):
-    views = masked_views(_ball(0.03, (0.4, 0.1, 0.7)), count=6, extent=0.06, target=(0.4, 0.1, 0.7))
-    made = carve(views, 48)
-    np.testing.assert_allclose(made.mesh.bounds.mean(axis=0), [0.4, 0.1, 0.7], atol=0.003)
-    assert np.ptp(made.mesh.bounds, axis=0).max() < 0.08
-
-
-def test_two_parts_stay_two(masked_views):
-    pair = trimesh.util.concatenate([_ball(0.2, (-0.3, 0, 0)), _ball(0.05, (0.3, 0, 0))])
-    made = carve(masked_views(pair, count=12, size=192), 64)
-    parts = trimesh.Trimesh(made.mesh.vertices, made.mesh.faces, process=False).split()
-    assert len(parts) == 2
-
-
 def test_one_view_gives_a_body_of_bounded_depth(masked_views):
     views = Views(masked_views(_ball(), count=3).views[:1])
     made = carve(views, 32)
@@ -98,14 +68,6 @@ def test_one_view_gives_a_body_of_bounded_depth(masked_views):
     assert np.ptp(made.mesh.bounds, axis=0).max() < 2.5
     depthless = Views((replace(views[0], depth=None),))
     assert carve(depthless, 32).status == made.status
-
-
-def test_views_side_by_side_are_bounded_too(masked_views):
-    view = masked_views(_ball(), count=1, size=96)[0]
-    nudged = replace(view.camera, world_from_camera=view.camera.world_from_camera @ rigid(None, (1e-6, 0, 0)))
-    made = carve(Views((view, replace(view, camera=nudged))), 32)
-    assert "depth open" in made.status
-    assert np.isfinite(made.mesh.vertices).all()
 
 
 def test_empty_and_absent_masks_are_ignored_with_a_note(masked_views, jug):
@@ -178,15 +140,10 @@ def test_what_the_robot_hides_is_no_evidence(masked_views):
     assert np.ptp(made.mesh.bounds, axis=0).min() > 0.75
 
 
-def test_thin_things_survive_a_coarse_grid(masked_views):
+def test_thin_objects_survive_a_coarse_grid(masked_views):
     rod = trimesh.creation.box((1.0, 0.02, 0.02))
     made = carve(masked_views(rod, count=6, size=256, seed=4), 32)
     assert np.ptp(made.mesh.bounds, axis=0)[0] > 0.95
-
-
-def test_a_resolution_that_is_none(masked_views, jug):
-    with pytest.raises(GeometryError, match="resolution"):
-        carve(masked_views(jug, count=3, size=64), 4)
 
 
 def test_gaussians_cover_the_surface(masked_views, jug):

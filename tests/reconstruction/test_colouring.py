@@ -4,10 +4,10 @@ import numpy as np
 import trimesh
 
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes, signed_distance
+from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
 
 RED, GREEN = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.8, 0.1])
 
@@ -83,21 +83,3 @@ def test_depth_maps_agree_with_ray_casting(masked_views, jug):
         both = np.isfinite(drawn) & np.isfinite(view.depth)
         assert (np.isfinite(drawn) != np.isfinite(view.depth)).mean() < 0.001
         np.testing.assert_allclose(drawn[both], view.depth[both], atol=1e-4)
-
-
-def test_a_triangle_behind_the_camera_is_not_drawn(masked_views, jug):
-    view: View = masked_views(jug, count=1, size=32)[0]
-    behind = view.camera.position - 2 * view.camera.world_from_camera[:3, 2]
-    mesh = TriangleMesh(behind + np.eye(3), np.array([[0, 1, 2]]))
-    assert np.isinf(depth_map(mesh, view.camera)).all()
-    across = TriangleMesh(np.array([behind, [0, 0, 0], [0, 0.2, 0]]), np.array([[0, 1, 2]]))
-    assert np.isinf(depth_map(across, view.camera)).all()
-
-
-def test_signed_distances_are_sub_pixel():
-    mask = np.zeros((8, 8), dtype=np.float32)
-    mask[:, 4:] = 1
-    np.testing.assert_allclose(signed_distance(mask)[3], np.arange(8) - 3.5, atol=1e-6)
-    mask[:, 3] = 0.25  # the edge lies a quarter of a pixel further left
-    np.testing.assert_allclose(signed_distance(mask)[3], np.arange(8) - 3.25, atol=0.2)
-    assert np.isposinf(signed_distance(np.ones((4, 4)))).all()

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.inset import (
     alpha_iou,
@@ -48,13 +47,6 @@ def test_nothing_but_the_centres_changes(carved, views):
         np.testing.assert_array_equal(getattr(placed.gaussians, name), getattr(carved.gaussians, name))
 
 
-def test_a_second_time_there_is_nothing_to_do(carved, views):
-    placed, _ = inset(carved, views, Rasteriser())
-    again, report = inset(placed, views, Rasteriser())
-    moved = np.abs(again.gaussians.centres - placed.gaussians.centres).max()
-    assert report.status == "skipped" or moved < 0.006
-
-
 def test_without_a_mesh_inside_and_outside_are_unknown(carved, views):
     bare = replace(carved, mesh=None)
     same, report = inset(bare, views, Rasteriser())
@@ -70,11 +62,3 @@ def test_a_mesh_of_wrong_thickness_meets_its_masks_again(carved, views, pixels):
     mended = fill_masks(wrong, views)
     iou = [symmetric_iou(m.vertices, views, faces=m.faces) for m in (wrong, mended, mesh)]
     assert iou[1] > iou[0] + 0.5 * (iou[2] - iou[0])
-
-
-def test_normals_point_outwards_whatever_the_winding(carved):
-    mesh = carved.mesh
-    turned = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colours)
-    np.testing.assert_allclose(outward_normals(turned), outward_normals(mesh), atol=1e-9)
-    top = mesh.vertices[:, 2].argmax()
-    assert outward_normals(mesh)[top, 2] > 0.5

@@ -37,17 +37,6 @@ def test_compose_and_inverse_are_those_of_the_matrices(seed):
     assert Sim3.identity().apply(points) == pytest.approx(points)
 
 
-@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
-def test_a_scale_is_above_zero(scale):
-    with pytest.raises(GeometryError, match="scale"):
-        Sim3(scale, np.eye(3), np.zeros(3))
-
-
-def test_a_mirror_is_named():
-    with pytest.raises(GeometryError, match="mirrored"):
-        Sim3(1.0, np.diag([1.0, 1.0, -1.0]), np.zeros(3))
-
-
 @given(seeds, st.integers(2, 6))
 @settings(max_examples=25, deadline=None)
 def test_the_scale_between_cameras_is_found_exactly(seed, count):
@@ -56,27 +45,12 @@ def test_the_scale_between_cameras_is_found_exactly(seed, count):
     assert scale_between(poses, moved_poses(truth, poses)) == pytest.approx(truth.scale, rel=1e-6)
 
 
-def test_collinear_centres_will_do():
-    rng = np.random.default_rng(3)
-    truth, poses = random_sim3(rng), random_poses(rng, 4)
-    poses[:, :3, 3] = np.outer(np.arange(4), [1.0, 0.5, -0.2])
-    assert scale_between(poses, moved_poses(truth, poses)) == pytest.approx(truth.scale, rel=1e-8)
-
-
 @pytest.mark.parametrize("count", [1, 3])
 def test_without_a_baseline_the_scale_stays_open(count):
     rng = np.random.default_rng(4)
     truth, poses = random_sim3(rng), random_poses(rng, count)
     poses[:, :3, 3] = [10.0, 20.0, 30.0]
     assert scale_between(poses, moved_poses(truth, poses)) is None
-
-
-def test_noise_shows_little_in_the_answer():
-    rng = np.random.default_rng(5)
-    truth, poses = random_sim3(rng), random_poses(rng, 6)
-    noisy = poses.copy()
-    noisy[:, :3, 3] += rng.normal(scale=0.01, size=(6, 3))
-    assert scale_between(noisy, moved_poses(truth, poses)) == pytest.approx(truth.scale, rel=0.02)
 
 
 @pytest.mark.parametrize(

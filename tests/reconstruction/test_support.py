@@ -75,10 +75,6 @@ def test_points_behind_outside_and_not_finite_have_none():
     assert official[2] == official[3] == 0
 
 
-def test_no_points(views):
-    assert mask_support(np.zeros((0, 3)), views).shape == (0,)
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_rigid_motion_of_points_and_cameras_together_changes_nothing(views, seed):

@@ -7,12 +7,10 @@ import pytest
 from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, OutputError
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.view_folders import read_views, resized, subject_of, write_views
-from gvla2.geometry.view_formats import gso_camera, opengl_extrinsic, write_gso, write_plain
+from gvla2.geometry.view_formats import write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.silhouette import depth_map, mask_iou, mask_silhouettes
 
 ELEPHANT = Path(__file__).parents[1] / "data" / "gso30_elephant"
 
@@ -39,7 +37,7 @@ def _same(one: View, other: View, exact: bool = True) -> None:
             np.testing.assert_allclose(a, b, atol=0 if exact else 1 / 255)
 
 
-# The real thing.
+# The real object.
 
 
 def test_all_views_of_a_real_object_carve_a_hull_that_fits_them(carved_elephant):
@@ -50,20 +48,6 @@ def test_all_views_of_a_real_object_carve_a_hull_that_fits_them(carved_elephant)
     assert np.mean(made.iou) >= 0.95
     assert np.mean(made.iou) == pytest.approx(0.99, abs=0.01)  # 0.959 by a coarser prototype
     assert np.ptp(made.mesh.bounds, axis=0).max() == pytest.approx(1.0, abs=0.03)
-
-
-def test_the_mirrored_camera_of_the_released_evaluator_does_not_fit(carved_elephant):
-    views, made = carved_elephant
-    shown, _ = mask_silhouettes(views)
-    ious = []
-    for s in shown:
-        # Its bridge is diag(1, 1, -1) RT diag(1, -1, -1) with f = 1.0 W: as a picture, this camera's upside down.
-        turned = opengl_extrinsic(s.camera) @ np.diag([1.0, -1.0, -1.0, 1.0])
-        K = np.array([[256.0, 0, 128], [0, 256.0, 128], [0, 0, 1]])
-        pose = np.linalg.inv(np.diag([1.0, -1.0, -1.0, 1.0]) @ turned)
-        drawn = np.isfinite(depth_map(made.mesh, Camera(K, pose, 256, 256)))[::-1]
-        ious.append(mask_iou(drawn, s))
-    assert np.mean(ious) < 0.6
 
 
 def test_the_default_is_the_protocol():
@@ -105,17 +89,13 @@ def test_gso_round_trip(views, tmp_path):
         assert np.abs(one.image[inside].astype(int) - other.image[inside]).max() <= 1
 
 
-def test_cameras_in_npz_and_in_opengl(views, tmp_path):
+def test_cameras_in_the_convention_of_opengl(views, tmp_path):
     write_plain(tmp_path, views)
-    (tmp_path / "cameras.json").unlink()
-    flip = np.diag([1.0, -1.0, -1.0, 1.0])
-    np.savez(
-        tmp_path / "cameras.npz",
-        names=["0", "1", "2"],
-        K=views[0].camera.K,
-        T=np.array([flip @ v.camera.camera_from_world for v in views])[:, :3],
-        convention="opengl",
-    )
+    document = json.loads((tmp_path / "cameras.json").read_text())
+    document["convention"] = "opengl"
+    for entry in document["views"]:
+        entry["T"] = (np.diag([1.0, -1.0, -1.0, 1.0]) @ entry["T"]).tolist()
+    (tmp_path / "cameras.json").write_text(json.dumps(document))
     for one, other in zip(views, read_views(tmp_path), strict=True):
         _same(one, other)
 
@@ -143,15 +123,6 @@ def test_resizing_keeps_what_pixels_see(views):
     assert np.isin(view.depth[np.isfinite(view.depth)], views[0].depth).all()
 
 
-def test_oblong_views_are_resized_by_their_longer_side(tmp_path):
-    camera = Camera.from_fov(0.9, np.eye(4), 64, 48)
-    view = View(camera, np.zeros((48, 64, 3), np.uint8), None, np.ones((48, 64), np.float32))
-    write_views(tmp_path, Views((view,)))
-    made = read_views(tmp_path, size=32)[0]
-    assert made.mask.shape == (24, 32)
-    assert made.camera.K[0, 0] == pytest.approx(camera.K[0, 0] / 2)
-
-
 # What goes wrong is named.
 
 
@@ -172,12 +143,6 @@ def test_gso_trouble_names_the_file(views, tmp_path):
         read_views(tmp_path)
     with pytest.raises(ConfigurationError, match="backwards"):
         read_views(tmp_path, "2-0")
-    np.save(
-        model / "001.npy",
-        np.diag([1.0, 1.0, -1.0, 1.0]) @ np.load(model / "000.npy").repeat(1).reshape(3, 4)[[0, 1, 2, 2]],
-    )
-    with pytest.raises(GeometryError, match=r"001\.npy"):
-        read_views(tmp_path, "0-2")
     mirrored = np.eye(4)
     mirrored[:3] = np.diag([1.0, 1.0, -1.0]) @ np.load(model / "000.npy")
     np.save(model / "001.npy", mirrored)
@@ -218,22 +183,6 @@ def test_plain_trouble_is_named(views, tmp_path, change, what):
         read_views(_broken(views, tmp_path, change))
 
 
-def test_plain_files_that_do_not_fit(views, tmp_path):
-    write_plain(tmp_path, views)
-    Image.fromarray(np.zeros((10, 12), np.uint8)).save(tmp_path / "masks" / "1.png")
-    with pytest.raises(GeometryError, match=r"view '1'.*mask has shape \(10, 12\)"):
-        read_views(tmp_path)
-    write_plain(tmp_path, views)
-    np.save(tmp_path / "depth" / "2.npy", np.zeros((3, 3)))
-    with pytest.raises(GeometryError, match=r"view '2'.*depth has shape"):
-        read_views(tmp_path)
-    with pytest.raises(GeometryError, match="no view 5"):
-        read_views(tmp_path, "5")
-    (tmp_path / "cameras.json").write_text("{")
-    with pytest.raises(GeometryError, match=r"cameras\.json"):
-        read_views(tmp_path)
-
-
 def test_an_archive_says_what_it_shows(views, tmp_path):
     path = write_views(tmp_path, views)
     assert subject_of(path) == ""
@@ -263,9 +212,3 @@ def test_a_folder_that_cannot_be_written(views, tmp_path):
         write_plain(tmp_path / "file", views)
     with pytest.raises(OutputError):
         write_gso(tmp_path / "file" / "model", views)
-
-
-def test_the_lens_of_the_protocol():
-    camera = gso_camera(np.eye(4), 512, 512)
-    assert camera.K[0, 0] == camera.K[1, 1] == 560.0
-    np.testing.assert_allclose(camera.world_from_camera[:3, 2], [0, 0, -1])  # OpenGL looks down -z

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,13 +11,12 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.reconstruction.branch import agreed, fuse_prior
+from gvla2.reconstruction.branch import agreed
 from gvla2.reconstruction.carving import surface_of
-from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_evidence import gather
-from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.volume import fuse_volume, mesh_field
+from gvla2.reconstruction.volume import fuse_volume
 from gvla2_plugins.depth_prior import LearnedNoise
 from gvla2_plugins.depth_prior.noise import learned
 
@@ -98,19 +96,6 @@ def test_without_evidence_the_first_reconstruction_stays(seen, right):
     assert distance(mesh, truth) < 0.5 * seen.hull.step
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-def test_depth_inside_a_ball(turn):
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
-    grid = Field(np.zeros((40, 40, 40), dtype=np.float32), np.full(3, -0.7), 1.4 / 39)
-    where = np.ones(grid.values.shape, dtype=bool)
-    found = mesh_field(TriangleMesh(ball.vertices, ball.faces[:, ::turn]), grid, where)
-    points = grid.points(np.argwhere(where))
-    true = 0.5 - np.linalg.norm(points, axis=1).reshape(found.shape)
-    assert ((found > 0) == (true > 0)).mean() > 0.999
-    near = np.abs(true) < grid.step
-    assert np.abs(found - true)[near].max() < 0.5 * grid.step
-
-
 def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     bar = trimesh.creation.box((0.9, 0.06, 0.06))
     views = masked_views(bar, size=128, seed=4)
@@ -125,24 +110,3 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     _, heeding = agreed(estimate, seen, None)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
     assert distance(surface_of(heeding.field), bar) < 0.9 * distance(plain_mesh, bar)
-
-
-def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views, plain):
-    evidence, posterior = agreed(from_depth(views), seen, None)
-    assert (posterior.field.values > 0).sum() == pytest.approx((plain[0].field.values > 0).sum(), rel=0.01)
-    assert (evidence.weight > 0).any()
-
-
-def test_specks_that_no_mask_needs_are_left_out(seen, views):
-    poses = np.stack([view.camera.world_from_camera for view in views])
-    right = from_depth(views).depth.astype(np.float64)
-    wrong, sure, moved = learned(right, poses, LearnedNoise(), np.random.default_rng(3))
-    estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
-    with_specks = surface_of(agreed(estimate, seen, None)[1].field)
-    prior = SimpleNamespace(predict=lambda _: estimate)
-    thing, _ = fuse_prior(Reconstruction(None, None, "ok"), seen, prior)
-    made, before = (
-        trimesh.Trimesh(m.vertices, m.faces).split(only_watertight=False) for m in (thing.mesh, with_specks)
-    )
-    assert len(made) < 0.8 * len(before)
-    assert max(p.area for p in made) == pytest.approx(max(p.area for p in before), rel=0.01)

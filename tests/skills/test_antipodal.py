@@ -1,4 +1,3 @@
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -77,14 +76,6 @@ def test_flat_crossed_blades_are_held_at_their_waist_though_only_their_top_was_s
     assert np.hypot(*best.centre[:2]) < 0.06
 
 
-def test_a_bowl_is_held_by_its_rim_with_one_finger_inside(make_object):
-    found = antipodal(make_object(bowl(0.08, 0.06, 0.006)), HAND, 0.0, OUT)
-    assert found
-    for grasp in found:
-        assert grasp.width < 0.04
-        assert 0.05 < np.hypot(*grasp.centre[:2]) < 0.09
-
-
 def test_a_mug_is_held_at_its_handle_or_rim(make_object):
     mug = bowl(0.045, 0.09, 0.005)
     handle = trimesh.creation.torus(0.025, 0.006)
@@ -131,10 +122,3 @@ def test_a_hand_beside_or_on_an_object_holds_nothing(make_object):
     assert held_between(skin, down, np.array([0, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0.2, 0, 0.08]), 0.08, HAND)
     assert not held_between(skin, down, np.array([0, 0.03, 0.08]), 0.08, HAND)
-
-
-def test_it_is_quick(make_object):
-    it = make_object(trimesh.creation.icosphere(4, 0.035), seen=True)
-    started = time.process_time()
-    antipodal(it, HAND, 0.0, OUT)
-    assert time.process_time() - started < 1.0  # about .15 s; the goal is .3

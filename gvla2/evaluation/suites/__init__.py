@@ -34,10 +34,6 @@ def suite_named(name: str) -> type[Suite[Any, Any]]:
         from gvla2.evaluation.suites.agents import AgentsSuite
 
         return AgentsSuite
-    if name == "trajectories":
-        from gvla2.evaluation.suites.trajectories import TrajectoriesSuite
-
-        return TrajectoriesSuite
     raise KeyError(name)
 
 

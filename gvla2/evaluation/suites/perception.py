@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
@@ -21,12 +20,11 @@ from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
 from gvla2.evaluation.components import code_of, given_label, noise_label, task_options
 from gvla2.evaluation.config import PerceptionBench
-from gvla2.evaluation.engine import Rows, Suite, Unit, pictured
-from gvla2.evaluation.perception_overlay import overlay_sheet
+from gvla2.evaluation.engine import Rows, Suite, Unit
 from gvla2.evaluation.perception_scoring import ObjectScore, score
 from gvla2.evaluation.perception_truth import Segmented, true_objects
 from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, versions
-from gvla2.evaluation.tables import Exhibit, Exhibits, Sheet, SheetCell, SheetRow, runs_of, text_cell
+from gvla2.evaluation.tables import Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
 from gvla2.planning.scene import Scene
 from gvla2.plugins.registry import Registry
@@ -64,19 +62,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class LayoutUnit(Unit):
-    """One layout of a task, seen by one perceiver; ``pictured`` ones are drawn."""
+    """One layout of a task, seen by one perceiver."""
 
     task: str
     perceiver: str
     factors: Mapping[str, str | int]
     layout: int
-    pictured: bool
     config: PerceptionBench
-    folder: Path
 
 
 class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
-    """Every layout of each task and perceiver; pictures of the first go to ``folder/pictures``."""
+    """Every layout of each task and perceiver."""
 
     name = "perception"
     title = "Perception"
@@ -102,13 +98,8 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
                     "episode": episode,
                 }
                 key = cell_key(self.name, factors, protocol)
-                first = seed == config.seeds[0] and episode == 0
                 layout, label = layout_seed(seed, episode), f"{task}, {perceiver}"
-                units.append(
-                    LayoutUnit(
-                        (key,), label, task, perceiver, factors, layout, first, config, self.bench.folder
-                    )
-                )
+                units.append(LayoutUnit((key,), label, task, perceiver, factors, layout, config))
         return [units]
 
     def known(self, units: Sequence[LayoutUnit]) -> Rows:
@@ -254,9 +245,7 @@ def _measure(unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented) -> tu
         "strays": [f"{label}: {what}" for label, what in zip(labels, pieces, strict=True)],
         "note": note,
     }
-    picture = overlay_sheet(clear, found, scene) if unit.pictured else None
-    name = f"{unit.task}-{unit.perceiver}-{unit.config.depth_noise.kind}"
-    return pictured(_scene_row(unit, measures, notes), picture, unit.folder, name), rows
+    return _scene_row(unit, measures, notes), rows
 
 
 def _scene_row(unit: LayoutUnit, measures: Mapping[str, float | None], notes: Mapping[str, Any]) -> Cell:
@@ -319,7 +308,7 @@ def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
 
 
 def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
-    """One row per task or kind of object, and one for all; by task with a picture of each."""
+    """One row per task or kind of object, and one for all."""
     scenes = by == "task"
     groups = grouped([cell for cell in cells if scenes or not _is_scene(cell)], by)
     rows = []
@@ -330,11 +319,7 @@ def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
         rows.append(SheetRow("all", _row(cells, scenes)))
     headings = ("objects", *_OF_OBJECTS, *(_OF_SCENES if scenes else ()), "missed most")
     counts = f"{sum(map(_is_scene, cells))} layouts"
-    paths = {str(c.factors["task"]): str(c.notes["picture"]) for c in cells if c.notes.get("picture")}
-    exhibits = tuple(Exhibit(task, (path,)) for task, path in sorted(paths.items()))
-    heading = "True outlines (white: found, red: missed) and perceived boxes"
-    gallery = Exhibits(heading, "overlays", exhibits) if scenes and exhibits else None
-    return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION, gallery=gallery)
+    return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION)
 
 
 def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:

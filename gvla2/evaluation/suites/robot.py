@@ -6,8 +6,6 @@ are stored too; the banks made from them are in ``folder/banks``.
 
 from __future__ import annotations
 
-import logging
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -31,11 +29,6 @@ from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lesson
 from gvla2.evaluation.suites.robot_tables import robot_sheets
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.registry import Registry
-
-COMPARED = "off"
-"""The arm that the others are compared to."""
-
-log = logging.getLogger(__name__)
 
 
 class RobotSuite(Suite[RobotBench, EpisodeUnit]):
@@ -69,23 +62,6 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
     def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
         """Both profiles' rows of an episode."""
         return run_unit(unit, registry)
-
-    def finish(self, units: Sequence[EpisodeUnit], rows: Rows) -> None:
-        """Run the episodes worth it once more with the camera on, with the same result; their rows name the films."""
-        for place, design in self.designs.items():
-            for unit in worth_filming(design.plan, rows, self.config.videos):
-                cell = rows[unit.by_profile["relaxed"]]
-                if Path(str(cell.notes.get("film", "")) or "/nowhere").is_dir():
-                    continue
-                folder = self.bench.folder.absolute() / "failures" / place / f"{unit.subject}-{unit.arm.name}"
-                log.info("Filming %s, layout %d.", unit.label, unit.layout)
-                filmed = replace(self.prepare(unit, rows), film=str(folder))
-                again = run_unit(filmed, self.registry)[0].measures["success"]
-                film = {
-                    "film": str(folder / str(unit.layout)),
-                    "film_agrees": again == cell.measures["success"],
-                }
-                rows |= self.bench.store([replace(cell, notes={**cell.notes, **film})], self.name)
 
     def close(self) -> None:
         """Release the robot of this process."""
@@ -165,25 +141,3 @@ def first_layouts(
         seeds = list(dict.fromkeys(one.seed for one in learnt))[:layouts]
         found[subject] = [one for one in learnt if one.seed in seeds]
     return found
-
-
-def worth_filming(plan: Sequence[EpisodeUnit], rows: Rows, videos: int) -> list[EpisodeUnit]:
-    """Episodes of a plan to film, at most ``videos`` per row and arm.
-
-    Where an arm and memory off ended differently on one layout both are shown; the rest are failures.
-    """
-    at = {(unit.subject, unit.arm.name, unit.layout): unit for unit in plan}
-    ended = {unit.keys: rows[unit.by_profile["relaxed"]].measures["success"] for unit in plan}
-    off = {unit.keys: at.get((unit.subject, COMPARED, unit.layout), unit) for unit in plan}
-    differing = [unit for unit in plan if {ended[unit.keys], ended[off[unit.keys].keys]} == {True, False}]
-    chosen: dict[tuple[str, ...], EpisodeUnit] = {}
-    taken: Counter[tuple[str, str]] = Counter()
-    pairs = [(unit, off[unit.keys]) for unit in differing]
-    for group in (*pairs, *((unit,) for unit in plan if ended[unit.keys] == 0)):
-        if taken[group[0].subject, group[0].arm.name] >= videos:
-            continue
-        for unit in group:
-            if unit.keys not in chosen and taken[unit.subject, unit.arm.name] < videos:
-                chosen[unit.keys] = unit
-                taken[unit.subject, unit.arm.name] += 1
-    return list(chosen.values())

@@ -6,11 +6,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import Components, EpisodeRequest, run_episode
@@ -32,7 +28,6 @@ from gvla2.evaluation.results import Cell
 from gvla2.memory.contracts import Memory, MemoryTask
 from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
 from gvla2.plugins.registry import Registry
-from gvla2.record.recorder import RunRecorder
 
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
@@ -60,8 +55,7 @@ class EpisodeUnit(Unit):
     """An episode of the design: a row of the bench in one arm, laid out by the seed ``layout``.
 
     ``subject`` names the row; ``task`` is the task's name and options; ``by_profile`` has the keys of its cells and
-    ``factors`` what these have in common; ``config`` is the bench with the planner that plans. ``film`` names a folder
-    for a complete run page.
+    ``factors`` what these have in common; ``config`` is the bench with the planner that plans.
     """
 
     config: RobotBench
@@ -72,7 +66,6 @@ class EpisodeUnit(Unit):
     by_profile: Mapping[str, str]
     factors: Mapping[str, str | int]
     lessons: Lessons = Lessons()
-    film: str = ""
 
 
 def components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -100,51 +93,28 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
 
 
 class _Latest(SilentListener):
-    """Keeps the latest record of an episode, and passes its events to a recorder, if there is one."""
+    """Keeps the latest record of an episode."""
 
-    def __init__(self, recorder: RunRecorder | None) -> None:
-        self.recorder = recorder
-        self.record: EpisodeRecord | None = None
-
-    @property
-    def wants_frames(self) -> bool:
-        """Whether there is a recorder."""
-        return self.recorder is not None
+    record: EpisodeRecord | None = None
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """Keep the record."""
         self.record = record
-        if self.recorder is not None:
-            self.recorder.stage(record, stage)
-
-    def moment(self, moment: Any) -> None:
-        """The robot's state at the next frame."""
-        if self.recorder is not None:
-            self.recorder.moment(moment)
-
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """A frame of the moving robot."""
-        if self.recorder is not None:
-            self.recorder.frame(image)
 
 
 def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
-    """The episode's record, and its seconds. A film has everything that `gvla2 run` writes."""
+    """The episode's record, and its seconds."""
     same = ("depth_noise", "planner_timeout", "max_parts")
     options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
     replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
     source = f"{unit.subject}-{unit.arm.name}-{unit.layout}"
     request = EpisodeRequest(seed=unit.layout, source=source, replan=replan, **options)
-    header = f"# gvla2 bench robot: task {unit.subject}, arm {unit.arm.name}\n"
-    film = RunRecorder(Path(unit.film) / str(unit.layout), header, command="bench") if unit.film else None
-    listener = _Latest(film)
+    listener = _Latest()
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
         run_episode(parts, request, listener)
     seconds = time.perf_counter() - started
     assert listener.record is not None
-    if film is not None:
-        film.finish(listener.record)
     return listener.record, round(seconds, 3)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from statistics import fmean, median
-from textwrap import shorten
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import (
@@ -21,13 +20,10 @@ from gvla2.evaluation.statistics import (
 from gvla2.evaluation.suites.robot_design import NAMED, PAPER, PROFILES, ordered
 from gvla2.evaluation.tables import (
     NONE,
-    Exhibit,
-    Exhibits,
     Sheet,
     SheetCell,
     SheetRow,
     Tone,
-    film,
     runs_of,
     text_cell,
 )
@@ -52,8 +48,6 @@ EPISODE = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile",
 """Factors that distinguish the episodes of a house."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
-LONGEST_REASON = 200
-"""Characters of a failure's message below its film; the run page has all of it."""
 
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
@@ -101,9 +95,7 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
     for found in grouped(cells, *PLANNER).values():
         if len(_arms(found)) > 1:
             sheets.append(_effects(found, tasks, f"{_title(found, (*HOUSE, *PLANNER))}: what memory adds"))
-    films = tuple(exhibit for cell in cells if (exhibit := _film(cell)) is not None)
-    gallery = Exhibits("Failures to look at", "films", films) if films else None
-    sheets.append(replace(_failures(columns, tasks, f"{title}: failures"), gallery=gallery))
+    sheets.append(_failures(columns, tasks, f"{title}: failures"))
     return [replace(sheet, runs=runs_of(cells)) for sheet in sheets]
 
 
@@ -377,15 +369,3 @@ def _cached(cells: Sequence[Cell]) -> float:
 
 def _fallbacks(cells: Sequence[Cell]) -> int:
     return sum(bool(cell.notes.get("fallback")) for cell in cells)
-
-
-def _film(cell: Cell) -> Exhibit | None:
-    folder = str(cell.notes.get("film", ""))
-    if not folder:
-        return None
-    notes, (planner, task, arm) = cell.notes, cell.texts("planner", "task", "arm")
-    place = f"{planner}, {task}, memory {arm}, layout {notes.get('layout')}"
-    why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
-    other = " (when filmed it ended differently)" if notes.get("film_agrees") is False else ""
-    caption = f"{place}: {_failure(cell) or 'succeeded'}{other}. “{notes.get('instruction', '')}” {why}"
-    return film(caption, folder)

@@ -1,4 +1,4 @@
-"""A table top with known things, its camera, and scenes to compare with them."""
+"""A table top with known objects, its camera, and scenes to compare with them."""
 
 from collections.abc import Callable
 

@@ -9,13 +9,13 @@ from gvla2.plugins.registry import Registry
 from gvla2.robot.task import Body, Primitive
 
 
-def things_of(world):
-    return {thing.name: thing for thing in true_objects(world, world.observation, world.layout)}
+def objects_of(world):
+    return {obj.name: obj for obj in true_objects(world, world.observation, world.layout)}
 
 
 def test_masks_are_the_pixels_of_all_views(world, body):
     lab = world(body("near", 0.2), body("far", -0.2))
-    found = things_of(lab)
+    found = objects_of(lab)
     assert found.keys() == {"near", "far"}
     assert found["near"].kind == "cube"
     for index, name in enumerate(("near", "far")):
@@ -24,20 +24,20 @@ def test_masks_are_the_pixels_of_all_views(world, body):
 
 def test_pixels_without_depth_do_not_count(world, body):
     lab = world(body("near", 0.2))
-    before = int(things_of(lab)["near"].whole.sum())
+    before = int(objects_of(lab)["near"].whole.sum())
     rows, columns = np.nonzero(lab.ids[0] == 0)
     lab.observation.views[0].depth[rows[:30], columns[:30]] = np.nan
-    assert things_of(lab)["near"].whole.sum() == before - 30
+    assert objects_of(lab)["near"].whole.sum() == before - 30
 
 
-def test_a_part_is_a_thing_and_belongs_to_its_whole(world):
+def test_a_part_is_an_object_and_belongs_to_its_whole(world):
     solids = (
         Primitive("box", (0.1, 0.1, 0.1), (1, 0, 0)),
         Primitive("box", (0.05, 0.05, 0.1), (1, 0, 0), rigid(translation=(0, 0, 0.1))),
     )
     pose = rigid(translation=(0, 0, 0.05))
     lab = world(Body("knife", solids, pose, label="red knife", parts=(("handle", (1,)),)))
-    found = things_of(lab)
+    found = objects_of(lab)
     handle, knife = found["knife/handle"], found["knife"]
     assert handle.part
     assert not knife.part
@@ -46,9 +46,9 @@ def test_a_part_is_a_thing_and_belongs_to_its_whole(world):
     np.testing.assert_array_equal(knife.whole, handle.whole | knife.bare)
 
 
-def test_touching_things_of_one_label_are_one_pile(world, body):
+def test_touching_objects_of_one_label_are_one_pile(world, body):
     lab = world(body("a", 0.0), body("b", 0.1005), body("c", 0.3), body("d", -0.101, label="blue cube"))
-    found = things_of(lab)
+    found = objects_of(lab)
     assert found.keys() == {"a+1", "c", "d"}
     pile = found["a+1"]
     assert (pile.count, pile.label, pile.kind) == (2, "red pile", "pile of cubes")
@@ -58,7 +58,7 @@ def test_touching_things_of_one_label_are_one_pile(world, body):
 
 def test_what_is_hidden_is_not_asked_for(world, body):
     hidden = body("inside", 0.0, size=(0.05, 0.05, 0.05), label="blue cube")
-    assert things_of(world(body("outside", 0.0), hidden)).keys() == {"outside"}
+    assert objects_of(world(body("outside", 0.0), hidden)).keys() == {"outside"}
 
 
 @pytest.mark.parametrize("task", ["put_knife", "open_drawer"])
@@ -70,7 +70,7 @@ def test_pixels_lie_on_what_they_show(registry: Registry, task):
     instance = robot.reset(built["task"], 5)
     observation = robot.observe()
     names, images = robot.true_masks(observation)
-    boxes = {thing.id: thing for thing in robot.true_scene().objects}
+    boxes = {obj.id: obj for obj in robot.true_scene().objects}
     assert set(names) <= set(boxes)
     parts = {f"{body.name}/{label}" for body in instance.layout.bodies for label, _ in body.parts}
     assert parts
@@ -90,7 +90,7 @@ def test_pixels_lie_on_what_they_show(registry: Registry, task):
             off = np.abs(transform_points(invert_rigid(box.world_from_object), on)) - 0.5 * box.extents
             assert off.max() < 2e-3
     assert seen
-    kinds = {thing.name: thing for thing in true_objects(robot, observation, instance.layout)}
+    kinds = {obj.name: obj for obj in true_objects(robot, observation, instance.layout)}
     for name in parts & kinds.keys():
         whole = kinds[name.partition("/")[0]]
         assert (kinds[name].whole <= whole.whole).all()
@@ -102,8 +102,8 @@ def test_a_knife_in_its_block_is_its_handle(registry: Registry):
     built = registry.build_all(root, ("robot", "task"))
     robot = built["robot"]
     instance = robot.reset(built["task"], 5)
-    things = {t.name: t for t in true_objects(robot, robot.observe(), instance.layout)}
-    assert "knife" in things
-    assert "knife/handle" not in things
-    assert things["knife"].seen.min() < 0.8 < things["board"].seen.min(), "the blade is out of sight"
+    objects = {t.name: t for t in true_objects(robot, robot.observe(), instance.layout)}
+    assert "knife" in objects
+    assert "knife/handle" not in objects
+    assert objects["knife"].seen.min() < 0.8 < objects["board"].seen.min(), "the blade is out of sight"
     robot.close()

@@ -42,11 +42,11 @@ def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default()
         "roles": {"theme": "red cube box"},
         "steps": ["pick({theme})"],
     }
-    told = experience(3, 0.5, GOOD)
-    told = replace(
-        told, episode=replace(told.episode, lessons=(Lesson("procedural_hint", "What was done.", program),))
+    shown = experience(3, 0.5, GOOD)
+    shown = replace(
+        shown, episode=replace(shown.episode, lessons=(Lesson("procedural_hint", "What was done.", program),))
     )
-    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), told])
+    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), shown])
     context = arm.recall(MemoryTask("lift the red cube"))
     (item,) = context.items
     effect = effect_from_json(item.effect, source=item.id)
@@ -65,7 +65,6 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         "retriever": "hybrid",
         "embedder": "static",
         "verifier": "geometric",
-        "judge": "rules",
         "inducer": "rules",
     }
     pressing = MemoryTask("switch the lamp on", {"objects": 1.0}, "press")

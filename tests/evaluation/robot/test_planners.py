@@ -53,13 +53,13 @@ def test_tasks_stand_below_one_another_and_planners_side_by_side_with_what_they_
     assert text(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
     assert text(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
     assert "language model small" in relaxed.footnote
-    assert "tokens" not in "".join(row.label for row in strict.rows), "costs are told once"
+    assert "tokens" not in "".join(row.label for row in strict.rows), "costs are reported once"
     assert text(failures, "abstained", "agent3d") == ("5",)
     assert "300 + 12 tokens" in to_markdown(sheets(*BOTH))
     assert "300 + 12 tokens" in to_latex(sheets(*BOTH))
 
 
-def test_what_was_not_measured_counts_nowhere_and_is_told():
+def test_what_was_not_measured_counts_nowhere_and_is_reported():
     cells = [
         *BOTH,
         cell("agent3d", "put_block", 3, None, status="not measured: timeout", planning_seconds=900.0),

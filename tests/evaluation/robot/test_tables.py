@@ -1,7 +1,6 @@
 """The robot suite's tables from made-up cells."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.suites.robot_tables import robot_sheets
@@ -15,13 +14,13 @@ def cell(
         "task": task, "arm": arm, "profile": profile, "seed": seed, "episode": episode, "robot": "sapien_panda",
         "perceiver": "classical", "planner": "skill", "verifier": "geometric", "depth_noise": "none", "scale": "1.0",
     }  # fmt: skip
-    told = {
+    shown = {
         "status": "ok",
         "failure": "" if done else "grasp",
         "verdict": "verified_success" if done else "verified_fail",
     }
     return Cell(
-        f"{task}{arm}{episode}{profile}{seed}", factors, {"success": done, "seconds": 2.0}, told | notes, 1
+        f"{task}{arm}{episode}{profile}{seed}", factors, {"success": done, "seconds": 2.0}, shown | notes, 1
     )
 
 
@@ -85,18 +84,9 @@ def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_ru
     assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
 
 
-def test_films_of_failures_are_linked_and_every_format_can_be_made(tmp_path: Path):
-    folder = tmp_path / "failures" / "lamp_on-off" / "10004"
-    folder.mkdir(parents=True)
-    (folder / "before.png").write_bytes(b"png")
-    (folder / "index.html").write_text("page")
-    told = {"film": str(folder), "layout": 10004, "instruction": "press <it>", "message": "slipped"}
-    made = [*cells(), cell("lamp_on", "off", 4, False, **told)]
-    tables = robot_sheets(made)
-    assert len(tables[-1].gallery.exhibits) == 1
-    page = render_report(tables, [], "gvla2: Robot")
-    assert (folder / "index.html").as_uri() in page
-    assert "press &lt;it&gt;" in page
+def test_every_format_can_be_made():
+    tables = robot_sheets(cells())
+    assert "lamp_on" in render_report(tables, [], "gvla2: Robot")
     assert "| lamp_on |" in to_markdown(tables)
     assert r"lamp\_on" in to_latex(tables)
 
