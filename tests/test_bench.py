@@ -195,7 +195,7 @@ def test_nonsense_in_the_configuration(changes):
 
 def test_the_configurations_compose(registry):
     register(registry, all_schemas())
-    chosen = ["prior=none", "fusion=none", "renderer=reference"]
+    chosen = ["prior=none", "fusion=none", "renderer=gsplat"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=["data=meshes", "data.root=x", *chosen]))
         lists = [compose("bench", overrides=[f"data={name}", *chosen]) for name in ("gso30", "gso30_public")]

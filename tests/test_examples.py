@@ -25,7 +25,7 @@ def _marked(example: Path) -> object:
     return pytest.param(example, id=example.stem, marks=marks)
 
 
-@pytest.mark.parametrize("example", map(_marked, EXAMPLES))
+@pytest.mark.parametrize("example", [*map(_marked, EXAMPLES)])
 def test_it_runs(
     example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

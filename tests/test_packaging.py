@@ -14,7 +14,21 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 MAPPED = {"gvla2": "gvla2", "conf": "gvla2/conf", "plugins": "gvla2_plugins"}
 """Folders of the checkout and where a wheel has them."""
-DATA = {".md", ".jsonl", ".yaml", ".jinja", ".css", ".js", ".typed", ".json", ".urdf", ".srdf"}
+DATA = {
+    ".md",
+    ".jsonl",
+    ".yaml",
+    ".jinja",
+    ".css",
+    ".js",
+    ".typed",
+    ".json",
+    ".urdf",
+    ".srdf",
+    ".dae",
+    ".stl",
+    ".lark",
+}
 
 
 def tree() -> set[str]:
@@ -23,7 +37,7 @@ def tree() -> set[str]:
         f"{target}/{file.relative_to(ROOT / source).as_posix()}"
         for source, target in MAPPED.items()
         for file in (ROOT / source).rglob("*")
-        if file.suffix in DATA | {".py"} and "__pycache__" not in file.parts
+        if (file.suffix in DATA | {".py"} or file.name == "LICENSE") and "__pycache__" not in file.parts
     }
 
 

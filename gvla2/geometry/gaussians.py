@@ -96,20 +96,6 @@ class Gaussians:
         """(N, 3) standard deviations along the Gaussian's own axes, metres."""
         return np.asarray(np.exp(self.log_scales), dtype=np.float32)
 
-    def covariances(self) -> NDArray[np.float64]:
-        """(N, 3, 3) square metres, in the frame of the centres: R S S^T R^T."""
-        q = self.rotations.astype(np.float64)
-        w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        ).transpose(2, 0, 1)
-        scaled = rotation * np.exp(self.log_scales.astype(np.float64))[:, None, :]
-        return np.asarray(scaled @ scaled.transpose(0, 2, 1))
-
     def with_centres(self, centres: ArrayLike) -> Gaussians:
         """The same Gaussians at other centres (N, 3); every other array is shared, not copied."""
         moved = np.asarray(centres, dtype=np.float32)

@@ -11,30 +11,30 @@ Nothing here depends on what the models are asked about.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from gvla2.language.contracts import (
+    Completion,
+    LanguageModel,
+    LanguageModelError,
+    Ledger,
+    MalformedAnswerError,
+    Message,
+    ModelRefusedError,
+    ModelUnavailableError,
+    Request,
+    Server,
+    Tally,
+    Token,
+    UnusableAnswerError,
+    Usage,
+    picture,
+)
+from gvla2.language.options import AskingOptions, EndpointOptions
+from gvla2.language.typed import Answered, ask_typed, json_in
+
 if TYPE_CHECKING:
-    from gvla2.language.contracts import (
-        Completion,
-        LanguageModel,
-        LanguageModelError,
-        Ledger,
-        MalformedAnswerError,
-        Message,
-        ModelRefusedError,
-        ModelUnavailableError,
-        Request,
-        Server,
-        Tally,
-        Token,
-        UnusableAnswerError,
-        Usage,
-        picture,
-    )
     from gvla2.language.endpoint import Endpoint
-    from gvla2.language.options import AskingOptions, EndpointOptions
-    from gvla2.language.typed import Answered, ask_typed, json_in
 
 __all__ = [
     "Answered",
@@ -60,15 +60,11 @@ __all__ = [
     "picture",
 ]
 
-_ELSEWHERE = {
-    **dict.fromkeys(("AskingOptions", "EndpointOptions"), "options"),
-    **dict.fromkeys(("Answered", "ask_typed", "json_in"), "typed"),
-    "Endpoint": "endpoint",
-}
-
 
 def __getattr__(name: str) -> object:
-    """Load a name's module when it is asked for: `gvla2 plugins` needs the options without the client code."""
-    if name not in __all__:
+    """Load the client code when it is asked for: `gvla2 plugins` needs only the options."""
+    if name != "Endpoint":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ELSEWHERE.get(name, 'contracts')}"), name)
+    from gvla2.language.endpoint import Endpoint
+
+    return Endpoint

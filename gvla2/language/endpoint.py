@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import importlib
 import importlib.util
 import json
 import logging
@@ -14,7 +13,6 @@ import time
 from collections.abc import Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
@@ -153,9 +151,9 @@ class Endpoint:
     ) -> tuple[dict[str, Any], frozenset[str]]:
         """The answer's JSON, and the options left out: one after another, while the server refuses."""
         known = self._without
-        wishes = [wish for wish in refusable(request, grammars=self._server.grammars) if wish not in known]
+        options = [name for name in refusable(request, grammars=self._server.grammars) if name not in known]
         first: ModelRefusedError | ModelUnavailableError | None = None
-        for less in ([], *([wish] for wish in wishes), *([wishes] if len(wishes) > 1 else [])):
+        for less in ([], *([name] for name in options), *([options] if len(options) > 1 else [])):
             if first is not None and first.status == _BROKEN and less != ["system_role"]:
                 continue
             without = known.union(less)
@@ -259,7 +257,6 @@ async def _sent(
 ) -> dict[str, Any]:
     import openai
 
-    http = _http()
     try:
         async with asyncio.timeout(options.timeout):
             received = (await send(**asked)).http_response.content
@@ -271,12 +268,13 @@ async def _sent(
         ) from error
     except openai.APIStatusError as error:
         raise _status_failure(client, error) from None
-    except (openai.APIConnectionError, http.HTTPError) as error:
+    except openai.APIConnectionError as error:
         cause = error.__cause__ or error
+        # The package may use httpx or httpx2, so the class is known by its name.
         raise ModelUnavailableError(
             f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
             "running there?",
-            reached=not isinstance(cause, http.ConnectError),
+            reached=type(cause).__name__ != "ConnectError",
         ) from error
     try:
         answer = json.loads(_redacted(client, received.decode(errors="replace")))
@@ -290,21 +288,12 @@ async def _sent(
     return answer
 
 
-@cache
-def _http() -> Any:
-    """The HTTP package that this ``openai`` uses: ``httpx``, or ``httpx2`` since its version 3."""
-    import openai
-
-    of_client = next(c for c in openai.DefaultAsyncHttpxClient.__mro__ if c.__name__ == "AsyncClient")
-    return importlib.import_module(of_client.__module__.partition(".")[0])
-
-
 def _status_failure(
     client: openai.AsyncOpenAI, error: openai.APIStatusError
 ) -> ModelUnavailableError | ModelRefusedError:
-    told = error.body.get("message") if isinstance(error.body, Mapping) else None
+    message = error.body.get("message") if isinstance(error.body, Mapping) else None
     status = error.status_code
-    said = _redacted(client, " ".join(str(told or error.message).split()))[:300]
+    said = _redacted(client, " ".join(str(message or error.message).split()))[:300]
     if status in _BUSY or status >= 500:
         return ModelUnavailableError(
             f"{client.base_url} answered with status {status}: {said}", status=status

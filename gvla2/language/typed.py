@@ -82,7 +82,7 @@ def ask_typed(
             for i in range(samples)
         ]
         answers = [_Tried(parse, each) for each in model.complete_all(requests, purpose=purpose)]
-        transcript += [tried.told(added, asked) for tried, asked in zip(answers, requests, strict=True)]
+        transcript += [tried.entry(added, asked) for tried, asked in zip(answers, requests, strict=True)]
         if taken := [tried for tried in answers if not tried.why]:
             kinds = [same(tried.parsed[0]) for tried in taken]
             winner = max(range(len(kinds)), key=lambda i: (kinds.count(kinds[i]), -i))
@@ -119,7 +119,7 @@ class _Tried(Generic[T]):
         except ValueError as error:
             self.why = str(error) or type(error).__name__
 
-    def told(self, added: Sequence[Message], asked: Request) -> dict[str, Any]:
+    def entry(self, added: Sequence[Message], asked: Request) -> dict[str, Any]:
         """The entry of the transcript for this call."""
         usage = self.completion.usage
         return {

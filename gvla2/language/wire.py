@@ -44,13 +44,13 @@ def request_body(
 
 def refusable(request: Request, *, grammars: bool) -> list[str]:
     """Options that a server may refuse, likeliest first; "alternatives" means more than a few per token."""
-    wished = {
+    asked = {
         "schema": request.schema is not None and not (grammars and request.grammar),
         "alternatives": request.logprobs,
         "logprobs": request.logprobs,
         "system_role": any(m.get("role") == "system" for m in request.messages),
     }
-    return [name for name, there in wished.items() if there]
+    return [name for name, there in asked.items() if there]
 
 
 def without_system(messages: Sequence[Message]) -> list[dict[str, Any]]:

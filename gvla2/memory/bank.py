@@ -355,4 +355,4 @@ def _reported(success: bool | None) -> Verdict:
     """The verdict for a reported outcome."""
     if success is None:
         return Verdict.unavailable("it was not verified")
-    return Verdict.from_criteria({"success": float(success)}, verifier="told")
+    return Verdict.from_criteria({"success": float(success)}, verifier="reported")

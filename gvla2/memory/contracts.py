@@ -242,7 +242,7 @@ class Inducer(Protocol):
 
 @dataclass(frozen=True)
 class LessonPair:
-    """Two lessons about similar things, each with the instructions that it comes from, one per line."""
+    """Two lessons about similar tasks, each with the instructions that it comes from, one per line."""
 
     first: str
     second: str

@@ -158,7 +158,8 @@ class Ledger:
         self.put(replace(self.latest(record), state="archive", note=note or why), action, why)
 
     def _embedded(self, record: Record) -> NDArray[np.float32]:
-        return record_vectors(self._embedder, [(record.query, record.content)])[0]
+        vectors = record_vectors(self._embedder, [(record.query, record.content)])
+        return np.asarray(vectors[0], np.float32)
 
 
 def _read(origins: Iterable[str]) -> list[Origin]:

@@ -77,10 +77,6 @@ class Record:
         """The record's provenance: ``made_by`` and ``sources``, the ids of its episodes."""
         return load_object(self.provenance)
 
-    def verifier_json(self) -> dict[str, Any]:
-        """The verifier's latest verdict."""
-        return load_object(self.verifier)
-
     def sources(self) -> tuple[str, ...]:
         """Ids of the episodes that the record comes from."""
         listed = self.provenance_json().get("sources", [])

@@ -105,6 +105,7 @@ TAKEN = frozenset(
     {
         "hydra",
         "instruction",
+        "branch",
         "seed",
         "episodes",
         "quiet",

@@ -173,7 +173,6 @@ class RunRecorder(FolderRecorder):
         self._written: dict[str, Any] = {}
         self._studio = ThreadPoolExecutor(1, "pictures")  # one: the run needs the other cores
         self._awaited: list[Future[Any]] = []
-        self._modelled: tuple[object, ...] = (self, None, None, None)  # nothing yet
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -230,20 +229,19 @@ class RunRecorder(FolderRecorder):
 
     def _write_pictures(self, record: EpisodeRecord) -> None:
         for name, shown in SHOWN.items():
-            make = partial(self._show, name, shown.file, shown.make)
-            self._once(shown.called, make, *shown.inputs(record))
-        if record.scene is not None:
-            keep = partial(self._keep_views, record.scene, record.instruction)
+            inputs = shown.inputs(record)
+            if not any(each is None for each in inputs):
+                self._once(shown.called, partial(self._show, name, shown.file, shown.make, *inputs), *inputs)
+        if record.scene is not None and record.observation is not None:
+            keep = partial(self._keep_views, record.scene, record.instruction, record.observation)
             self._once("The views", keep, record.observation)
         if record.checks is not None:
             self._write_model(record)
 
     def _write_model(self, record: EpisodeRecord) -> None:
         """The scene in 3D, once for what it shows; at the latest at the end."""
-        shown = (record.observation, record.scene, record.plan, record.checks)
-        if not all(map(operator.is_, shown, self._modelled)):
-            self._modelled = shown
-            self._later("The 3D scene", partial(self._show, "model", "scene.glb", scene_glb, record))
+        make = partial(self._show, "model", "scene.glb", scene_glb, record)
+        self._once("The 3D scene", make, record.observation, record.scene, record.plan, record.checks)
 
     def _show(self, name: str, file: str, make: Callable[..., bytes | Shots], *inputs: Any) -> None:
         """Put what ``make(*inputs)`` gives on the page, and into ``file`` if it has one: several on one sheet."""
@@ -272,14 +270,9 @@ class RunRecorder(FolderRecorder):
     def _noted(self, record: EpisodeRecord) -> EpisodeRecord:
         return replace(record, notes=(*record.notes, *self.notes))
 
-    def _once(self, what: str, make: Callable[..., object], *inputs: Any) -> None:
-        """Have ``make(*inputs)`` run beside the run when all inputs are there, once for these very ones.
-
-        Records are frozen, so identity tells.
-        """
-        if any(each is None for each in inputs):
-            return
-        if list(map(id, self._written.get(what, ()))) == list(map(id, inputs)):
-            return
-        self._written[what] = inputs
-        self._later(what, partial(make, *inputs))
+    def _once(self, what: str, make: Callable[[], object], *inputs: Any) -> None:
+        """Run ``make`` beside the run unless it already ran for the same inputs: records are frozen, so by identity."""
+        before = self._written.get(what, ())
+        if len(before) != len(inputs) or not all(map(operator.is_, before, inputs)):
+            self._written[what] = inputs
+            self._later(what, make)

@@ -119,7 +119,7 @@ class Calibration:
                 date=str(body["date"]),
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise RobotError(f"The calibration {path} {_told(error)}. Calibrate again.") from error
+            raise RobotError(f"The calibration {path} {_detail(error)}. Calibrate again.") from error
         if serial and calibration.serial != serial:
             raise RobotError(
                 f"The calibration {path} is for camera '{calibration.serial}', but the camera in use is '{serial}'. "
@@ -147,18 +147,18 @@ def load_recording(path: Path) -> Recording:
     try:
         intrinsics, serial, given = _intrinsics(body["intrinsics"]), str(body["serial"]), list(body["pairs"])
     except (KeyError, TypeError, ValueError) as error:
-        raise RobotError(f"{path} {_told(error)}. It needs intrinsics, serial and pairs.") from error
+        raise RobotError(f"{path} {_detail(error)}. It needs intrinsics, serial and pairs.") from error
     pairs = []
     for index, pair in enumerate(given):
         try:
             pairs.append(PosePair(np.array(pair["base_from_tcp"]), np.array(pair["camera_from_target"])))
         except (KeyError, TypeError, ValueError) as error:
-            told = f"{_told(error)}. It needs base_from_tcp and camera_from_target, matrices (4, 4)"
-            raise RobotError(f"{path}: pair {index} {told}.") from error
+            detail = f"{_detail(error)}. It needs base_from_tcp and camera_from_target, matrices (4, 4)"
+            raise RobotError(f"{path}: pair {index} {detail}.") from error
     return Recording(tuple(pairs), intrinsics, serial, mount)
 
 
-def _told(error: Exception) -> str:
+def _detail(error: Exception) -> str:
     """What is wrong with a file, by what was raised while reading its parts."""
     return f"lacks {error}" if isinstance(error, KeyError) else f"has a wrong part ({error})"
 

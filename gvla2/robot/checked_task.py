@@ -26,7 +26,7 @@ class CheckedTask:
     ) -> TaskInstance:
         """The task's episode; raises :class:`PluginError` for one that cannot be laid out.
 
-        So do its success checks, for an answer other than True or False and for a thing that the layout lacks.
+        So do its success checks, for an answer other than True or False and for an object that the layout lacks.
         """
         made = self.__wrapped__.sample(rng, site, instruction)
         try:
@@ -50,7 +50,7 @@ class CheckedTask:
 
 
 class _Named:
-    """A :class:`gvla2.robot.task.WorldState` that is asked only about things of these names."""
+    """A :class:`gvla2.robot.task.WorldState` that is asked only about objects of these names."""
 
     def __init__(self, state: WorldState, names: Collection[str], who: str) -> None:
         self._state, self._names, self._who = state, names, who

@@ -24,7 +24,7 @@ GAP = 0.05
 
 TRIES = 4000
 TOGETHER, DROP = 0.0005, 0.001
-"""Metres between things that touch, and the height above the table from which they settle."""
+"""Metres between objects that touch, and the height above the table from which they settle."""
 
 BOARD = (0.012, 0.07, 0.13)
 LEAN = 0.4
@@ -74,7 +74,7 @@ class Cluttered:
             if root is None:
                 raise ConfigurationError(
                     f"There is no room for {self._config.distractors} distractors: after {len(added)} of them no spot "
-                    f"{200 * radius:.0f} cm wide is free beside the task's things. Ask for fewer (task.distractors)."
+                    f"{200 * radius:.0f} cm wide is free beside the task's objects. Ask for fewer (task.distractors)."
                 )
             move = root @ rigid(translation=(-x, -y, 0.0))
             added += [replace(body, world_from_body=move @ body.world_from_body) for body in group]
@@ -133,7 +133,7 @@ class Cluttered:
 
 
 def _kinds(layout: Layout) -> list[str]:
-    """Shapes that no simple thing of the task has, so that "the block" stays unique."""
+    """Shapes that no simple object of the task has, so that "the block" stays unique."""
     own = {
         b.solids[0].kind for b in layout.bodies if len(b.solids) == 1 and not b.fixed and b.solids[0].collides
     }

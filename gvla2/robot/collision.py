@@ -114,9 +114,9 @@ class CollisionModel:
         self._hand = frozenset(hand_links)
         solids = [(_part(o), o.parentJoint) for o in self._robot.geometryObjects]
         close = usually_close(kinematics, self._robot, self._hand)
-        told = set() if srdf is None else disabled(srdf)
-        named = {link for pair in told for link in pair}
-        harmless = told | {pair for pair in close if not pair <= named}
+        listed = set() if srdf is None else disabled(srdf)
+        named = {link for pair in listed for link in pair}
+        harmless = listed | {pair for pair in close if not pair <= named}
         self.overlapping = close if srdf is None else close | disabled(srdf, "Default")
         self._self_pairs = [
             (i, j)

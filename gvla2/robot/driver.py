@@ -97,7 +97,7 @@ class GuardedDriver(Protocol):
 
 @runtime_checkable
 class Servo(Protocol):
-    """A simulated robot that follows a policy's joint targets among the task's things, without planning or checks."""
+    """A simulated robot that follows a policy's joint targets among the task's objects, without planning or checks."""
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
         """The measurement after driving for ``seconds`` (0 only measures), without waiting for the arm to arrive.

@@ -290,12 +290,12 @@ class CarriedScene:
         if self.attached is not None and self.attached.object.id == object_id:
             return
         self.release(world_from_tcp)
-        thing = self.scene[object_id]
+        obj = self.scene[object_id]
         self._grasped_at = world_from_tcp
         self._parts = tuple(o for o in self.scene.objects if o.parent == object_id)
         rest = tuple(o for o in self.scene.objects if o.id != object_id and o.parent != object_id)
         self.scene = replace(self.scene, objects=rest)
-        self.attached = Attachment(thing, invert_rigid(world_from_tcp) @ thing.world_from_object)
+        self.attached = Attachment(obj, invert_rigid(world_from_tcp) @ obj.world_from_object)
 
     def release(self, world_from_tcp: FloatArray) -> None:
         """Release the carried object where the tool pose (4, 4) leaves it."""
@@ -304,14 +304,14 @@ class CarriedScene:
         moved = world_from_tcp @ invert_rigid(self._grasped_at)
         left = tuple(
             replace(
-                thing,
-                world_from_object=moved @ thing.world_from_object,
-                points=transform_points(moved, thing.points),
+                obj,
+                world_from_object=moved @ obj.world_from_object,
+                points=transform_points(moved, obj.points),
                 known=None
-                if thing.known is None
-                else replace(thing.known, world_from_scan=moved @ thing.known.world_from_scan),
+                if obj.known is None
+                else replace(obj.known, world_from_scan=moved @ obj.known.world_from_scan),
             )
-            for thing in (self.attached.object, *self._parts)
+            for obj in (self.attached.object, *self._parts)
         )
         self.scene = replace(self.scene, objects=self.scene.objects + left)
         self.attached, self._parts, self._grasped_at = None, (), None
@@ -357,7 +357,7 @@ def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) ->
     """
     if not trajectory.waypoints:
         raise RobotError("The trajectory has no waypoints.")
-    known = {thing.id for thing in scene.objects}
+    known = {obj.id for obj in scene.objects}
     for index, waypoint in enumerate(trajectory):
         faults = [message for _, message in waypoint.faults()]
         if not 0.0 <= waypoint.gripper <= 1.0:

@@ -1,4 +1,4 @@
-"""Placing things: rejection sampling inside a site, and the geometry of success checks."""
+"""Placing objects: rejection sampling inside a site, and the geometry of success checks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def sample_root(rng: np.random.Generator, site: TaskSite, yaw: float = np.pi) ->
 
 
 def at(root: FloatArray, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> FloatArray:
-    """world_from_thing (4, 4) of a thing at (x, y, z) in a root's frame (4, 4), turned by ``yaw`` about z."""
+    """world_from_object (4, 4) of an object at (x, y, z) in a root's frame (4, 4), turned by ``yaw`` about z."""
     return root @ planar((x, y), z, yaw)
 
 

@@ -28,7 +28,7 @@ HUGE, MILLIMETRE = 3.0, 1e-3
 """A mesh with a longest side above this many metres is read as millimetres, unless its scale is given."""
 
 SMALLEST, LARGEST = 0.003, 2.0
-"""Longest side of a thing on a table, metres."""
+"""Longest side of an object on a table, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +102,8 @@ def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:
     * too fine: beyond :data:`MOST_FACES` it is simplified by vertex clustering, each face keeping its colour;
     * no texture: vertex colours, the material's colour, or grey.
 
-    ``notes`` say which were applied. Raises :class:`ConfigurationError` for a scale that is not positive or a thing of
-    impossible size, and :class:`GeometryError`, naming the file, for one that cannot be read.
+    ``notes`` say which were applied. Raises :class:`ConfigurationError` for a scale that is not positive or an object
+    of impossible size, and :class:`GeometryError`, naming the file, for one that cannot be read.
     """
     source = Path(path).expanduser()
     if scale is not None and not (np.isfinite(scale) and scale > 0):
@@ -126,7 +126,7 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
             notes.append(f"it is {longest:.0f} units long and was read as millimetres")
     if not SMALLEST <= longest * factor <= LARGEST:
         raise ConfigurationError(
-            f"{source} is {longest * factor:.4g} m long; a thing on the table has {SMALLEST} to {LARGEST} m. "
+            f"{source} is {longest * factor:.4g} m long; an object on the table has {SMALLEST} to {LARGEST} m. "
             "Give the metres per unit of the file with scale (0.001 for millimetres, 0.01 for centimetres)."
         )
     offset = 0.5 * (low + high) * factor
@@ -184,8 +184,8 @@ def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A file and its thing's physics: ``scale`` metres per unit of the file (None: metres, or millimetres if only that
-    makes sense), ``mass`` in kilograms, ``friction`` against other things.
+    """A file and its object's physics: ``scale`` metres per unit of the file (None: metres, or millimetres if only that
+    makes sense), ``mass`` in kilograms, ``friction`` against other objects.
 
     >>> mug = Mesh("scans/mug.glb", mass=0.12).body("mug", world_from_body)
     >>> Layout((mug, *others))
@@ -208,7 +208,7 @@ class Mesh:
 
         if not (self.mass > 0 and self.friction >= 0):
             raise ConfigurationError(
-                f"{self.path}: a thing has a mass above 0 and a friction of at least 0, got mass={self.mass}, "
+                f"{self.path}: an object has a mass above 0 and a friction of at least 0, got mass={self.mass}, "
                 f"friction={self.friction}."
             )
         scan = read_scan(self.path, self.scale)
@@ -225,7 +225,7 @@ class Mesh:
 
 
 def scan_shape(size: tuple[float, float, float]) -> str:
-    """A mesh's :data:`gvla2.planning.scene.Shape` by its sides alone: long things are bars, the rest is "other"."""
+    """A mesh's :data:`gvla2.planning.scene.Shape` by its sides alone: long objects are bars, the rest is "other"."""
     short, middle, long = sorted(size)
     return "bar" if long > 3.0 * middle and short > 0 else "other"
 
@@ -240,11 +240,11 @@ NOT_SHOWN = ("collision", "convex", "coacd", "decomp")
 
 
 def mesh_library(root: str | os.PathLike[str]) -> dict[str, Path]:
-    """The mesh of each thing in a folder, by name: a file's own stem, or the name of a folder with a mesh in it.
+    """The mesh of each object in a folder, by name: a file's own stem, or the name of a folder with a mesh in it.
 
-    ``mug.glb`` and ``mug/textured.obj`` are both the thing "mug"; deeper folders (``mug/google_16k/textured.obj``) are
+    ``mug.glb`` and ``mug/textured.obj`` are both the object "mug"; deeper folders (``mug/google_16k/textured.obj``) are
     searched too. Raises :class:`ConfigurationError` for a folder that is missing or holds no mesh, two meshes of one
-    name, and a thing's folder with several meshes, none of them called :data:`FAVOURITES`.
+    name, and an object's folder with several meshes, none of them called :data:`FAVOURITES`.
     """
     if not str(root):
         raise ConfigurationError("task=tabletop_objects needs a folder of meshes: task.objects.root=FOLDER.")
@@ -271,7 +271,7 @@ def mesh_library(root: str | os.PathLike[str]) -> dict[str, Path]:
 
 
 def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]:
-    """The things of these names, all of them without any; spaces may replace underscores.
+    """The objects of these names, all of them without any; spaces may replace underscores.
 
     Raises :class:`ConfigurationError` for a name that is unknown or given twice.
     """
@@ -300,7 +300,7 @@ def spoken(name: str) -> str:
 
 
 def _mesh_in(folder: Path) -> Path | None:
-    """The mesh of a thing's own folder; None where there is none."""
+    """The mesh of an object's own folder; None where there is none."""
     meshes = sorted(
         path
         for path in folder.rglob("*")

@@ -233,8 +233,8 @@ class TaskSite:
     the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so that nothing
     is painted like it; None if unknown. ``follows`` says whether the arm alone can move the tool on straight lines
     through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far the fingers open, metres:
-    things to grasp must be smaller. ``colours`` are required colour words of the task's first things, in the task's own
-    order.
+    objects to grasp must be smaller. ``colours`` are required colour words of the task's first objects, in the
+    task's own order.
     """
 
     centre: tuple[float, float]
@@ -259,6 +259,6 @@ class Task(Protocol):
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
-        success check looks at the things that it names, if it can tell (a colour on the table).
+        success check looks at the objects that it names, if it can tell (a colour on the table).
         """
         ...

@@ -217,8 +217,8 @@ def _whole(config: WorkcellConfig) -> None:
             f"{list(config.gripper_joints)}: add robot.gripper_joints=[]."
         )
     if bad:
-        told = ", ".join(f"robot.{n}={list(v)} ({lengths.get(n, 6)} numbers)" for n, v in bad.items())
-        raise ConfigurationError(f"Options of the wrong length: {told}.")
+        listing = ", ".join(f"robot.{n}={list(v)} ({lengths.get(n, 6)} numbers)" for n, v in bad.items())
+        raise ConfigurationError(f"Options of the wrong length: {listing}.")
 
 
 OPEN = ("tool_offset", "table_centre", "site_centre", "site_size", "workspace_low", "workspace_high")
@@ -280,9 +280,9 @@ def _at_home(
         return at(_find_home(config, at(0.5 * (kinematics.low + kinematics.high))))
     if len(rest) != len(names) or kinematics.limit_distance(rest) < 0:
         limits = zip(names, kinematics.low, kinematics.high, strict=True)
-        told = ", ".join(f"{n} {a:.2f}…{b:.2f}" for n, a, b in limits)
+        listing = ", ".join(f"{n} {a:.2f}…{b:.2f}" for n, a, b in limits)
         raise RobotError(
-            f"robot.home={list(config.home)} must be {len(names)} angles (radians) within the limits: {told}. "
+            f"robot.home={list(config.home)} must be {len(names)} angles (radians) within the limits: {listing}. "
             "If empty, a home is searched."
         )
     arm = at(rest)

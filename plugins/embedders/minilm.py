@@ -132,12 +132,12 @@ def check(folder: Path) -> None:
 
 def _state(folder: Path) -> str:
     """Changes whenever one of the files is written."""
-    told = [str(folder.absolute()), *DIGESTS.values()]
+    states = [str(folder.absolute()), *DIGESTS.values()]
     for name in DIGESTS:
         with suppress(OSError):
             stat = (folder / name).stat()
-            told.append(f"{name} {stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns} {stat.st_ino}")
-    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:32]
+            states.append(f"{name} {stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns} {stat.st_ino}")
+    return hashlib.sha256("\n".join(states).encode()).hexdigest()[:32]
 
 
 def _missing(package: str) -> MissingDependencyError:

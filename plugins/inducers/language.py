@@ -91,10 +91,10 @@ def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...]
             continue
         content = entry.get("content")
         if isinstance(content, str) and content.strip():
-            told = entry.get("evidence")
+            evidence = entry.get("evidence")
             evidence = (
-                [passage[:MAX_EVIDENCE] for passage in told if isinstance(passage, str)]
-                if isinstance(told, list)
+                [passage[:MAX_EVIDENCE] for passage in evidence if isinstance(passage, str)]
+                if isinstance(evidence, list)
                 else []
             )
             lessons.append(

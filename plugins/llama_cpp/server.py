@@ -104,11 +104,9 @@ class LlamaServer:
                 return self._ready(deadline)
 
     def _alive(self) -> bool:
-        try:
-            os.close(_lock(self._folder / "serving", fcntl.LOCK_EX | fcntl.LOCK_NB))
-        except BlockingIOError:
-            return True
-        return False
+        if (free := self._try_lock("serving")) is not None:
+            os.close(free)
+        return free is None
 
     def _launch(self) -> None:
         (self._folder / "options.json").write_text(json.dumps(self._options))
@@ -133,21 +131,22 @@ class LlamaServer:
                     raise self._failure("ended while it was loading")
                 self._launch()
                 launched = True
-            told = self._told()
-            if (url := told.get("url")) and _listens(url):
+            state = self._state()
+            if (url := state.get("url")) and _listens(url):
                 return f"{url}/v1"
             if time.monotonic() > deadline:
-                if pid := told.get("pid"):
+                if pid := state.get("pid"):
                     os.kill(pid, signal.SIGKILL)
-                raise self._failure(f"was not ready within {self._patience:g} s (start_timeout)")
+                raise self._late()
             time.sleep(_POLL)
 
-    def _told(self) -> dict[str, Any]:
+    def _state(self) -> dict[str, Any]:
+        """What the server's process last wrote about itself: its ``pid``, and its ``url`` once it listens."""
         try:
-            told = json.loads((self._folder / "server.json").read_bytes())
+            state = json.loads((self._folder / "server.json").read_bytes())
         except (OSError, ValueError):
             return {}
-        return told if isinstance(told, dict) else {}
+        return state if isinstance(state, dict) else {}
 
     def _failure(self, what: str) -> ModelUnavailableError:
         log = self._folder / "log"
@@ -159,20 +158,25 @@ class LlamaServer:
 
     @contextmanager
     def _alone(self, deadline: float) -> Iterator[None]:
-        while True:
-            try:
-                held = _lock(self._folder / "start", fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise self._failure(
-                        f"was not ready within {self._patience:g} s (start_timeout)"
-                    ) from None
-                time.sleep(_POLL)
+        """Hold the lock ``start``."""
+        while (held := self._try_lock("start")) is None:
+            if time.monotonic() > deadline:
+                raise self._late()
+            time.sleep(_POLL)
         try:
             yield
         finally:
             os.close(held)
+
+    def _try_lock(self, name: str) -> int | None:
+        """A descriptor that holds the lock for this process alone, None while another holds it."""
+        try:
+            return _lock(self._folder / name, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return None
+
+    def _late(self) -> ModelUnavailableError:
+        return self._failure(f"was not ready within {self._patience:g} s (start_timeout)")
 
 
 def _lock(file: Path, how: int) -> int:

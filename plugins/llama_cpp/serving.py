@@ -18,16 +18,16 @@ def main(folder: Path) -> None:
     """Take the lock, go into the background, load the model, serve until the users' lock is free."""
     serving = os.open(folder / "serving", os.O_RDWR | os.O_CREAT, 0o600)
     fcntl.flock(serving, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    told, telling = os.pipe()
+    reading, writing = os.pipe()
     if os.fork():
-        os.close(telling)
-        os.read(told, 1)  # until the child's id is written: whoever waits in vain must be able to end it
+        os.close(writing)
+        os.read(reading, 1)  # until the child's id is written: whoever waits in vain must be able to end it
         os._exit(0)
-    _tell(folder, pid=os.getpid())
-    os.close(telling)
-    os.close(told)
+    _report(folder, pid=os.getpid())
+    os.close(writing)
+    os.close(reading)
     server = _serve(json.loads((folder / "options.json").read_text()))
-    _tell(folder, pid=os.getpid(), url=server.listening_address)
+    _report(folder, pid=os.getpid(), url=server.listening_address)
     users = os.open(folder / "users", os.O_RDWR | os.O_CREAT, 0o600)
     while True:
         try:
@@ -55,7 +55,7 @@ def _serve(options: dict[str, Any]) -> Any:
     return xllamacpp.Server(asked)
 
 
-def _tell(folder: Path, **what: object) -> None:
+def _report(folder: Path, **what: object) -> None:
     part = folder / "server.json.part"
     part.write_text(json.dumps(what))
     part.replace(folder / "server.json")

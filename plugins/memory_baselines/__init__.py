@@ -44,8 +44,7 @@ class VectorStoreConfig(ComponentConfig):
 class SemanticMemoryConfig(VectorStoreConfig):
     """Options of the ``semantic`` memory.
 
-    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many lessons are recalled, ``frozen`` recalls and learns nothing, ``max_chars``
+    ``top_k`` is how many lessons are recalled, ``frozen`` recalls and learns nothing, ``max_chars``
     bounds the text given to a planner.
     """
 
@@ -56,8 +55,8 @@ class SemanticMemoryConfig(VectorStoreConfig):
 
 def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
-    from gvla2_plugins.memory_baselines.semantic import Semantic
-    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Semantic
+    from gvla2_plugins.memory_baselines.store import WholeMethod
 
     return WholeMethod(config, Semantic(), embedder)
 
@@ -66,8 +65,7 @@ def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
 class AwmConfig(VectorStoreConfig):
     """Options of the ``awm`` memory.
 
-    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many workflows are recalled, ``fewest_steps`` the least steps of a workflow,
+    ``top_k`` is how many workflows are recalled, ``fewest_steps`` the least steps of a workflow,
     ``frozen`` recalls and learns nothing, ``max_chars`` bounds the text given to a planner.
     """
 
@@ -79,8 +77,8 @@ class AwmConfig(VectorStoreConfig):
 
 def _build_awm(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
-    from gvla2_plugins.memory_baselines.awm import Workflows
-    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Workflows
+    from gvla2_plugins.memory_baselines.store import WholeMethod
 
     return WholeMethod(config, Workflows(config.fewest_steps), embedder, inducer)
 
@@ -89,8 +87,7 @@ def _build_awm(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = 
 class ReasoningBankConfig(VectorStoreConfig):
     """Options of the ``reasoning_bank`` memory.
 
-    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` the most
+    ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` the most
     items per episode; ``frozen`` recalls and learns nothing; ``max_chars`` bounds the text given to a planner.
     """
 
@@ -104,8 +101,8 @@ def _build_reasoning_bank(
     config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None
 ) -> Memory:
     """Titled items from successes and failures of the most similar task; after ReasoningBank."""
-    from gvla2_plugins.memory_baselines.reasoning_bank import Strategies
-    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Strategies
+    from gvla2_plugins.memory_baselines.store import WholeMethod
 
     return WholeMethod(config, Strategies(config.most_items), embedder, inducer)
 
@@ -114,8 +111,7 @@ def _build_reasoning_bank(
 class SynapseConfig(VectorStoreConfig):
     """Options of the ``synapse`` memory.
 
-    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
-    other processes. ``top_k`` is how many trajectories are recalled; ``frozen`` recalls and learns nothing;
+    ``top_k`` is how many trajectories are recalled; ``frozen`` recalls and learns nothing;
     ``max_chars`` bounds the text given to a planner.
     """
 
@@ -126,8 +122,8 @@ class SynapseConfig(VectorStoreConfig):
 
 def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
     """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
-    from gvla2_plugins.memory_baselines.synapse import Exemplars
-    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Exemplars
+    from gvla2_plugins.memory_baselines.store import WholeMethod
 
     return WholeMethod(config, Exemplars(), embedder)
 

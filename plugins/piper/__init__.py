@@ -61,7 +61,7 @@ def _build(config: PiperConfig, camera: DepthCamera) -> RobotBackend:
 
 
 def _build_scenery(config: SceneryConfig) -> DepthCamera:
-    """A synthetic table with cubes, to try a robot without cameras: moved things stay where they were."""
+    """A synthetic table with cubes, to try a robot without cameras: moved objects stay where they were."""
     from gvla2_plugins.piper.scenery import Scenery
 
     return Scenery(config)

@@ -84,7 +84,7 @@ class Piper:
         """
         if instruction is None and task is not None:
             raise ConfigurationError(
-                "A real robot lays out no task: put things on the table and say what to do, "
+                "A real robot lays out no task: put objects on the table and say what to do, "
                 "instruction='lift the red cube'."
             )
         if self.session is None and self._config.bus != "none":

@@ -48,7 +48,7 @@ class ReplayConfig(ComponentConfig):
 
 
 def _build(config: ReplayConfig) -> DepthCamera:
-    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: moved things stay where they were."""
+    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: moved objects stay where they were."""
     from gvla2_plugins.replay_camera.camera import ReplayCamera
 
     return ReplayCamera(config)

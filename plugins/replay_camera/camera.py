@@ -233,8 +233,8 @@ class ReplayCamera:
 def _side_by_side(cameras: list[FrameFolder]) -> tuple[int, Moment]:
     counts = {str(camera.folder): len(camera) for camera in cameras}
     if len(set(counts.values())) > 1:
-        told = ", ".join(f"{folder} has {count}" for folder, count in counts.items())
-        raise RobotError(f"The cameras of a recording have a frame each at every moment; {told}.")
+        listing = ", ".join(f"{folder} has {count}" for folder, count in counts.items())
+        raise RobotError(f"The cameras of a recording have a frame each at every moment; {listing}.")
 
     def moment(index: int, base_from_tcp: FloatArray | None) -> tuple[View, ...]:
         return tuple(camera.view(index, base_from_tcp) for camera in cameras)

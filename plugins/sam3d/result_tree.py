@@ -150,7 +150,7 @@ def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
         raise GeometryError("No Gaussian of the result is more than 30 % opaque: it has no silhouette.")
     chosen = solid[:: max(1, len(solid) // _MOST_GAUSSIANS)]
     # A tetrahedron a Gaussian, as wide as it and wide enough to close the gaps to its neighbours.
-    spread = np.sqrt(np.maximum(np.einsum("nii->n", g.covariances()[chosen]) / 3, 1e-12))
+    spread = np.sqrt(np.maximum((g.scales[chosen].astype(np.float64) ** 2).mean(axis=1), 1e-12))
     reach = np.maximum(1.5 * spread, _spacing(g.centres[chosen].astype(np.float64))).reshape(-1, 1, 1)
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
     vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)

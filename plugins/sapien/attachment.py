@@ -16,7 +16,7 @@ ZONE = (0.02, 0.10, 0.045)
 
 
 DRAWN = BELLOWS + 0.006
-"""A cup's bellows close on things this near to its solid end, metres."""
+"""A cup's bellows close on objects this near to its solid end, metres."""
 
 
 class Clamp:
@@ -32,9 +32,9 @@ class Clamp:
         """Tie the entity as it lies in the hand now."""
         self.open()
         world_from_hand = np.asarray(self.hand.pose.to_transformation_matrix(), dtype=np.float64)
-        world_from_thing = np.asarray(entity.pose.to_transformation_matrix(), dtype=np.float64)
+        world_from_object = np.asarray(entity.pose.to_transformation_matrix(), dtype=np.float64)
         self._drive = self._scene.create_drive(
-            self.hand, pose_of(invert_rigid(world_from_hand) @ world_from_thing), entity, pose_of(np.eye(4))
+            self.hand, pose_of(invert_rigid(world_from_hand) @ world_from_object), entity, pose_of(np.eye(4))
         )
         for lock in (self._drive.set_limit_x, self._drive.set_limit_y, self._drive.set_limit_z):
             lock(0.0, 0.0)
@@ -50,7 +50,7 @@ class Clamp:
 
 
 class Suction:
-    """A cup at the end of the hand's z: while it sucks, the first movable thing at its lip is attached."""
+    """A cup at the end of the hand's z: while it sucks, the first movable object at its lip is attached."""
 
     def __init__(self, system: Any, clamp: Clamp, width: float) -> None:
         self._system, self._clamp, self._width, self._draws = system, clamp, width, False
@@ -61,13 +61,13 @@ class Suction:
         return self._width * (0.5 * bool(self._clamp.holding) if self._draws else 1.0)
 
     def draw(self, on: bool) -> None:
-        """Start or stop; an attached thing falls."""
+        """Start or stop; an attached object falls."""
         self._draws = on
         if not on:
             self._clamp.open()
 
     def watch(self) -> None:
-        """After each step: the bellows close on things at the lip."""
+        """After each step: the bellows close on objects at the lip."""
         if not self._draws or self._clamp.holding:
             return
         world_from_hand = np.asarray(self._clamp.hand.pose.to_transformation_matrix(), dtype=np.float64)

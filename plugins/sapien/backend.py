@@ -193,8 +193,8 @@ class SapienArm:
         peaks = self._sane_world("seen").peaks
         self._lights = self._layout.lights(peaks)
         table = self._cell.table
-        things = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
-        self._eyes = CameraRig(self._robot, {name: body_surface(b) for name, b in things.items()})
+        objects = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
+        self._eyes = CameraRig(self._robot, {name: body_surface(b) for name, b in objects.items()})
         return self._eyes
 
     def _sight(self) -> Callable[[Sequence[Camera]], list[View]]:
@@ -202,11 +202,11 @@ class SapienArm:
         world, eyes = self._sane_world("seen"), self._eyes
         if eyes is None or self._lights != self._layout.lights(world.peaks):
             eyes = self._open_eyes()
-        links, things = world.link_poses(self._robot.links), self._thing_poses(world)
-        return partial(eyes.look, world_from_link=links, world_from_thing=things)
+        links, objects = world.link_poses(self._robot.links), self._object_poses(world)
+        return partial(eyes.look, world_from_link=links, world_from_object=objects)
 
-    def _thing_poses(self, world: World) -> dict[str, FloatArray]:
-        """world_from_thing (4, 4) of everything that the cameras see besides the robot, now."""
+    def _object_poses(self, world: World) -> dict[str, FloatArray]:
+        """world_from_object (4, 4) of everything that the cameras see besides the robot, now."""
         poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
         return {**poses, self._cell.table.name: self._cell.table.world_from_body}
 

@@ -26,29 +26,29 @@ class CameraRig:
     joints, for free.
     """
 
-    def __init__(self, robot: RobotLooks, things: Mapping[str, Surface]) -> None:
+    def __init__(self, robot: RobotLooks, objects: Mapping[str, Surface]) -> None:
         self._robot = robot
-        self._names = list(things)
-        self._things = RayCaster(list(things.values()))
+        self._names = list(objects)
+        self._objects = RayCaster(list(objects.values()))
 
     def look(
         self,
         cameras: Sequence[Camera],
         world_from_link: Mapping[str, FloatArray],
-        world_from_thing: Mapping[str, FloatArray],
+        world_from_object: Mapping[str, FloatArray],
     ) -> list[View]:
-        """One view per camera; poses (4, 4) by link name and by the name of each thing."""
+        """One view per camera; poses (4, 4) by link name and by the name of each object."""
         robot = self._robot.cast(cameras, world_from_link)
-        things = self._things.cast(cameras, {i: world_from_thing[n] for i, n in enumerate(self._names)})
-        return [_merge(*images) for images in zip(cameras, robot, things, strict=True)]
+        objects = self._objects.cast(cameras, {i: world_from_object[n] for i, n in enumerate(self._names)})
+        return [_merge(*images) for images in zip(cameras, robot, objects, strict=True)]
 
 
-def _merge(camera: Camera, robot: RayImage, things: RayImage) -> View:
-    nearer = np.isfinite(robot.depth) & ~(things.depth < robot.depth)
-    depth = np.where(nearer, robot.depth, things.depth)
+def _merge(camera: Camera, robot: RayImage, objects: RayImage) -> View:
+    nearer = np.isfinite(robot.depth) & ~(objects.depth < robot.depth)
+    depth = np.where(nearer, robot.depth, objects.depth)
     with np.errstate(invalid="ignore"):
         mask = np.abs(depth - robot.depth) <= EXPLAINED
-    return View(camera, np.where(nearer[..., None], robot.image, things.image), depth, robot_mask=mask)
+    return View(camera, np.where(nearer[..., None], robot.image, objects.image), depth, robot_mask=mask)
 
 
 class Filming:

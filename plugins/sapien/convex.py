@@ -23,13 +23,13 @@ VERSION = 2
 """Version of the decomposition: changes whenever its pieces would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
-"""CoACD's concavity, in sizes of the thing; the pieces' number; corners a piece (PhysX takes 255)."""
+"""CoACD's concavity, in sizes of the object; the pieces' number; corners a piece (PhysX takes 255)."""
 
 FACES = 20_000
 """Meshes are simplified to this many faces first: finer ones change no piece and cost minutes."""
 
 HOLLOW, HOLLOW_SHARE = 0.04, 0.02
-"""A thing counts as convex if, moving straight out of its surface by this share of its longest side, one is still
+"""An object counts as convex if, moving straight out of its surface by this share of its longest side, one is still
 inside the hull at less than this share of the surface."""
 
 THINNEST = 1e-3

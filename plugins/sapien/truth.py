@@ -134,9 +134,9 @@ def cast_masks(
     poses[len(surfaces)] = scenery.world_from_body
     surfaces.append(replace(body_surface(scenery), id=len(surfaces)))
     images = []
-    for arm, things in zip(robot, RayCaster(surfaces).cast(cameras, poses), strict=True):
-        nearer = np.isfinite(arm.depth) & ~(things.depth < arm.depth)
-        images.append(np.where(nearer | (things.ids == len(names)), -1, things.ids).astype(np.int32))
+    for arm, objects in zip(robot, RayCaster(surfaces).cast(cameras, poses), strict=True):
+        nearer = np.isfinite(arm.depth) & ~(objects.depth < arm.depth)
+        images.append(np.where(nearer | (objects.ids == len(names)), -1, objects.ids).astype(np.int32))
     return tuple(names), images
 
 

@@ -54,7 +54,7 @@ FINGER_STIFFNESS, FINGER_DAMPING = 4000.0, 100.0
 """N/m and Ns/m: stiff enough for the full grip force at 1 cm from the target."""
 
 FLOOR_DEPTH = 0.75
-"""From the table's top down to the floor, metres: things that leave the table must not fall forever."""
+"""From the table's top down to the floor, metres: objects that leave the table must not fall forever."""
 
 LET_GO = 1e-3
 """A new press of a button starts after it has come back to less than this, metres or radians."""
@@ -264,22 +264,22 @@ class World:
         return np.asarray(_matrix(hand.entity.pose)[:3, :3] @ forces[hand.index, :3])
 
     def finger_forces(self) -> dict[str, tuple[float, float]]:
-        """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name.
+        """Force of the left and the right finger on each object that they press on, newtons, by SAPIEN's name.
 
-        A thing on a suction cup counts as pressed from all sides with full force.
+        An object on a suction cup counts as pressed from all sides with full force.
         """
         if self.suction is not None:
             return {self._clamp.holding: (np.inf, np.inf)} if self._clamp.holding else {}
         forces: dict[str, dict[str, FloatArray]] = {}
         links = self._cell.gripper.finger_links
         for one, other, contact in self._contacts():
-            for finger, thing in ((one, other), (other, one)):
-                if finger in links and thing not in self._links:
-                    by_finger = forces.setdefault(thing, {f: np.zeros(3) for f in links})
+            for finger, obj in ((one, other), (other, one)):
+                if finger in links and obj not in self._links:
+                    by_finger = forces.setdefault(obj, {f: np.zeros(3) for f in links})
                     by_finger[finger] = by_finger[finger] + _impulse(contact) * self.rate
         return {
-            thing: (float(np.linalg.norm(f[links[0]])), float(np.linalg.norm(f[links[1]])))
-            for thing, f in forces.items()
+            obj: (float(np.linalg.norm(f[links[0]])), float(np.linalg.norm(f[links[1]])))
+            for obj, f in forces.items()
         }
 
     def _contacts(self) -> Iterator[tuple[str, str, Any]]:
@@ -311,12 +311,12 @@ class World:
         return max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
 
     def touching(self, name: str) -> set[str]:
-        """Names of things that press on a task's body now: other bodies, "table", "robot"."""
+        """Names of objects that press on a task's body now: other bodies, "table", "robot"."""
         found = set()
         for one, other, contact in self._contacts():
             if PREFIX + name in (one, other) and np.linalg.norm(_impulse(contact)) > TOUCH:
-                thing = other if one == PREFIX + name else one
-                found.add("robot" if thing in self._links else thing.removeprefix(PREFIX))
+                obj = other if one == PREFIX + name else one
+                found.add("robot" if obj in self._links else obj.removeprefix(PREFIX))
         return found
 
     # The option ``attach``.
@@ -326,18 +326,18 @@ class World:
         touched: dict[str, dict[str, list[FloatArray]]] = {}
         for contact in self._system.get_contacts():
             names = [body.entity.name for body in contact.bodies]
-            for finger, thing in (names, names[::-1]):
-                if finger in self._cell.gripper.finger_links and thing.startswith(PREFIX):
+            for finger, obj in (names, names[::-1]):
+                if finger in self._cell.gripper.finger_links and obj.startswith(PREFIX):
                     points = [np.asarray(p.position, dtype=np.float64) for p in contact.points]
-                    touched.setdefault(thing, {}).setdefault(finger, []).extend(points)
+                    touched.setdefault(obj, {}).setdefault(finger, []).extend(points)
         palm = self._links[self._cell.gripper.palm]
         world_from_tcp = _matrix(palm.entity.pose) @ self._cell.hand_from_tcp
-        for thing, fingers in touched.items():
+        for obj, fingers in touched.items():
             between = [point for points in fingers.values() for point in points]
-            entity = self._bodies.entities.get(thing.removeprefix(PREFIX))
+            entity = self._bodies.entities.get(obj.removeprefix(PREFIX))
             if entity is not None and len(fingers) == 2 and in_zone(world_from_tcp, between):
                 self._clamp.close(entity)
-                return thing.removeprefix(PREFIX)
+                return obj.removeprefix(PREFIX)
         return ""
 
     def detach(self) -> None:

@@ -45,7 +45,7 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 ANYTHING = frozenset(("object", "thing", "item", "piece", "one"))
 MATERIALS = frozenset("wooden wood plastic metal metallic steel glass ceramic cardboard rubber".split())
 LOOSE = frozenset("protruding loose upright standing whole painted coloured colored other".split())
-"""Adjectives that tell nothing apart that perception sees, and "other", which is told by what was named before."""
+"""Adjectives that distinguish nothing that perception sees, and "other", which what was named before decides."""
 _EXTREMES = {
     "left": "left leftmost", "right": "right rightmost", "middle": "middle center centre central",
     "near": "nearest closest near front", "far": "farthest furthest far back rear",
@@ -139,7 +139,7 @@ def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> Abstentio
 def _antecedents(
     noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context
 ) -> list[SceneObject]:
-    """What a pronoun stands for; where nothing was named before, the only thing that can be moved."""
+    """What a pronoun stands for; where nothing was named before, the only object that can be moved."""
     named = [o for o in scene.objects if o.id in context.themes]
     wholes = [o for o in pool if not o.parent and o.shape != "region"]
     if named or len(wholes) == 1:
@@ -150,8 +150,8 @@ def _antecedents(
 # Words
 
 
-def _label(thing: SceneObject) -> list[str]:
-    return thing.label.lower().replace("-", " ").replace("_", " ").split() or [""]
+def _label(obj: SceneObject) -> list[str]:
+    return obj.label.lower().replace("-", " ").replace("_", " ").split() or [""]
 
 
 def several(noun: Noun) -> bool:
@@ -174,20 +174,20 @@ def _singular(word: str) -> str:
     return word
 
 
-def _heads(words: Sequence[str], thing: SceneObject, level: int) -> int:
+def _heads(words: Sequence[str], obj: SceneObject, level: int) -> int:
     """How many words at a phrase's end name the kind of an object: 0 literally, 1 by shape, 2 by a kind not seen."""
-    label, heads = _label(thing), {words[-1], _singular(words[-1])}
+    label, heads = _label(obj), {words[-1], _singular(words[-1])}
     if level == 0:
         return int(label[-1] in heads)
-    if thing.named_by:
+    if obj.named_by:
         return 0
     if level == 1:
         alike = {kind for head in heads for kind in SHAPES.get(head, ())}
-        whole = thing.shape != "region" and not thing.parent
+        whole = obj.shape != "region" and not obj.parent
         return int(label[-1] in alike or bool(heads & ANYTHING and whole))
     for width in (2, 1):
         kind, colours = KINDS.get(" ".join(words[-width:]), ("", ()))
-        if kind == label[-1] and (not colours or thing.colour in colours):
+        if kind == label[-1] and (not colours or obj.colour in colours):
             return width
     return 0
 
@@ -209,9 +209,9 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     return []
 
 
-def _true(mods: Sequence[str], thing: SceneObject) -> tuple[str, ...] | None:
+def _true(mods: Sequence[str], obj: SceneObject) -> tuple[str, ...] | None:
     """The adjectives that are a colour, if all others are true of an object; None if one is not."""
-    label = _label(thing)
+    label = _label(obj)
     rest = [w for w in mods if w not in label and w not in LOOSE]
     other_material = MATERIALS & set(label)
     rest = [w for w in rest if w not in MATERIALS or other_material]
@@ -221,8 +221,8 @@ def _true(mods: Sequence[str], thing: SceneObject) -> tuple[str, ...] | None:
     found = first_colour(rest)
     if found is None or found[1] - found[0] != len(rest):
         return None
-    said = {w for w in label if w in COLOURS and w != thing.colour}
-    return None if said and thing.named_by else tuple(rest)
+    said = {w for w in label if w in COLOURS and w != obj.colour}
+    return None if said and obj.named_by else tuple(rest)
 
 
 def _coloured(
@@ -236,15 +236,15 @@ def _coloured(
     assert found is not None
     colour = found[2]
     colour = FAMILIES[colour][0] if colour not in COLOURS and len(FAMILIES[colour]) == 1 else colour
-    things = [o for o, _ in fits]
-    name = meant_by(colour, (o.colour for o in things))
-    own = [o for o in things if name and o.colour == name]
-    if own or not all(o.parent for o in things):
-        return own or [o for o in things if between(NEARLY.get(colour, colour), o.rgb)]
+    objects = [o for o, _ in fits]
+    name = meant_by(colour, (o.colour for o in objects))
+    own = [o for o in objects if name and o.colour == name]
+    if own or not all(o.parent for o in objects):
+        return own or [o for o in objects if between(NEARLY.get(colour, colour), o.rgb)]
     by_id = {o.id: o for o in scene_objects}
-    wholes = {o.id: by_id[o.parent].colour for o in things if o.parent in by_id}
+    wholes = {o.id: by_id[o.parent].colour for o in objects if o.parent in by_id}
     name = meant_by(colour, wholes.values())
-    return [o for o in things if name and wholes.get(o.id) == name]
+    return [o for o in objects if name and wholes.get(o.id) == name]
 
 
 # Restrictions
@@ -331,26 +331,26 @@ def _over(one: SceneObject, other: SceneObject) -> bool:
     return other.covers(one.centre) or _gap(one, other) < min(reach, 0.5 * float(other.extents[:2].max()))
 
 
-def _at(thing: SceneObject, relation: str, marks: Sequence[SceneObject]) -> bool:
+def _at(obj: SceneObject, relation: str, marks: Sequence[SceneObject]) -> bool:
     """Whether an object is in the relation to any of the marks."""
-    return any(_holds(thing, relation, mark) for mark in marks if mark is not thing)
+    return any(_holds(obj, relation, mark) for mark in marks if mark is not obj)
 
 
-def _holds(thing: SceneObject, relation: str, at: SceneObject) -> bool:
+def _holds(obj: SceneObject, relation: str, at: SceneObject) -> bool:
     """The relation to one mark; x is behind, y to the left, as the robot sees it."""
-    ahead, left = (thing.centre - at.centre)[:2]
+    ahead, left = (obj.centre - at.centre)[:2]
     match relation:
         case "on":
-            return _over(thing, at) and thing.bottom > at.top - 2 * CLOSE
+            return _over(obj, at) and obj.bottom > at.top - 2 * CLOSE
         case "in":
-            return thing.parent == at.id or (_over(thing, at) and thing.bottom < at.top - CLOSE)
+            return obj.parent == at.id or (_over(obj, at) and obj.bottom < at.top - CLOSE)
         case "under":
-            return _over(at, thing) and thing.top < at.bottom + CLOSE
+            return _over(at, obj) and obj.top < at.bottom + CLOSE
         case "from":
-            touches = bool((at.distances(thing.corners()) == 0.0).any())
-            return thing.parent == at.id or _over(thing, at) or touches
+            touches = bool((at.distances(obj.corners()) == 0.0).any())
+            return obj.parent == at.id or _over(obj, at) or touches
         case "beside":
-            return _gap(thing, at) < BESIDE + 0.5 * float(at.extents[:2].max())
+            return _gap(obj, at) < BESIDE + 0.5 * float(at.extents[:2].max())
         case "left_of" | "right_of":
             return bool((left if relation == "left_of" else -left) > CLOSE)
         case "behind" | "front_of":
@@ -358,11 +358,11 @@ def _holds(thing: SceneObject, relation: str, at: SceneObject) -> bool:
     return True  # nearest, farthest: a matter of degree
 
 
-def _between(thing: SceneObject, one: SceneObject, other: SceneObject) -> bool:
+def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> bool:
     """Whether it lies between two others: within the middle of their line, nearer to it than half its length."""
-    if thing in (one, other):
+    if obj in (one, other):
         return False
-    line, to = (other.centre - one.centre)[:2], (thing.centre - one.centre)[:2]
+    line, to = (other.centre - one.centre)[:2], (obj.centre - one.centre)[:2]
     length = float(np.linalg.norm(line))
     along = float(to @ line) / max(length, 1e-9)
     across = float(np.sqrt(max(float(to @ to) - along**2, 0.0)))

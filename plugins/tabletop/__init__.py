@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, hookimpl
@@ -12,6 +11,7 @@ from gvla2.robot.options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task
+    from gvla2_plugins.tabletop.scenes import TabletopTask
 
 
 @dataclass
@@ -80,74 +80,60 @@ class OpenJarConfig(ScaledConfig):
 
 @dataclass
 class OpenBoxConfig(ScaledConfig):
-    """Options of ``open_box``. ``swing`` (radians): boxes stand where the arm can open their lids so far."""
+    """Options of ``open_box``. ``swing`` (radians): boxes stand where the arm can open their lids by that much."""
 
     swing: float = 1.8
 
 
-_TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
-    ("put_block", ScaledConfig, "PutBlock", "Put a block on a painted square."),
-    (
-        "push_block",
-        PushBlockConfig,
-        "PushBlock",
-        "Push a block onto a square painted on the table.",
-    ),
-    (
-        "play_jenga",
-        ScaledConfig,
-        "PlayJenga",
-        "Pull the loose brick out of a tower that keeps standing.",
-    ),
-    ("open_jar", OpenJarConfig, "OpenJar", "Unscrew the lid of the jar of the named colour."),
-    ("close_box", ScaledConfig, "CloseBox", "Close the hinged lid of a box."),
-    ("open_box", OpenBoxConfig, "OpenBox", "Open the hinged lid of a box by its lip."),
-    ("pickup_cup", ScaledConfig, "PickupCup", "Pick the cup of the named colour up by its rim."),
-    ("take_umbrella", ScaledConfig, "TakeUmbrella", "Pull an umbrella out of its stand."),
-    ("sort_mustard", ScaledConfig, "SortMustard", "Put the mustard bottle into the tray."),
-    ("open_wine", ScaledConfig, "OpenWine", "Turn the cap of a wine bottle until it comes off."),
-    ("lamp_on", LampOnConfig, "LampOn", "Press the sprung button of a lamp."),
-    ("put_knife", ScaledConfig, "PutKnife", "Draw a knife from its block and lay it on the board."),
-    (
-        "pick_and_lift",
-        PickAndLiftConfig,
-        "PickAndLift",
-        "Lift the cube of the named colour, beside others.",
-    ),
-    (
-        "insert_block",
-        ScaledConfig,
-        "InsertBlock",
-        "Slip a square ring over the pillar of the named colour.",
-    ),
-    (
-        "move_spray_bottle",
-        ScaledConfig,
-        "MoveSprayBottle",
-        "Move a spray bottle onto a painted square.",
-    ),
-    ("open_drawer", ScaledConfig, "OpenDrawer", "Pull a drawer open by its handle."),
-    (
-        "sort_object",
-        ScaledConfig,
-        "SortObject",
-        "Put three objects into the bins of their colours.",
-    ),
+_TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
+    ("put_block", ScaledConfig, "Put a block on a painted square."),
+    ("push_block", PushBlockConfig, "Push a block onto a square painted on the table."),
+    ("play_jenga", ScaledConfig, "Pull the loose brick out of a tower that keeps standing."),
+    ("open_jar", OpenJarConfig, "Unscrew the lid of the jar of the named colour."),
+    ("close_box", ScaledConfig, "Close the hinged lid of a box."),
+    ("open_box", OpenBoxConfig, "Open the hinged lid of a box by its lip."),
+    ("pickup_cup", ScaledConfig, "Pick the cup of the named colour up by its rim."),
+    ("take_umbrella", ScaledConfig, "Pull an umbrella out of its stand."),
+    ("sort_mustard", ScaledConfig, "Put the mustard bottle into the tray."),
+    ("open_wine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
+    ("lamp_on", LampOnConfig, "Press the sprung button of a lamp."),
+    ("put_knife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
+    ("pick_and_lift", PickAndLiftConfig, "Lift the cube of the named colour, beside others."),
+    ("insert_block", ScaledConfig, "Slip a square ring over the pillar of the named colour."),
+    ("move_spray_bottle", ScaledConfig, "Move a spray bottle onto a painted square."),
+    ("open_drawer", ScaledConfig, "Pull a drawer open by its handle."),
+    ("sort_object", ScaledConfig, "Put three objects into the bins of their colours."),
 )
-"""Name, configuration, class, summary."""
-
-_MODULES = {"open_box": "boxes", "close_box": "boxes"}
-"""Modules with another name than their task."""
+"""Name, configuration, summary."""
 
 
-def _component(name: str, config: type[ScaledConfig], made: str, summary: str) -> Component[Task]:
+def _classes() -> dict[str, type[TabletopTask[Any]]]:
+    """The tasks by name, loaded when one is built."""
+    from gvla2_plugins.tabletop.boxes import CloseBox, OpenBox
+    from gvla2_plugins.tabletop.insert_block import InsertBlock
+    from gvla2_plugins.tabletop.lift import PickAndLift, PickupCup, TakeUmbrella
+    from gvla2_plugins.tabletop.open_drawer import OpenDrawer
+    from gvla2_plugins.tabletop.play_jenga import PlayJenga
+    from gvla2_plugins.tabletop.push import LampOn, PushBlock
+    from gvla2_plugins.tabletop.put import MoveSprayBottle, PutBlock, SortMustard, SortObject
+    from gvla2_plugins.tabletop.put_knife import PutKnife
+    from gvla2_plugins.tabletop.screws import OpenJar, OpenWine
+
+    tasks: list[type[TabletopTask[Any]]] = [
+        CloseBox, InsertBlock, LampOn, MoveSprayBottle, OpenBox, OpenDrawer, OpenJar, OpenWine, PickAndLift,
+        PickupCup, PlayJenga, PushBlock, PutBlock, PutKnife, SortMustard, SortObject, TakeUmbrella,
+    ]  # fmt: skip
+    return {task.name: task for task in tasks}
+
+
+def _component(name: str, config: type[ScaledConfig], summary: str) -> Component[Task]:
     def build(config: ScaledConfig) -> Task:
-        task: Any = getattr(import_module(f"{__name__}.{_MODULES.get(name, name)}"), made)
+        task = _classes()[name]
         if config.world == "plain":
-            return task(config)  # type: ignore[no-any-return]
+            return task(config)
         from gvla2_plugins.tabletop.learnable import Learnable
 
-        return Learnable(name, config, task)
+        return Learnable(config, task)
 
     return Component(name, config, build, summary=summary)
 

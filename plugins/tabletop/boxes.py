@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
-from gvla2.robot.placing import inside, sample_root, sample_until
 from gvla2.robot.solids import tray
-from gvla2.robot.task import Body, Joint, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Joint, Layout, Solution, TaskInstance, WorldState
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
-from gvla2_plugins.tabletop.moves import best_path, through
-from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
+from gvla2_plugins.tabletop.moves import UP, best_path, take, through
+from gvla2_plugins.tabletop.scenes import Draw, TabletopTask, box, lifted, scaled
 
 BOX, WALL = (0.25, 0.35, 0.15), 0.01
 LID, LID_MASS = (0.268, 0.35, 0.01), 0.938
@@ -43,8 +42,7 @@ class LidBox:
     def hinge(self) -> FloatArray:
         """(3,) middle of the hinge, world."""
         k = self.scale
-        point = self.root @ np.array([k * BOX[0] / 2, 0.0, k * BOX[2] + LID[2] / 2, 1.0])
-        return np.asarray(point[:3])
+        return transform_points(self.root, (k * BOX[0] / 2, 0.0, k * BOX[2] + LID[2] / 2))
 
     def lid_pose(self, angle: float) -> FloatArray:
         """world_from_lid (4, 4) when the lid is open by ``angle`` radians; its origin is its middle."""
@@ -56,48 +54,35 @@ class LidBox:
         pose = self.lid_pose(angle)
         return np.asarray(self.hinge - pose[:3, 0] * distance)
 
-    def bodies(
-        self, angle: float, colours: tuple[tuple[float, float, float], tuple[float, float, float]], words: str
-    ) -> tuple[Body, Body]:
-        """Box and lid, the lid open by ``angle``; ``colours`` of the two, ``words`` for the box's label."""
+    def bodies(self, angle: float, colours: Sequence[str]) -> tuple[Body, Body]:
+        """Box and lid of the two colours, the lid open by ``angle``."""
         k = self.scale
-        outer = (k * BOX[0], k * BOX[1], k * BOX[2])
-        lid = Primitive("box", (k * LID[0], k * LID[1], LID[2]), colours[1])
+        walls = tray(scaled(k, BOX), WALL, COLOURS[colours[0]])
+        lid = box((k * LID[0], k * LID[1], LID[2]), COLOURS[colours[1]])
         return (
-            Body("box", tray(outer, WALL, colours[0]), self.root, 2.0, fixed=True, label=words, shape="box"),
+            Body("box", walls, self.root, 2.0, fixed=True, label=f"{colours[0]} box", shape="box"),
             Body("lid", (lid,), self.lid_pose(angle), LID_MASS, label="box lid", shape="plate"),
         )
 
     def joint(self, *, opens: bool) -> Joint:
         """The hinge: travel counts from closed when it ``opens``, else from opened."""
+        axis = self.root[:3, 1] * (1.0 if opens else -1.0)
         return Joint(
-            "hinge",
-            "revolute",
-            "box",
-            "lid",
-            axis=self.root[:3, 1] * (1.0 if opens else -1.0),
-            origin=self.hinge,
-            limits=(0.0, TRAVEL),
-            damping=0.1,
+            "hinge", "revolute", "box", "lid", axis=axis, origin=self.hinge, limits=(0.0, TRAVEL), damping=0.1,
             friction=0.02,
-        )
+        )  # fmt: skip
 
 
-def draw_box(rng: np.random.Generator, site: TaskSite, scale: float) -> LidBox | None:
+def draw_box(draw: Draw, scale: float) -> LidBox | None:
     """A box inside the site, its back away from the robot; None when it is out of place."""
-    root = sample_root(rng, site, YAW)
-    box = LidBox(root, scale)
-    corners = [
-        root[:3, :3] @ (scale * np.array([x, y, 0]) / 2) for x in (-BOX[0], BOX[0]) for y in (-BOX[1], BOX[1])
-    ]
-    if not all(inside(site, (root[:3, 3] + corner)[:2], 0.0) for corner in corners):
-        return None
-    return box
+    root = draw.root(YAW)
+    half = 0.5 * scale * np.array(BOX[:2])
+    corners = [root[:2, 3] + root[:2, :2] @ (half * (x, y)) for x in (-1, 1) for y in (-1, 1)]
+    return LidBox(root, scale) if all(draw.inside(corner, 0.0) for corner in corners) else None
 
 
 HOOK_LEANS = (0.0, 0.35)
 """How far the fingertips may lean away from the box when they hook behind its lid, radians."""
-
 
 LARGE = 1.05
 """The edge of a lid larger by this is out of reach of a hand pointing down."""
@@ -106,64 +91,64 @@ BESIDE, INTO = 0.6, 0.025
 """How far out along the lid fingers push it from beside, as a share of its length; how far they reach behind it."""
 
 
-def shut_paths(box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
+def shut_paths(lid_box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
     """Ways to shut the lid through ``angles`` (N,), tool poses (4, 4) each: before, behind the lid, and over.
 
     A hook behind its edge from above, the hand either way round; for a large lid also with the hand leaning, or level
     beside the lid with the fingers behind it.
     """
-    back, up = box.root[:3, 0], np.array([0.0, 0.0, 1.0])
-    large = box.scale > LARGE
+    back, up = lid_box.root[:3, 0], UP
+    large = lid_box.scale > LARGE
     ways = []
     for lean in HOOK_LEANS if large else HOOK_LEANS[:1]:
         for sign in (1.0, -1.0):
-            path = hook_path(box, angles, sign, lean)
+            path = hook_path(lid_box, angles, sign, lean)
             behind = rigid(translation=0.03 * back) @ path[0]
             ways.append([rigid(translation=0.05 * up) @ behind, behind, *path])
     for side in (1.0, -1.0) if large else ():
         for closing in (up, -up, back, -back):
-            path = beside_path(box, angles, side, closing)
-            behind = rigid(translation=0.02 * box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
+            path = beside_path(lid_box, angles, side, closing)
+            behind = rigid(translation=0.02 * lid_box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
             ways.append([behind @ lifted(-0.085), behind, *path])
     return ways
 
 
-def beside_path(box: LidBox, angles: FloatArray, side: float, closing: FloatArray) -> list[FloatArray]:
+def beside_path(lid_box: LidBox, angles: FloatArray, side: float, closing: FloatArray) -> list[FloatArray]:
     """Tool poses (4, 4) of a level hand beside the lid whose fingers are behind it at ``angles`` (N,)."""
-    axis = box.root[:3, 1]
+    axis = lid_box.root[:3, 1]
     turned = grasp_rotation(-side * axis, closing)
-    rim = side * (box.scale * LID[1] / 2 - INTO) * axis
+    rim = side * (lid_box.scale * LID[1] / 2 - INTO) * axis
     spots = [
-        box.along_lid(float(angle), BESIDE * box.scale * LID[0])
-        + HOOK_BEHIND * box.lid_pose(float(angle))[:3, 2]
+        lid_box.along_lid(float(angle), BESIDE * lid_box.scale * LID[0])
+        + HOOK_BEHIND * lid_box.lid_pose(float(angle))[:3, 2]
         for angle in angles
     ]
     return [rigid(turned, spot + rim) for spot in spots]
 
 
-def lip_path(box: LidBox, angles: FloatArray, beyond: float, sign: float) -> list[FloatArray]:
+def lip_path(lid_box: LidBox, angles: FloatArray, beyond: float, sign: float) -> list[FloatArray]:
     """Tool poses (4, 4) of a hand that holds the lip at ``angles`` (N,), pointing to the hinge along the lid.
 
     The tool centre point is ``beyond`` metres inside the lip's edge; ``sign`` turns the hand over.
     """
     poses = []
     for angle in angles:
-        lid = box.lid_pose(float(angle))
-        at = box.along_lid(float(angle), box.scale * LID[0] - beyond)
+        lid = lid_box.lid_pose(float(angle))
+        at = lid_box.along_lid(float(angle), lid_box.scale * LID[0] - beyond)
         poses.append(rigid(grasp_rotation(lid[:3, 0], sign * lid[:3, 2]), at))
     return poses
 
 
-def hook_path(box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -> list[FloatArray]:
+def hook_path(lid_box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -> list[FloatArray]:
     """Tool poses (4, 4) of a hand that points down and hooks behind the lid's edge at ``angles`` (N,).
 
     The fingertips lean away from the box by ``lean`` radians: an edge further off is then in reach.
     """
-    down, back = np.array([0.0, 0.0, -1.0]), box.root[:3, 0]
-    approach = np.cos(lean) * down + np.sin(lean) * back
-    behind = np.cos(lean) * back - np.sin(lean) * down
-    turned = grasp_rotation(approach, sign * box.root[:3, 1])
-    edges = [box.along_lid(float(angle), box.scale * LID[0]) for angle in angles]
+    back = lid_box.root[:3, 0]
+    approach = -np.cos(lean) * UP + np.sin(lean) * back
+    behind = np.cos(lean) * back + np.sin(lean) * UP
+    turned = grasp_rotation(approach, sign * lid_box.root[:3, 1])
+    edges = [lid_box.along_lid(float(angle), lid_box.scale * LID[0]) for angle in angles]
     below = HOOK_BELOW * (1.0 + 2.0 * np.sin(lean))  # a leaning finger slips off sooner
     return [rigid(turned, edge + HOOK_BEHIND * behind + below * approach) for edge in edges]
 
@@ -177,30 +162,28 @@ OPENED, FALLS = 1.8, 1.0
 _BOX = ("box", "lid", "table")
 
 
-def swing_open(box: LidBox) -> Solution:
+def swing_open(lid_box: LidBox) -> Solution:
     """Grasp the lip from the front, fingers above and below, and go round the hinge with it."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        paths = [lip_path(box, np.linspace(0.0, OPENED, 9), LIP_REACH, sign) for sign in (1.0, -1.0)]
+        paths = [lip_path(lid_box, np.linspace(0.0, OPENED, 9), LIP_REACH, sign) for sign in (1.0, -1.0)]
         before = [path[0] @ lifted(-STANDOFF) for path in paths]
         best = best_path(arm, [[first, *path] for first, path in zip(before, paths, strict=True)])
         grasp, *swing = paths[best]
         yield [
-            *through("approach", [before[best]], 0.6, free=True, contacts=_BOX),
-            *through("reach", [grasp], 0.6, speed=0.1, contacts=_BOX),
-            *through("grasp", [grasp], 0.0, contacts=_BOX),
+            *take(before[best], grasp, 0.6, _BOX),
             *through("swing", swing, 0.0, speed=0.12, contacts=_BOX, tolerance=0.02),
         ]
 
     return solve
 
 
-def push_shut(box: LidBox) -> Solution:
+def push_shut(lid_box: LidBox) -> Solution:
     """Hook closed fingers behind the lid's edge and pull it over the hinge; it falls the rest of the way."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         angles = np.linspace(TRAVEL, FALLS, 9)
-        paths = shut_paths(box, angles)
+        paths = shut_paths(lid_box, angles)
         above, behind, *push = paths[best_path(arm, paths)]
         yield [
             *through("approach", [above], 0.0, free=True, contacts=_BOX),
@@ -216,9 +199,10 @@ OPEN = np.pi / 2
 """Travel of the lid that counts, radians."""
 
 
-class OpenBox:
+class OpenBox(TabletopTask[OpenBoxConfig]):
     """Open the box. relaxed: the lid was opened by more than a right angle at some time. strict: it still is."""
 
+    name = "open_box"
     instructions = (
         "open the box",
         "open the lid of the {colour} box",
@@ -226,59 +210,47 @@ class OpenBox:
         "swing the {colour} box's lid open",
         "please open that box for me",
     )
-    """Paraphrases; ``{colour}`` is the box's colour."""
 
-    def __init__(self, config: OpenBoxConfig) -> None:
+    def check(self, config: OpenBoxConfig) -> None:
+        """The lid opens by its travel at most."""
         if not 0.0 < config.swing <= TRAVEL:
             raise ConfigurationError(
                 f"task=open_box takes task.swing above 0 and up to {TRAVEL:.2f} rad, got {config.swing}."
             )
-        self._scale, self._swing = config.factor("open_box"), config.swing
 
-    def sample(
-        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
-    ) -> TaskInstance:
-        """One episode; there is one box, whatever ``instruction`` says."""
-        angles = np.linspace(0.0, self._swing, 6)
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A closed box whose lid the arm can swing open."""
+        angles = np.linspace(0.0, self.config.swing, 6)
 
-        def draw() -> LidBox | None:
-            box = draw_box(rng, site, self._scale)
-            if box is None:
-                return None
-            for sign in (1.0, -1.0):
-                path = lip_path(box, angles, LIP_REACH, sign)
-                if site.follows([path[0] @ lifted(-STANDOFF), *path]):
-                    return box
+        def place() -> LidBox | None:
+            lid_box = draw_box(draw, self.scale)
+            for path in (
+                () if lid_box is None else (lip_path(lid_box, angles, LIP_REACH, s) for s in (1.0, -1.0))
+            ):
+                if draw.site.follows([path[0] @ lifted(-STANDOFF), *path]):
+                    return lid_box
             return None
 
-        box = sample_until(draw, "a box")
-        colour, lid_colour = sample_colours(rng, site, 2)
-        bodies = box.bodies(0.0, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
-
-        return TaskInstance(
-            Layout(bodies, (box.joint(opens=True),)),
-            sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"relaxed": _was_open, "strict": _is_open},
+        lid_box = draw.until(place, "a box")
+        colours = draw.colours(2)
+        return draw.instance(
+            Layout(lid_box.bodies(0.0, colours), (lid_box.joint(opens=True),)),
+            lambda world: world.peak("hinge") > OPEN,
+            lambda world: world.joint("hinge") > OPEN,
             "relaxed: the lid was opened by more than 90 degrees; strict: it still is",
-            solution=swing_open(box),
+            swing_open(lid_box),
+            colour=colours[0],
         )
-
-
-def _was_open(world: WorldState) -> bool:
-    return world.peak("hinge") > OPEN
-
-
-def _is_open(world: WorldState) -> bool:
-    return world.joint("hinge") > OPEN
 
 
 SHUT_RELAXED, SHUT_STRICT = 2.4, 2.6
 """Travel of the lid that counts, radians out of 2.618."""
 
 
-class CloseBox:
+class CloseBox(TabletopTask[ScaledConfig]):
     """Close the box. relaxed: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
 
+    name = "close_box"
     instructions = (
         "close the box",
         "shut the lid of the {colour} box",
@@ -286,37 +258,22 @@ class CloseBox:
         "swing the lid over so that the box is closed",
         "please shut the box",
     )
-    """Paraphrases; ``{colour}`` is the box's colour."""
 
-    def __init__(self, config: ScaledConfig) -> None:
-        self._scale = config.factor("close_box")
-
-    def sample(
-        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
-    ) -> TaskInstance:
-        """One episode; there is one box, whatever ``instruction`` says."""
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """An open box whose lid the arm can push shut."""
         angles = np.linspace(TRAVEL, FALLS, 5)
 
-        def draw() -> LidBox | None:
-            box = draw_box(rng, site, self._scale)
-            if box is None or not any(site.follows(way) for way in shut_paths(box, angles)):
-                return None
-            return box
+        def place() -> LidBox | None:
+            lid_box = draw_box(draw, self.scale)
+            return lid_box if lid_box and any(map(draw.site.follows, shut_paths(lid_box, angles))) else None
 
-        box = sample_until(draw, "an open box")
-        colour, lid_colour = sample_colours(rng, site, 2)
-        bodies = box.bodies(TRAVEL, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
-
-        def relaxed(world: WorldState) -> bool:
-            return world.joint("hinge") > SHUT_RELAXED
-
-        def strict(world: WorldState) -> bool:
-            return world.joint("hinge") > SHUT_STRICT
-
-        return TaskInstance(
-            Layout(bodies, (box.joint(opens=False),)),
-            sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"relaxed": relaxed, "strict": strict},
+        lid_box = draw.until(place, "an open box")
+        colours = draw.colours(2)
+        return draw.instance(
+            Layout(lid_box.bodies(TRAVEL, colours), (lid_box.joint(opens=False),)),
+            lambda world: world.joint("hinge") > SHUT_RELAXED,
+            lambda world: world.joint("hinge") > SHUT_STRICT,
             f"relaxed: the lid has come {SHUT_RELAXED} rad of its {TRAVEL:.3f}; strict: {SHUT_STRICT} rad",
-            solution=push_shut(box),
+            push_shut(lid_box),
+            colour=colours[0],
         )

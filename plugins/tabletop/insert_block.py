@@ -10,12 +10,12 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_
 from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
-from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
+from gvla2.robot.placing import at
 from gvla2.robot.solids import square_ring
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Solution, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, best_path, raised, through
-from gvla2_plugins.tabletop.scenes import named_by_colour, sample_colours, sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, UP, best_path, both, let_go, raised, take, through
+from gvla2_plugins.tabletop.scenes import Draw, TabletopTask, box, scaled
 
 PILLAR, PILLARS_AT = (0.025, 0.025, 0.12), (-0.125, 0.0, 0.125)
 RING, HOLE, MASS = (0.05, 0.05, 0.01), 0.03, 0.02
@@ -28,12 +28,11 @@ SMOOTH = 0.2
 LOW = 0.005
 """A ring is at the foot if it is at most this far above its flat position, metres."""
 
-IMAGE_SIZE = 512
 
-
-class InsertBlock:
+class InsertBlock(TabletopTask[ScaledConfig]):
     """Put the ring over the named pillar. relaxed: it lies about the pillar's foot. strict: the same, and released."""
 
+    name = "insert_block"
     instructions = (
         "put the ring on the {colour} pillar",
         "slide the square ring over the {colour} peg",
@@ -41,66 +40,53 @@ class InsertBlock:
         "place the ring around the {colour} post",
         "drop the ring over the {colour} pillar",
     )
-    """Paraphrases; ``{colour}`` is the pillar's colour."""
 
-    def __init__(self, config: ScaledConfig) -> None:
-        self._scale = config.factor("insert_block")
-
-    def sample(
-        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
-    ) -> TaskInstance:
-        """One episode; a given ``instruction`` decides the pillar if it names the colour of exactly one."""
-        k = self._scale
-        root, start = sample_until(lambda: self._draw(rng, site), "a ring and three pillars")
-        ring_colour, *colours = sample_colours(rng, site, 4)
-        named = int(rng.integers(3))
-        target, aside = named_by_colour(instruction, colours, named)
-        x, y, z = (k * side for side in PILLAR)
-        pillars = tuple(
-            Body(
-                f"pillar_{i}", (Primitive("box", (x, y, z), COLOURS[c]),), at(root, k * place, 0.0, z / 2), fixed=True,
-                friction=SMOOTH, label=f"{c} pillar",
-            )
-            for i, (place, c) in enumerate(zip(PILLARS_AT, colours, strict=True))
-        )  # fmt: skip
-        outer = k * RING[0], k * RING[1], k * RING[2]
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A square ring and three pillars."""
+        k = self.scale
+        root, start = draw.until(lambda: self._poses(draw), "a ring and three pillars")
+        ring_colour, *colours = draw.colours(4)
+        own = int(draw.rng.integers(3))
+        target, aside = draw.named(colours, own)
+        size, outer = scaled(k, PILLAR), scaled(k, RING)
+        pillars = []
+        for i, (place, c) in enumerate(zip(PILLARS_AT, colours, strict=True)):
+            pose, solid = at(root, k * place, 0.0, size[2] / 2), box(size, COLOURS[c])
+            label = f"{c} pillar"
+            pillars.append(Body(f"pillar_{i}", (solid,), pose, fixed=True, friction=SMOOTH, label=label))
         walls = square_ring(outer, k * (RING[0] - HOLE) / 2, COLOURS[ring_colour], -outer[2] / 2)
         ring = Body("ring", walls, start, MASS, friction=SMOOTH, label=f"{ring_colour} ring", shape="ring")
         pillar = pillars[target]
-        room = k * (HOLE - PILLAR[0]) / 2
+        room, foot = k * (HOLE - PILLAR[0]) / 2, draw.site.table_height + outer[2] / 2 + LOW
 
         def relaxed(world: WorldState) -> bool:
-            pose = world.pose("ring")
-            off = transform_points(invert_rigid(pillar.world_from_body), pose[:3, 3])
-            at_foot = pose[2, 3] < site.table_height + outer[2] / 2 + LOW
-            return bool(np.abs(off[:2]).max() < np.sqrt(2) * room and at_foot)
+            middle = world.pose("ring")[:3, 3]
+            off = transform_points(invert_rigid(pillar.world_from_body), middle)
+            return bool(np.abs(off[:2]).max() < np.sqrt(2) * room and middle[2] < foot)
 
-        def strict(world: WorldState) -> bool:
-            return relaxed(world) and world.resting("ring")
-
-        return TaskInstance(
+        return draw.instance(
             Layout((*pillars, ring)),
-            sentence_of(rng, self.instructions, instruction, colour=colours[named]),
-            {"relaxed": relaxed, "strict": strict},
+            relaxed,
+            lambda world: relaxed(world) and world.resting("ring"),
             f"relaxed: the ring lies about the foot of the {colours[target]} pillar; strict: let go of, at rest{aside}",
-            image_size=IMAGE_SIZE,
-            solution=slip_over(pillar.name, z, outer[0], outer[2], [p.name for p in pillars]),
+            slip_over(pillar.name, size[2], outer[2], [p.name for p in pillars]),
+            image_size=512,
+            colour=colours[own],
         )
 
-    def _draw(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:
-        k, root = self._scale, sample_root(rng, site)
+    def _poses(self, draw: Draw) -> tuple[FloatArray, FloatArray] | None:
+        """The root's and the ring's pose (4, 4)."""
+        k, root = self.scale, draw.root()
         half = 0.5 * np.asarray(SPAWN) - k * RING[0] / np.sqrt(2)
-        x, y = np.asarray(SPAWN_AT) + rng.uniform(-half, half)
-        start = at(root, x, y, k * RING[2] / 2, float(rng.uniform(-np.pi, np.pi)))
+        x, y = np.asarray(SPAWN_AT) + draw.rng.uniform(-half, half)
+        start = at(root, x, y, k * RING[2] / 2, draw.angle())
         ends = [at(root, k * place, 0.0)[:2, 3] for place in PILLARS_AT]
-        if not all(inside(site, xy, k * PILLAR[0]) for xy in ends) or not inside(
-            site, start[:2, 3], k * RING[0]
-        ):
+        if not all(draw.inside(xy, k * PILLAR[0]) for xy in ends):
             return None
-        if not in_reach(site, start[:2, 3], (0.011, 0.1)):
+        if not draw.inside(start[:2, 3], k * RING[0]) or not draw.in_reach(start[:2, 3], 0.011, 0.1):
             return None
         top = k * PILLAR[2]
-        return (root, start) if all(in_reach(site, xy, (top - 0.03, top + 0.06)) for xy in ends) else None
+        return (root, start) if all(draw.in_reach(xy, top - 0.03, top + 0.06) for xy in ends) else None
 
 
 TIP_ROOM = 0.0015
@@ -110,46 +96,33 @@ PALM_ROOM = 0.006
 LIFT = 0.18
 
 
-def slip_over(pillar: str, height: float, side: float, thickness: float, others: Sequence[str]) -> Solution:
-    """Put the square body ``ring`` (outer ``side``, metres) over the body ``pillar`` of that ``height``."""
+def slip_over(pillar: str, height: float, thickness: float, others: Sequence[str]) -> Solution:
+    """Put the square body ``ring`` of that ``thickness`` over the body ``pillar`` of that ``height``, metres."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         ring, post = world.pose("ring"), world.pose(pillar)
         near = {"ring", "table", *others}
         top = post[:3, 3] + UP * height / 2
         palm = arm.hand.finger_length - arm.hand.tip_beyond_tcp
-        ways = []
-        for hand_closing in (sign * ring[:3, i] for i in (0, 1) for sign in (1.0, -1.0)):
-            lowest = ring[:3, 3] - UP * (thickness / 2 - TIP_ROOM - arm.hand.tip_beyond_tcp)
-            grasp = rigid(grasp_rotation(DOWN, hand_closing), lowest)
-            for over_closing in (sign * post[:3, i] for i in (0, 1) for sign in (1.0, -1.0)):
-                over = rigid(grasp_rotation(DOWN, over_closing), top + UP * (palm + PALM_ROOM))
-                ways.append((grasp, over))
-        grasp, over = ways[best_path(arm, [[raised(g, 0.06), g, raised(g, LIFT)] for g, _ in ways])]
-        reachable = [o for g, o in ways if g is grasp]
-        over = reachable[best_path(arm, [[raised(o, 0.05), o] for o in reachable])]
+        lowest = ring[:3, 3] - UP * (thickness / 2 - TIP_ROOM - arm.hand.tip_beyond_tcp)
+        grasps = [rigid(grasp_rotation(DOWN, side), lowest) for side in both(ring[:3, 0], ring[:3, 1])]
+        grasp = grasps[best_path(arm, [[raised(g, 0.06), g, raised(g, LIFT)] for g in grasps])]
+        spot = top + UP * (palm + PALM_ROOM)
+        overs = [rigid(grasp_rotation(DOWN, side), spot) for side in both(post[:3, 0], post[:3, 1])]
+        over = overs[best_path(arm, [[raised(o, 0.05), o] for o in overs])]
         yield [
-            *through("approach", [raised(grasp, 0.06)], 1.0, free=True, contacts=near),
-            *through("reach", [grasp], 1.0, speed=0.08, contacts=near),
-            *through("grasp", [grasp], 0.0, contacts=near),
+            *take(raised(grasp, 0.06), grasp, 1.0, near, speed=0.08),
             *through("lift", [raised(grasp, LIFT)], 0.0, contacts=near, carries="ring"),
             *through("carry", [raised(over, 0.05)], 0.0, free=True, contacts=near, carries="ring"),
         ]
         # How the ring lies in the hand now: bring its middle, not the hand's, over the pillar.
-        hand = raised(over, 0.05)
-        tool_from_ring = invert_rigid(hand) @ world.pose("ring")
-        over = _centred(over, tool_from_ring, top)
+        tool_from_ring = invert_rigid(raised(over, 0.05)) @ world.pose("ring")
+        off = (over @ tool_from_ring)[:2, 3] - top[:2]
+        over = rigid(translation=(-off[0], -off[1], 0.0)) @ over
         yield [
             *through("align", [raised(over, 0.05)], 0.0, speed=0.05, contacts=near, tolerance=0.003),
             *through("insert", [over], 0.0, speed=0.05, contacts=near),
-            *through("release", [over], 0.8, contacts=near),
-            *through("leave", [raised(over, 0.06)], 0.8, contacts=near),
+            *let_go(over, raised(over, 0.06), 0.8, near),
         ]
 
     return solve
-
-
-def _centred(over: FloatArray, tool_from_ring: FloatArray, axis: FloatArray) -> FloatArray:
-    """The tool pose (4, 4) moved sideways until the ring's middle is on the vertical through ``axis`` (3,)."""
-    off = (over @ tool_from_ring)[:3, 3] - axis
-    return rigid(translation=(-float(off[0]), -float(off[1]), 0.0)) @ over

@@ -6,28 +6,15 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.task import (
-    Body,
-    Catch,
-    Joint,
-    Primitive,
-    Task,
-    TaskInstance,
-    TaskSite,
-    Thread,
-    WorldState,
-)
-from gvla2_plugins.tabletop.scenes import lifted
-
-if TYPE_CHECKING:
-    from gvla2_plugins.tabletop.scenes import lifted
+from gvla2.robot.task import Body, Catch, Joint, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.scenes import TabletopTask, lifted
 
 
 @dataclass(frozen=True)
@@ -101,7 +88,8 @@ def _drawn(trait: str, rng: np.random.Generator, ranges: Ranges) -> float:
     return value
 
 
-Change = Callable[[Task, np.random.Generator, TaskSite, Family, Sequence[Family]], TaskInstance]
+Change = Callable[[TaskInstance, Family, Sequence[Family]], TaskInstance]
+"""Gives a published episode's objects a family's properties; the last argument are the other families."""
 
 ROOM, STOPPED = 0.004, 0.00005
 """Distance from the lamp's switching point to the button's stop, and from the stop at which it counts as rammed,
@@ -121,11 +109,8 @@ WIDEST = 2.0 * np.pi
 """Radians between the stops of a thread."""
 
 
-def _jar(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
+def _jar(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
     """Each jar's lid comes loose where its colour's thread ends."""
-    made = task.sample(rng, site)
     turns = {one.colour: one.value for one in (family, *others)}
     threads = tuple(
         _cut(thread, turns.get(made.layout[thread.parent].label.split()[0], family.value))
@@ -140,51 +125,44 @@ def _cut(thread: Thread, turn: float) -> Thread:
     return replace(thread, release=abs(turn), limits=limits)
 
 
-def _bottle(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
+def _with(layout: Layout, body: Body, **more: Any) -> Layout:
+    """The layout with that body in place of the one of its name."""
+    bodies = tuple(body if other.name == body.name else other for other in layout.bodies)
+    return replace(layout, bodies=bodies, **more)
+
+
+def _bottle(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
     """A bottle of the family's colour, whose cap turns one way only."""
-    del others
-    made = task.sample(rng, site)
-    glass = COLOURS[family.colour]
-    bodies = tuple(
-        replace(
-            body,
-            solids=tuple(
-                replace(solid, rgb=glass) if isinstance(solid, Primitive) else solid for solid in body.solids
-            ),
-            label=f"{family.colour} bottle",
-        )
-        if body.name == "bottle"
-        else body
-        for body in made.layout.bodies
+    bottle = made.layout["bottle"]
+    glass = tuple(
+        replace(solid, rgb=COLOURS[family.colour]) if isinstance(solid, Primitive) else solid
+        for solid in bottle.solids
     )
+    bottle = replace(bottle, solids=glass, label=f"{family.colour} bottle")
     threads = tuple(_cut(thread, family.value) for thread in made.layout.threads)
+    degrees = abs(np.degrees(family.value))
     return replace(
         made,
-        layout=replace(made.layout, bodies=bodies, threads=threads),
-        goal=f"the cap is loose (at {abs(np.degrees(family.value)):.0f} degrees) and has left the bottle's mouth",
+        layout=_with(made.layout, bottle, threads=threads),
+        goal=f"the cap is loose (at {degrees:.0f} degrees) and has left the bottle's mouth",
     )
 
 
-def _lamp(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
-    """A high button: it lights its lamp shortly before its stop, and rammed against that puts it out; or it wants to be
+def _lamp(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
+    """A high button: it lights its lamp shortly before its stop, and rammed against that puts it out; or it has to be
     held down.
     """
-    del others
-    made = task.sample(rng, site)
     (old,), (glow,) = made.layout.joints, made.layout.glows
     button = made.layout["button"]
     (cap,) = button.solids
     assert isinstance(cap, Primitive)
-    base = float(button.world_from_body[2, 3] - 0.5 * cap.size[2])
     centre = button.world_from_body.copy()
-    centre[2, 3] = base + 0.5 * STANDS
-    stem = replace(cap, size=(0.5 * cap.size[0], 0.5 * cap.size[1], STANDS - PLATE), collides=False)
+    centre[2, 3] += 0.5 * (STANDS - cap.size[2])
+    stem = replace(
+        cap, size=(0.5 * cap.size[0], 0.5 * cap.size[1], STANDS - PLATE), collides=False,
+        body_from_shape=lifted(-0.5 * PLATE),
+    )  # fmt: skip
     plate = replace(cap, size=(*cap.size[:2], PLATE), body_from_shape=lifted(0.5 * (STANDS - PLATE)))
-    stem = replace(stem, body_from_shape=lifted(-0.5 * PLATE))
     high = replace(button, solids=(plate, stem), world_from_body=centre, shape="cylinder")
     if family.trait == "hold":
         least, stop = HELD_AT, HELD_TRAVEL
@@ -195,53 +173,38 @@ def _lamp(
         shines = replace(glow, travel=least, until=stop - STOPPED)
         goal = "the lamp is on: its button went far enough, and not to its stop"
     joint = replace(old, origin=centre[:3, 3], limits=(0.0, stop), stiffness=SPRING)
-    bodies = tuple(high if body.name == "button" else body for body in made.layout.bodies)
-    layout = replace(made.layout, bodies=bodies, joints=(joint,), glows=(shines,))
 
     def lit(world: WorldState) -> bool:
         return least < world.peak("press") <= shines.until
 
+    layout = _with(made.layout, high, joints=(joint,), glows=(shines,))
     return replace(made, layout=layout, succeeded={"relaxed": lit, "strict": lit}, goal=goal)
 
 
-def _drawer(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
+def _drawer(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
     """A drawer whose handle moves up and down, and holds it shut until it has been lifted far enough."""
-    del others
-    made = task.sample(rng, site)
     drawer = made.layout["drawer"]
     (slide,) = made.layout.joints
     numbers = set(drawer.parts[0][1])
-    handle = Body(
-        "handle",
-        tuple(solid for i, solid in enumerate(drawer.solids) if i in numbers),
-        drawer.world_from_body,
-        HANDLE_MASS,
-        label="handle",
-    )
-    front = replace(
-        drawer, solids=tuple(s for i, s in enumerate(drawer.solids) if i not in numbers), parts=()
-    )
+    bar = tuple(solid for i, solid in enumerate(drawer.solids) if i in numbers)
+    rest = tuple(solid for i, solid in enumerate(drawer.solids) if i not in numbers)
+    handle = Body("handle", bar, drawer.world_from_body, HANDLE_MASS, label="handle")
     stop = family.value + HANDLE_ROOM
     latch = Joint(
         "latch", "prismatic", "drawer", "handle", axis=np.array([0.0, 0.0, 1.0]), origin=slide.origin,
         limits=(0.0, stop), rest=-0.01, stiffness=HANDLE_SPRING, damping=4.0,
     )  # fmt: skip
-    bodies = (*(front if body.name == "drawer" else body for body in made.layout.bodies), handle)
     catches = (Catch("slide", "latch", family.value, stop - 0.001),) if family.value > 0.0 else ()
-    layout = replace(made.layout, bodies=bodies, joints=(slide, latch), catches=catches)
-    return replace(made, layout=layout)
+    front = replace(drawer, solids=rest, parts=())
+    layout = _with(made.layout, front, joints=(slide, latch), catches=catches)
+    return replace(made, layout=replace(layout, bodies=(*layout.bodies, handle)))
 
 
-def _lid(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
-    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open. Friction would
-    hold it short of that, too.
+def _lid(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
+    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open.
+
+    It has no friction, which would hold it short of that, too.
     """
-    del others
-    made = task.sample(rng, site)
     (hinge,) = made.layout.joints
     lid = made.layout["lid"]
     lever = float(np.linalg.norm(lid.world_from_body[:2, 3] - hinge.origin[:2]))
@@ -264,13 +227,28 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
 NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
 """Options of a published task without which its objects may stand where the arm cannot do what is to be learnt."""
 
+NAMING = MappingProxyType(
+    {
+        "open_wine": (
+            "open the {colour} bottle",
+            "unscrew the cap of the {colour} bottle",
+            "twist the cap off the {colour} bottle and lift it",
+            "take the cap off the {colour} bottle",
+        )
+    }
+)
+"""Sentences of kinds whose published ones name no colour."""
+
 
 class Learnable:
     """Implements :class:`gvla2.robot.task.Task` over a published one: its layout, sentence and success check, and
     objects of one family in the colour and with the property that the world's seed gave them.
+
+    Only the colour distinguishes the families, so ``instructions`` are the published paraphrases that name it.
     """
 
-    def __init__(self, kind: str, config: ScaledConfig, make: Callable[[ScaledConfig], Task]) -> None:
+    def __init__(self, config: ScaledConfig, task: type[TabletopTask[Any]]) -> None:
+        kind = task.name
         if config.world != "learnable":
             raise ConfigurationError(
                 f"task.world is '{config.world}'; it is plain or learnable (see docs/learnable_worlds.md)."
@@ -287,13 +265,10 @@ class Learnable:
         if config.world_seed < 0:
             raise ConfigurationError(f"task.world_seed is {config.world_seed}; it must not be negative.")
         self.families = families(kind, config.world_seed, config.families)
-        self._kind, self._family = kind, config.family
-        self._task = make(replace(config, **NEEDED.get(kind, {})))  # type: ignore[arg-type]
-
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The published paraphrases that name the colour: only the colour distinguishes the families."""
-        return tuple(said for said in self._task.instructions if "{colour}" in said) or _NAMING[self._kind]
+        self._family, self._change = config.family, CHANGES[kind]
+        self._task = task(replace(config, **NEEDED.get(kind, {})))  # type: ignore[arg-type]
+        naming = tuple(template for template in self._task.instructions if "{colour}" in template)
+        self.instructions = naming or NAMING[kind]
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
@@ -301,15 +276,15 @@ class Learnable:
         """One episode, about the family that ``instruction`` names, else the chosen one, else one of all."""
         family = self._chosen(rng, instruction)
         others = [one for one in self.families if one is not family]
-        self._rng_sentence = int(rng.integers(len(self.instructions)))
+        template = self.instructions[int(rng.integers(len(self.instructions)))]
         here = replace(site, colours=(family.colour, *(one.colour for one in others[:1])))
-        instance = CHANGES[self._kind](self._task, rng, here, family, others)
-        words = dict.fromkeys(("colour",), family.colour) | {"target": _target(instance)}
-        sentence = self.instructions[self._rng_sentence].format(**words)
+        made = self._change(self._task.sample(rng, here), family, others)
+        square = next((b.label.split()[0] for b in made.layout.bodies if b.label.endswith(" square")), "")
+        sentence = template.format(colour=family.colour, target=square)
         return replace(
-            instance,
+            made,
             instruction=sentence if instruction is None else instruction,
-            goal=f"{instance.goal} (a world with something to learn)",
+            goal=f"{made.goal} (a world with something to learn)",
             solution=None,  # the scripted solution assumes published behaviour
         )
 
@@ -317,21 +292,5 @@ class Learnable:
         drawn = self.families[int(rng.integers(len(self.families)))]
         if self._family >= 0:
             drawn = self.families[self._family]
-        said = [one for one in self.families if one.colour in colours_in(instruction or "")]
-        return said[0] if len(said) == 1 else drawn
-
-
-_NAMING = {
-    "open_wine": (
-        "open the {colour} bottle",
-        "unscrew the cap of the {colour} bottle",
-        "twist the cap off the {colour} bottle and lift it",
-        "take the cap off the {colour} bottle",
-    )
-}
-"""Sentences of kinds whose published ones name no colour."""
-
-
-def _target(instance: TaskInstance) -> str:
-    """The colour of the painted square, "" where there is none."""
-    return next((b.label.split()[0] for b in instance.layout.bodies if b.label.endswith(" square")), "")
+        named = [one for one in self.families if one.colour in colours_in(instruction or "")]
+        return named[0] if len(named) == 1 else drawn

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -33,17 +34,9 @@ def stop(
     turned = Orientation()
     if approach is not None and closing is not None:
         turned = Orientation("grasp", _triple(approach), _triple(closing))
-    return Waypoint(
-        _triple(xyz),
-        gripper,
-        stage,
-        turned,
-        "free" if free else "linear",
-        speed,
-        frozenset(contacts),
-        carries,
-        tolerance,
-    )
+    way: Literal["free", "linear"] = "free" if free else "linear"
+    touched = frozenset(contacts)
+    return Waypoint(_triple(xyz), gripper, stage, turned, way, speed, touched, carries, tolerance)
 
 
 def through(
@@ -53,43 +46,52 @@ def through(
     *,
     free: bool = False,
     speed: float = 0.15,
-    contacts: Iterable[str] = (),
-    carries: str = "",
-    tolerance: float = 0.01,
+    **more: Any,
 ) -> list[Waypoint]:
-    """Waypoints at tool poses (4, 4); ``free`` concerns the first."""
-    touched = frozenset(contacts)
+    """Waypoints at tool poses (4, 4), with the options of :func:`stop`; ``free`` concerns the first."""
     return [
-        stop(
-            stage, pose[:3, 3], gripper, pose[:3, 2], pose[:3, 1], free=free and i == 0, speed=speed,
-            contacts=touched, carries=carries, tolerance=tolerance,
-        )
+        stop(stage, pose[:3, 3], gripper, pose[:3, 2], pose[:3, 1], free=free and i == 0, speed=speed, **more)
         for i, pose in enumerate(poses)
-    ]  # fmt: skip
+    ]
 
 
-def best_closing(
-    arm: Arm,
-    points: Sequence[FloatArray],
-    closings: Iterable[FloatArray],
-    approach: FloatArray = DOWN,
-    turn: float = 0.0,
-) -> FloatArray:
-    """Of the closing directions (3,), the one whose joints stay furthest from their limits along ``points`` (3,).
+def take(
+    before: FloatArray,
+    grasp: FloatArray,
+    opening: float,
+    contacts: Iterable[str],
+    *,
+    speed: float = 0.1,
+    touching: bool = True,
+) -> list[Waypoint]:
+    """Approach ``before``, reach ``grasp`` (poses (4, 4)) and close.
 
-    The tool must get from the first point to each next one on a straight line, and then, where ``turn`` (radians,
-    about the approach) is given, turn on the spot.
+    ``touching``: the ``contacts`` are already allowed on the approach.
+    """
+    near = frozenset(contacts)
+    return [
+        *through("approach", [before], opening, free=True, contacts=near if touching else ()),
+        *through("reach", [grasp], opening, speed=speed, contacts=near),
+        *through("grasp", [grasp], 0.0, contacts=near),
+    ]
+
+
+def let_go(pose: FloatArray, away: FloatArray, opening: float, contacts: Iterable[str]) -> list[Waypoint]:
+    """Open the hand at ``pose`` and leave to ``away`` (4, 4)."""
+    near = frozenset(contacts)
+    return [
+        *through("release", [pose], opening, contacts=near),
+        *through("leave", [away], opening, contacts=near),
+    ]
+
+
+def best_closing(arm: Arm, points: Sequence[FloatArray], closings: Iterable[FloatArray]) -> FloatArray:
+    """Of the closing directions (3,) of a hand that points down, the one whose joints stay furthest from their limits
+    straight along ``points`` (3,).
     """
     choices = list(closings)
-    paths = []
-    for closing in choices:
-        rotation = grasp_rotation(approach, closing)
-        poses = [rigid(rotation, point) for point in points]
-        for share in np.linspace(0.0, 1.0, 4)[1:] if turn else ():
-            about = Rotation.from_rotvec(approach * turn * share).as_matrix()
-            poses.append(rigid(about @ rotation, points[-1]))
-        paths.append(poses)
-    return choices[best_path(arm, paths)]
+    rotations = [grasp_rotation(DOWN, closing) for closing in choices]
+    return choices[best_path(arm, [[rigid(turn, point) for point in points] for turn in rotations])]
 
 
 def best_path(arm: Arm, paths: Sequence[Sequence[FloatArray]]) -> int:
@@ -136,22 +138,17 @@ def pick(
     grasp: FloatArray,
     closing: FloatArray,
     lift: float,
-    approach: FloatArray = DOWN,
     *,
     standoff: float = 0.10,
     contacts: Iterable[str] = (),
-    opening: float = 1.0,
-    away: FloatArray = UP,
 ) -> list[Waypoint]:
-    """Approach, close on ``obj`` with the tool at ``grasp`` (3,), and lift it by ``lift`` along ``away``."""
-    touched = {obj, "table", *contacts}
+    """Approach from above, close on ``obj`` with the tool at ``grasp`` (3,), and lift it; metres."""
+    near = {obj, "table", *contacts}
     return [
-        stop(
-            "approach", grasp - standoff * approach, opening, approach, closing, free=True, contacts=touched
-        ),
-        stop("reach", grasp, opening, speed=0.15, contacts=touched),
-        stop("grasp", grasp, 0.0, contacts=touched),
-        stop("lift", grasp + lift * away, 0.0, speed=0.15, contacts=touched, carries=obj),
+        stop("approach", grasp + standoff * UP, 1.0, DOWN, closing, free=True, contacts=near),
+        stop("reach", grasp, 1.0, speed=0.15, contacts=near),
+        stop("grasp", grasp, 0.0, contacts=near),
+        stop("lift", grasp + lift * UP, 0.0, speed=0.15, contacts=near, carries=obj),
     ]
 
 
@@ -201,17 +198,5 @@ def put_on(
             stop("release", release, 1.0, contacts=touched),
             stop("leave", above, 1.0, contacts=touched),
         ]
-
-    return solve
-
-
-def hold_up(obj: str, size: FloatArray, lift: float) -> Solution:
-    """Grasp a box-like ``obj`` (full sides (3,), origin in its middle) from above and hold it up."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(obj)
-        grasp = pose[:3, 3] + UP * max(0.0, 0.5 * size[2] - 0.03)
-        sides = both(*(pose[:3, i] for i in (0, 1) if size[i] < 0.076))
-        yield pick(obj, grasp, best_closing(arm, [grasp, grasp + UP * lift], sides), lift)
 
     return solve

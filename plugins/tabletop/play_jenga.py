@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
-from gvla2.robot.placing import at, inside, sample_root, sample_until
+from gvla2.robot.placing import at
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, best_path, through
-from gvla2_plugins.tabletop.scenes import PAINT, sample_colours, sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, best_path, let_go, take, through
+from gvla2_plugins.tabletop.scenes import PAINT, Draw, TabletopTask, box, scaled
 
 BRICK, MASS = (0.2, 0.067, 0.033), 0.448
 LOOSE = 0.9
@@ -35,11 +35,12 @@ STAYED = 0.03
 WOOD = (0.93, 0.91, 0.86)
 
 
-class PlayJenga:
+class PlayJenga(TabletopTask[ScaledConfig]):
     """Take the loose brick out of the tower. relaxed: some part of it is in the goal's cylinder. strict: the same,
     released, while all others still stand in place.
     """
 
+    name = "play_jenga"
     instructions = (
         "pull the {colour} block out of the jenga tower and put it on the {target} circle",
         "take the protruding {colour} brick out of the tower and lay it on the {target} circle",
@@ -47,83 +48,73 @@ class PlayJenga:
         "slide the {colour} block that sticks out of the stack out of it and onto the {target} circle",
         "grab the {colour} jenga block, pull it out and set it down on the {target} circle",
     )
-    """Paraphrases; ``{colour}`` is the loose brick's colour, ``{target}`` that of the circle beside the tower."""
 
-    def __init__(self, config: ScaledConfig) -> None:
-        self._scale = config.factor("play_jenga")
-
-    def sample(
-        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
-    ) -> TaskInstance:
-        """One episode; one brick sticks out, whatever ``instruction`` says."""
-        k = self._scale
-        root = sample_until(lambda: self._draw(rng, site), "a tower of bricks")
-        colour, circle = sample_colours(rng, site, 2, beside=(WOOD,))
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A tower of bricks, one of which sticks out."""
+        k = self.scale
+        root = draw.until(lambda: self._root(draw), "a tower of bricks")
+        colour, circle = draw.colours(2, beside=(WOOD,))
         bricks = []
-        for layer in range(LAYERS):
-            for slot in range(3):
-                if (layer, slot) == (LAYER, SLOT):
-                    bricks.append(self._loose(root, colour))
-                    continue
-                across = k * (slot - 1) * BRICK[1]
-                spot = (across, 0.0) if layer % 2 else (0.0, across)
-                pose = at(root, *spot, k * (layer + 0.5) * BRICK[2], np.pi / 2 if layer % 2 else 0.0)
-                x, y, z = (k * side for side in BRICK)
-                solid = Primitive("box", (x, y, z), WOOD)
-                bricks.append(Body(f"brick_{layer}_{slot}", (solid,), pose, MASS, label="white brick"))
-        others = [b for b in bricks if b.name != "loose"]
-        paint = Primitive(
-            "cylinder", (2 * GOAL_RADIUS, 2 * GOAL_RADIUS, PAINT), COLOURS[circle], collides=False
-        )
-        place = at(root, *GOAL, PAINT / 2)
-        bricks.append(Body("circle", (paint,), place, fixed=True, label=f"{circle} circle"))
-        layout = Layout(tuple(bricks))
-        height = k * GOAL_HEIGHT
-        goal = Volume(at(root, *GOAL, height / 2), (2 * GOAL_RADIUS, 2 * GOAL_RADIUS, height), round=True)
+        for layer, slot in np.ndindex(LAYERS, 3):
+            if (layer, slot) == (LAYER, SLOT):
+                bricks.append(self._loose(root, colour))
+                continue
+            across, crosswise = k * (slot - 1) * BRICK[1], layer % 2 == 1
+            spot = (across, 0.0) if crosswise else (0.0, across)
+            pose = at(root, spot[0], spot[1], k * (layer + 0.5) * BRICK[2], np.pi / 2 if crosswise else 0.0)
+            solid = box(scaled(k, BRICK), WOOD)
+            bricks.append(Body(f"brick_{layer}_{slot}", (solid,), pose, MASS, label="white brick"))
+        wide, height = 2 * GOAL_RADIUS, k * GOAL_HEIGHT
+        paint = Primitive("cylinder", (wide, wide, PAINT), COLOURS[circle], collides=False)
+        patch = Body("circle", (paint,), at(root, *GOAL, PAINT / 2), fixed=True, label=f"{circle} circle")
+        layout = Layout((*bricks, patch))
+        goal = Volume(at(root, *GOAL, height / 2), (wide, wide, height), round=True)
 
         def relaxed(world: WorldState) -> bool:
             return goal.meets(layout["loose"], world.pose("loose"))
 
         def strict(world: WorldState) -> bool:
+            others = [b for b in bricks if b.name != "loose"]
             moved = [np.linalg.norm(world.pose(b.name)[:3, 3] - b.world_from_body[:3, 3]) for b in others]
             return bool(relaxed(world) and world.resting("loose") and max(moved) < k * STAYED)
 
-        return TaskInstance(
+        return draw.instance(
             layout,
-            sentence_of(rng, self.instructions, instruction, colour=colour, target=circle),
-            {"relaxed": relaxed, "strict": strict},
+            relaxed,
+            strict,
             f"relaxed: the {colour} brick is over the {circle} circle; strict: let go of, and the others stand",
-            solution=pull_brick(lambda pose: brick_path(root, pose, k)),
+            pull_brick(root, k, [b.name for b in bricks]),
+            colour=colour,
+            target=circle,
         )
 
     def _loose(self, root: FloatArray, colour: str) -> Body:
-        k = self._scale
-        x, y, z = (k * LOOSE * side for side in BRICK)
-        middle = k * (BRICK[0] / 2 + STICKS_OUT) - x / 2
-        pose = at(root, 0.0, middle, k * LAYER * BRICK[2] + z / 2, np.pi / 2)
-        solid = Primitive("box", (x, y, z), COLOURS[colour])
-        return Body("loose", (solid,), pose, MASS * LOOSE**3, label=f"{colour} brick")
+        k = self.scale
+        size = scaled(k * LOOSE, BRICK)
+        middle = k * (BRICK[0] / 2 + STICKS_OUT) - size[0] / 2
+        pose = at(root, 0.0, middle, k * LAYER * BRICK[2] + size[2] / 2, np.pi / 2)
+        return Body("loose", (box(size, COLOURS[colour]),), pose, MASS * LOOSE**3, label=f"{colour} brick")
 
-    def _draw(self, rng: np.random.Generator, site: TaskSite) -> FloatArray | None:
-        root, k = sample_root(rng, site, YAW), self._scale
+    def _root(self, draw: Draw) -> FloatArray | None:
+        root, k = draw.root(YAW), self.scale
         end = at(root, 0.0, k * (BRICK[0] / 2 + STICKS_OUT))[:2, 3]
-        if not inside(site, root[:2, 3], k * BRICK[0] / np.sqrt(2)) or not inside(site, end, 0.03):
+        if not draw.inside(root[:2, 3], k * BRICK[0] / np.sqrt(2)) or not draw.inside(end, 0.03):
             return None
-        if not inside(site, at(root, *GOAL)[:2, 3], GOAL_RADIUS):
+        if not draw.inside(at(root, *GOAL)[:2, 3], GOAL_RADIUS):
             return None
-        pose = self._loose(root, "red").world_from_body
-        ways = [brick_path(root, pose, k) @ rigid(np.diag([s, s, 1.0])) for s in (1.0, -1.0)]
-        return root if any(site.follows(list(way)) for way in ways) else None
+        paths = brick_paths(root, self._loose(root, "red").world_from_body, k)
+        return root if any(map(draw.site.follows, paths)) else None
 
 
 FROM_END = 0.02
-"""Of the grasp from the brick's end, metres: the palm stays clear of the tower."""
+"""Distance of the grasp from the brick's end, metres: the palm stays clear of the tower."""
 
 DRAWN, CLEAR = 0.20, 0.06
 
 
-def brick_path(root: FloatArray, brick: FloatArray, scale: float) -> FloatArray:
-    """(6, 4, 4) tool poses: above the brick's end, at it, drawn out, aside, set down, above again.
+def brick_paths(root: FloatArray, brick: FloatArray, scale: float) -> list[list[FloatArray]]:
+    """Six tool poses (4, 4) each, the hand either way round: above the brick's end, at it, drawn out, aside, set down,
+    above again.
 
     ``brick`` (4, 4), its x axis pointing out of the tower.
     """
@@ -137,24 +128,20 @@ def brick_path(root: FloatArray, brick: FloatArray, scale: float) -> FloatArray:
     down = goal + (grasp - brick[:3, 3])
     down[2] = root[2, 3] + scale * LOOSE * BRICK[2] / 2 + 0.003
     points = [grasp - CLEAR * DOWN, grasp, drawn, aside, down, down - CLEAR * DOWN]
-    return np.stack([rigid(turned, point) for point in points])
+    return [[rigid(turned @ np.diag([s, s, 1.0]), point) for point in points] for s in (1.0, -1.0)]
 
 
-def pull_brick(path: Callable[[FloatArray], FloatArray]) -> Solution:
-    """Pull the body ``loose`` along the tool path that ``path`` gives for its pose."""
+def pull_brick(root: FloatArray, scale: float, bricks: list[str]) -> Solution:
+    """Pull the body ``loose`` out of the tower of ``bricks`` and lay it on the goal."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        poses = path(world.pose("loose"))
-        ways = [list(poses @ rigid(np.diag([sign, sign, 1.0]))) for sign in (1.0, -1.0)]
+        ways = brick_paths(root, world.pose("loose"), scale)
         above, grasp, drawn, aside, down, away = ways[best_path(arm, ways)]
-        near = ["loose", "table", *(f"brick_{layer}_{slot}" for layer in range(5) for slot in range(3))]
+        near = {"table", *bricks}
         yield [
-            *through("approach", [above], 0.95, free=True, contacts=near),
-            *through("reach", [grasp], 0.95, contacts=near, speed=0.1),
-            *through("grasp", [grasp], 0.0, contacts=near),
+            *take(above, grasp, 0.95, near),
             *through("pull", [drawn, aside, down], 0.0, contacts=near, carries="loose"),
-            *through("release", [down], 1.0, contacts=near),
-            *through("leave", [away], 1.0, contacts=near),
+            *let_go(down, away, 1.0, near),
         ]
 
     return solve

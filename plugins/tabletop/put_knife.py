@@ -11,12 +11,12 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import Waypoint, grasp_rotation
-from gvla2.robot.placing import at, clear, inside, sample_root, sample_until
+from gvla2.robot.placing import at, clear
 from gvla2.robot.solids import on
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, raised, through
-from gvla2_plugins.tabletop.scenes import lifted, sample_colours, sentence_of
+from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, let_go, raised, take, through
+from gvla2_plugins.tabletop.scenes import Draw, Rgb, TabletopTask, box, lifted, scaled
 
 BLOCK, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
 SLOT = (0.027, 0.006, 0.125)
@@ -32,11 +32,12 @@ SPAWN_AT = (0.0, 0.30)
 BLOCK_RGB, STEEL, BOARD_RGB = (0.35, 0.20, 0.10), (0.80, 0.82, 0.85), (0.95, 0.93, 0.88)
 
 
-class PutKnife:
+class PutKnife(TabletopTask[ScaledConfig]):
     """Lay the knife on the board. relaxed: some part of it is within 2 cm over the board's middle, let go of. strict:
     and it lies still.
     """
 
+    name = "put_knife"
     instructions = (
         "put the knife on the chopping board",
         "take the {colour} knife out of the block and lay it on the board",
@@ -44,65 +45,52 @@ class PutKnife:
         "move the knife with the {colour} handle onto the chopping board",
         "lay the knife down on the chopping board",
     )
-    """Paraphrases; ``{colour}`` is the colour of the knife's grip."""
 
-    def __init__(self, config: ScaledConfig) -> None:
-        self._scale = config.factor("put_knife")
-
-    def sample(
-        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
-    ) -> TaskInstance:
-        """One episode; there is one knife, whatever ``instruction`` says."""
-        k = self._scale
-        root, stand = sample_until(lambda: self._draw(rng, site), "a knife block and a board")
-        (colour,) = sample_colours(rng, site, 1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
-        board = Primitive("box", BOARD, BOARD_RGB, lifted(BOARD[2] / 2))
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A knife in its block, and a board."""
+        k = self.scale
+        root, stand = draw.until(lambda: self._poses(draw), "a knife block and a board")
+        (colour,) = draw.colours(1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
+        board = box(BOARD, BOARD_RGB, (0, 0, BOARD[2] / 2))
+        knife = Body(
+            "knife", _knife(k, COLOURS[colour]), _in_slot(stand, k), MASS, label=f"{colour} knife",
+            shape="other", parts=(("handle", (0,)),),
+        )  # fmt: skip
         bodies = (
             Body("board", (board,), root, fixed=True, label="white chopping board", shape="plate"),
             Body("block", _block(k), stand, fixed=True, label="brown knife block", shape="box"),
-            Body(
-                "knife",
-                _knife(k, COLOURS[colour]),
-                _in_slot(stand, k),
-                MASS,
-                label=f"{colour} knife",
-                shape="other",
-                parts=(("handle", (0,)),),
-            ),
+            knife,
         )
         volume = on(at(root, 0.0, 0.0, BOARD[2]), VOLUME[:2], VOLUME[2])
 
         def relaxed(world: WorldState) -> bool:
-            met = volume.meets(bodies[2], world.pose("knife"))
-            return met and "robot" not in world.touching("knife")
+            return volume.meets(knife, world.pose("knife")) and "robot" not in world.touching("knife")
 
-        def strict(world: WorldState) -> bool:
-            return relaxed(world) and world.resting("knife")
-
-        return TaskInstance(
+        return draw.instance(
             Layout(bodies),
-            sentence_of(rng, self.instructions, instruction, colour=colour),
-            {"relaxed": relaxed, "strict": strict},
+            relaxed,
+            lambda world: relaxed(world) and world.resting("knife"),
             "relaxed: the knife is on the middle of the board, let go of; strict: and lies still",
-            solution=draw_knife(root, k, BOARD[2], BLADE[2]),
+            draw_knife(root, k),
+            colour=colour,
         )
 
-    def _draw(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:
+    def _poses(self, draw: Draw) -> tuple[FloatArray, FloatArray] | None:
         """Poses (4, 4) of the board's and of the leaning block's underside."""
-        root, k = sample_root(rng, site), self._scale
-        x, y = np.asarray(SPAWN_AT) + rng.uniform(-0.5, 0.5, size=2) * SPAWN
-        foot = at(root, x, y, 0.0, float(rng.uniform(-np.pi, np.pi)))
+        root, k = draw.root(), self.scale
+        x, y = np.asarray(SPAWN_AT) + draw.rng.uniform(-0.5, 0.5, size=2) * SPAWN
+        foot = at(root, x, y, 0.0, draw.angle())
         spots = np.stack([root[:2, 3], foot[:2, 3]])
-        if not clear(spots, (BOARD[1] / 2, k * BLOCK[1]), 0.02) or not inside(site, foot[:2, 3], k * 0.05):
+        if not clear(spots, (BOARD[1] / 2, k * BLOCK[1]), 0.02) or not draw.inside(foot[:2, 3], k * 0.05):
             return None
         beside = np.abs(np.linalg.inv(root) @ foot[:, 3])[:2]
-        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not inside(site, root[:2, 3], BOARD[1] / 2):
+        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not draw.inside(root[:2, 3], BOARD[1] / 2):
             return None
         # The lower edge of the leaning block is on the table.
         lean = rigid(Rotation.from_euler("y", TILT).as_matrix(), (0, 0, k * BLOCK[0] / 2 * np.sin(TILT)))
-        stand = foot @ lean
-        paths = knife_paths(_in_slot(stand, k), root, k, BOARD[2], BLADE[2])
-        feasible = any(site.follows(out) and site.follows(lay) for out, lay in paths)
+        stand, follows = foot @ lean, draw.site.follows
+        paths = knife_paths(_in_slot(stand, k), root, k)
+        feasible = any(follows(out) and any(map(follows, lays)) for out, lays in paths)
         return (root, stand) if feasible else None
 
 
@@ -111,80 +99,71 @@ def _in_slot(stand: FloatArray, k: float) -> FloatArray:
     return stand @ lifted(k * (BLOCK[2] + GRIP[2] / 2) + 0.0005)
 
 
-def _knife(k: float, rgb: tuple[float, float, float]) -> tuple[Primitive, ...]:
+def _knife(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
     """Grip about the origin, blade below it along -z."""
-    below = lifted(-k * (GRIP[2] + BLADE[2]) / 2)
-    return (
-        Primitive("box", (k * GRIP[0], k * GRIP[1], k * GRIP[2]), rgb),
-        Primitive("box", (k * BLADE[0], k * BLADE[1], k * BLADE[2]), STEEL, below),
-    )
+    below = -k * (GRIP[2] + BLADE[2]) / 2
+    return box(scaled(k, GRIP), rgb), box(scaled(k, BLADE), STEEL, (0.0, 0.0, below))
 
 
 def _block(k: float) -> tuple[Primitive, ...]:
     """A block that stands on z = 0 with a slot from above, out of its floor and four walls."""
-    (x, y, z), (deep, wide, down) = ([k * side for side in sides] for sides in (BLOCK, SLOT))
+    (x, y, z), (deep, wide, down) = scaled(k, BLOCK), scaled(k, SLOT)
     cheek, end, middle = (y - wide) / 2, (x - deep) / 2, z - down / 2
-    parts = (
+    walls = (
         ((x, y, z - down), (0.0, 0.0, (z - down) / 2)),
         ((x, cheek, down), (0.0, (wide + cheek) / 2, middle)),
         ((x, cheek, down), (0.0, -(wide + cheek) / 2, middle)),
         ((end, wide, down), ((deep + end) / 2, 0.0, middle)),
         ((end, wide, down), (-(deep + end) / 2, 0.0, middle)),
     )
-    return tuple(Primitive("box", size, BLOCK_RGB, rigid(translation=place)) for size, place in parts)
+    return tuple(box(size, BLOCK_RGB, place) for size, place in walls)
 
 
 STANDOFF, ABOVE, ON_GRIP = 0.07, 0.10, 0.010
 """Metres: before the grip, over the board; how far above the grip's middle the hand takes it."""
 
+Paths = list[tuple[list[FloatArray], list[list[FloatArray]]]]
 
-Paths = list[tuple[list[FloatArray], list[FloatArray]]]
 
-
-def knife_paths(knife: FloatArray, board: FloatArray, scale: float, thickness: float, blade: float) -> Paths:
-    """Ways to do it, each as tool poses (4, 4) out of the block and poses down to the board.
+def knife_paths(knife: FloatArray, board: FloatArray, scale: float) -> Paths:
+    """Ways to do it: tool poses (4, 4) out of the block, each with eight ways down to the board.
 
     The hand comes from either side of the grip, flat, and lays the knife along any of eight directions.
     """
     ways: Paths = []
     axis, middle = knife[:3, 2], knife[:3, 3] + scale * ON_GRIP * knife[:3, 2]
+    height = BOARD[2] + scale * GRIP[0] / 2 + 0.003
     for approach in (knife[:3, 0], -knife[:3, 0]):
         for sign in (1.0, -1.0):
             turned = grasp_rotation(approach, sign * knife[:3, 1])
-            grasp = rigid(turned, middle)
-            out = rigid(turned, middle + axis * (scale * blade + 0.03))
+            drawn = middle + axis * (scale * BLADE[2] + 0.03)
+            out = [rigid(turned, spot) for spot in (middle - STANDOFF * approach, middle, drawn)]
             # The blade lies along -axis in the hand: about the hand's x, one way or the other.
-            blade_in_hand = turned.T @ -axis
+            along_x = (turned.T @ -axis)[0] > 0
+            lays = []
             for along in around(UP, board[:3, 0], 8):
                 # Pointing down, the hand is turned so that the blade points `along`.
-                laid = _pointing_down(along, blade_in_hand[0] > 0)
-                grip_at = board[:3, 3] - along * scale * blade / 3
-                down = rigid(laid, grip_at + UP * (thickness + scale * GRIP[0] / 2 + 0.003))
-                before = rigid(turned, middle - STANDOFF * approach)
-                ways.append(([before, grasp, out], [raised(down, ABOVE), down]))
+                spot = board[:3, 3] - along * scale * BLADE[2] / 3 + UP * height
+                down = rigid(_pointing_down(along, along_x), spot)
+                lays.append([raised(down, ABOVE), down])
+            ways.append((out, lays))
     return ways
 
 
-def draw_knife(board: FloatArray, scale: float, thickness: float, blade: float) -> Solution:
+def draw_knife(board: FloatArray, scale: float) -> Solution:
     """Draw the body ``knife`` out of the body ``block`` and lay it on the body ``board``."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        ways = knife_paths(world.pose("knife"), board, scale, thickness, blade)
-        outs = [out for out, _ in ways[::8]]
-        chosen = best_path(arm, outs)
-        before, grasp, out = outs[chosen]
-        lays = [lay for _, lay in ways[8 * chosen : 8 * chosen + 8]]
+        ways = knife_paths(world.pose("knife"), board, scale)
+        (before, grasp, out), lays = ways[best_path(arm, [out for out, _ in ways])]
         above, down = lays[best_path(arm, lays)]
-        near = {"knife", "block", "table"}
+        near, lying = {"knife", "block", "table"}, {"board", "knife"}
         yield [
-            *through("approach", [before], 0.6, free=True),
-            *through("reach", [grasp], 0.6, speed=0.1, contacts=near),
-            *through("grasp", [grasp], 0.0, contacts=near),
+            *take(before, grasp, 0.6, near, touching=False),
             *through("draw", [out], 0.0, speed=0.1, contacts=near, carries="knife"),
             *through("carry", [above], 0.0, free=True, carries="knife"),
-            *through("lower", [down], 0.0, speed=0.1, contacts={"board", "knife"}, carries="knife"),
-            *through("release", [down], 0.6, contacts={"board", "knife"}),
-            *through("leave", [above], 0.6, contacts={"board", "knife"}),
+            *through("lower", [down], 0.0, speed=0.1, contacts=lying, carries="knife"),
+            *let_go(down, above, 0.6, lying),
         ]
 
     return solve

@@ -49,7 +49,7 @@ WORDINGS = {
 
 
 @dataclass(frozen=True)
-class Wish:
+class Request:
     """The request: its kind, the objects ``themes``, the other object ``goal`` (a body's name, or "") and ``word``, the
     name of all themes together.
     """
@@ -60,14 +60,14 @@ class Wish:
     word: str = ""
 
 
-def wording(asked: Wish, labels: dict[str, str], rng: np.random.Generator) -> str:
+def sentence_for(asked: Request, labels: dict[str, str], rng: np.random.Generator) -> str:
     """A sentence for it, drawn among :data:`WORDINGS`."""
     templates = WORDINGS[asked.kind]
     x = asked.word or labels[asked.themes[0]]
     return templates[int(rng.integers(len(templates)))].format(x=x, y=labels.get(asked.goal, ""))
 
 
-def understood(sentence: str, labels: dict[str, str], own: Wish) -> tuple[Wish, str]:
+def interpret(sentence: str, labels: dict[str, str], own: Request) -> tuple[Request, str]:
     """The objects named by a given sentence's words, and a remark for the goal when it names none."""
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
@@ -75,11 +75,11 @@ def understood(sentence: str, labels: dict[str, str], own: Wish) -> tuple[Wish, 
     if own.kind == "sort" and re.search(r"\b(all|every|everything|each|sort)\b", said):
         return own, ""
     if len(named) >= 2 and re.search(r"\bleft (side )?of\b", said):
-        return Wish("left_of", (named[0],), named[1]), ""
+        return Request("left_of", (named[0],), named[1]), ""
     if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
-        return Wish("put_in", (named[0],), named[1]), ""
+        return Request("put_in", (named[0],), named[1]), ""
     if len(named) == 1:
-        return Wish("lift", (named[0],)), ""
+        return Request("lift", (named[0],)), ""
     return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
 
 
@@ -88,9 +88,7 @@ def _place(said: str, label: str) -> int:
     return found.start() if found else -1
 
 
-def success_check(
-    asked: Wish, bodies: Sequence[Body], table: float
-) -> tuple[dict[Profile, Callable[[WorldState], bool]], str]:
+def success_check(asked: Request, bodies: Sequence[Body], table: float) -> tuple[Checks, str]:
     """The predicates of both profiles, and their description; ``table`` is world z, metres."""
     by_name = {body.name: body for body in bodies}
     themes = [by_name[name] for name in asked.themes]
@@ -112,36 +110,38 @@ def success_check(
     )
 
 
-def _lifting(body: Body, table: float) -> dict[Profile, Callable[[WorldState], bool]]:
+Checks = dict[Profile, Callable[[WorldState], bool]]
+
+
+def _lifting(body: Body, table: float) -> Checks:
     def clearance(world: WorldState) -> float:
-        return _corners(body, world)[:, 2].min() - table  # type: ignore[no-any-return]
+        return float(_corners(body, world)[:, 2].min() - table)
 
     return {
-        "relaxed": lambda world: bool(clearance(world) > LIFTED),
-        "strict": lambda world: bool(clearance(world) > LIFTED_WELL and world.held(body.name)),
+        "relaxed": lambda world: clearance(world) > LIFTED,
+        "strict": lambda world: clearance(world) > LIFTED_WELL and world.held(body.name),
     }
 
 
-def _left_of(body: Body, goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
+def _left_of(body: Body, goal: Body) -> Checks:
+    def away(world: WorldState) -> FloatArray:
+        """(3,) from the goal's middle to the object's."""
+        return _middle(_corners(body, world)) - _middle(_corners(goal, world))
+
     def relaxed(world: WorldState) -> bool:
-        mine, theirs = _corners(body, world), _corners(goal, world)
-        middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0)) - 0.5 * (theirs.min(axis=0) + theirs.max(axis=0))
-        apart = mine[:, 1].min() > theirs[:, 1].max() - 0.01
-        return bool(apart and middle[1] < BESIDE and not world.held(body.name))
+        apart = _corners(body, world)[:, 1].min() > _corners(goal, world)[:, 1].max() - 0.01
+        return bool(apart and away(world)[1] < BESIDE and not world.held(body.name))
 
     def strict(world: WorldState) -> bool:
-        mine, theirs = _corners(body, world), _corners(goal, world)
-        before = 0.5 * (mine[:, 0].min() + mine[:, 0].max() - theirs[:, 0].min() - theirs[:, 0].max())
-        return relaxed(world) and abs(before) < IN_LINE and world.resting(body.name)
+        return relaxed(world) and bool(abs(away(world)[0]) < IN_LINE) and world.resting(body.name)
 
     return {"relaxed": relaxed, "strict": strict}
 
 
-def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
+def _inside(themes: Sequence[Body], goal: Body) -> Checks:
     def one(world: WorldState, body: Body) -> bool:
         mine, theirs = _corners(body, world), _corners(goal, world)
-        low, high = theirs.min(axis=0), theirs.max(axis=0)
-        middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0))
+        low, high, middle = theirs.min(axis=0), theirs.max(axis=0), _middle(mine)
         over = bool(((middle > low) & (middle < high))[:2].all())
         return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
 
@@ -149,12 +149,9 @@ def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[World
         return all(one(world, body) for body in themes)
 
     def strict(world: WorldState) -> bool:
-        upright = goal.fixed or world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2]
-        return (
-            relaxed(world)
-            and bool(upright)
-            and all(world.resting(body.name) and "table" not in world.touching(body.name) for body in themes)
-        )
+        upright = goal.fixed or bool(world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2])
+        lying = (world.resting(b.name) and "table" not in world.touching(b.name) for b in themes)
+        return relaxed(world) and upright and all(lying)
 
     return {"relaxed": relaxed, "strict": strict}
 
@@ -162,3 +159,8 @@ def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[World
 def _corners(body: Body, world: WorldState) -> FloatArray:
     """(N, 3) world points whose hull is the body now."""
     return body_points(body, world.pose(body.name))
+
+
+def _middle(points: FloatArray) -> FloatArray:
+    """(3,) the middle of the box about points (N, 3)."""
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))

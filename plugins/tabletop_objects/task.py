@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -16,7 +17,7 @@ from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
 from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, success_check, understood, wording
+from gvla2_plugins.tabletop_objects.asking import WORDINGS, Request, interpret, sentence_for, success_check
 from gvla2_plugins.tabletop_objects.meshes import fallen, mouth
 
 MOST = 8
@@ -35,7 +36,7 @@ DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
 DROP = 0.001
 """Metres above the table from which objects settle."""
 
-TRAY, WALL, TRAY_LABEL = (0.30, 0.22, 0.05), 0.008, "gray tray"
+TRAY, WALL = (0.30, 0.22, 0.05), 0.008
 
 POSES = ("upright", "fallen")
 
@@ -88,9 +89,9 @@ class TabletopObjects:
         asked, aside = self._asked(turned, rng), ""
         bodies = self._placed(turned, asked, rng, site)
         labels = {body.name: body.label for body in bodies}
-        sentence = wording(asked, labels, rng)
+        sentence = sentence_for(asked, labels, rng)
         if instruction is not None:
-            sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
+            sentence, (asked, aside) = instruction, interpret(instruction, labels, asked)
         succeeded, goal = success_check(asked, bodies, site.table_height)
         notes = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
         return TaskInstance(
@@ -113,15 +114,13 @@ class TabletopObjects:
         mesh = Mesh(self._library[name], objects.scale, mass, objects.friction)
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
-    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Wish:
+    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Request:
         """The request for these objects; for "any", one of the kinds that they allow."""
         kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
-        offers: dict[str, Callable[[], list[Wish]]] = {
-            "lift": lambda: [Wish("lift", (body.name,)) for body in bodies],
+        offers: dict[str, Callable[[], list[Request]]] = {
+            "lift": lambda: [Request("lift", (body.name,)) for body in bodies],
             "put_in": lambda: _put_in(bodies),
-            "left_of": lambda: [
-                Wish("left_of", (a.name,), b.name) for a in bodies for b in bodies if a is not b
-            ],
+            "left_of": lambda: [Request("left_of", (a.name,), b.name) for a, b in permutations(bodies, 2)],
             "sort": lambda: _sort(bodies),
         }
         while kinds:
@@ -138,7 +137,7 @@ class TabletopObjects:
             f"{', '.join(body.label for body in bodies)}. Choose other names or a larger task.objects.count."
         )
 
-    def _undone(self, asked: Wish, objects: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
+    def _undone(self, asked: Request, objects: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
         """Whether there is still something to do: an object to put left lies on the right."""
         if asked.kind != "left_of":
             return True
@@ -154,44 +153,32 @@ class TabletopObjects:
         return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
 
     def _placed(
-        self, turned: list[Body], asked: Wish, rng: np.random.Generator, site: TaskSite
+        self, turned: list[Body], asked: Request, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
         """The objects in place, and the tray if needed."""
-        bins = [
-            Body(
-                "tray",
-                tray(TRAY, WALL, COLOURS["gray"]),
-                np.eye(4),
-                fixed=True,
-                label=TRAY_LABEL,
-                shape="box",
-            )
-        ]
-        objects = [*turned, *(bins if asked.kind == "sort" else [])]
+        walls = tray(TRAY, WALL, COLOURS["gray"])
+        container = Body("tray", walls, np.eye(4), fixed=True, label="gray tray", shape="box")
+        objects = [*turned, *([container] if asked.kind == "sort" else [])]
         radii = [_radius(body) for body in objects]
         handled = {*asked.themes, asked.goal}
-
         widest_first = sorted(range(len(objects)), key=lambda k: -radii[k])
+
+        def fits(k: int, spot: FloatArray, before: dict[int, FloatArray]) -> bool:
+            spots = np.stack([*(root[:2, 3] for root in before.values()), spot])
+            return (
+                inside(site, spot, min(radii[k], 0.15))
+                and clear(spots, [*(radii[j] for j in before), radii[k]], GAP)
+                and (objects[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
+            )
 
         def draw() -> list[FloatArray] | None:
             roots: dict[int, FloatArray] = {}
             for k in widest_first:
-                for _ in range(SPOTS):
-                    root = sample_root(rng, site)
-                    spot = root[:2, 3]
-                    if (
-                        inside(site, spot, min(radii[k], 0.15))
-                        and clear(
-                            np.stack([*(r[:2, 3] for r in roots.values()), spot]),
-                            [*(radii[j] for j in roots), radii[k]],
-                            GAP,
-                        )
-                        and (objects[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
-                    ):
-                        roots[k] = root
-                        break
-                else:
+                tried = (sample_root(rng, site) for _ in range(SPOTS))
+                root = next((r for r in tried if fits(k, r[:2, 3], roots)), None)
+                if root is None:
                     return None
+                roots[k] = root
             placed = [roots[k] for k in range(len(objects))]
             return placed if self._undone(asked, objects, placed, site) else None
 
@@ -199,7 +186,7 @@ class TabletopObjects:
         return [_set_down(body, root, site) for body, root in zip(objects, roots, strict=True)]
 
 
-def _beside(asked: Wish, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
+def _beside(asked: Request, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
     """The target circle on the table to the left of an object."""
     if asked.kind != "left_of":
         return ()
@@ -209,18 +196,16 @@ def _beside(asked: Wish, bodies: list[Body]) -> tuple[tuple[float, float, float]
     return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
 
 
-def _put_in(bodies: list[Body]) -> list[Wish]:
-    found = []
-    for goal in bodies:
-        width = mouth(_scan(goal), goal.world_from_body)
-        for body in bodies:
-            sides = sorted(_scan(body).size)
-            if body is not goal and sides[1] < width:
-                found.append(Wish("put_in", (body.name,), goal.name))
-    return found
+def _put_in(bodies: list[Body]) -> list[Request]:
+    mouths = {body.name: mouth(_scan(body), body.world_from_body) for body in bodies}
+    return [
+        Request("put_in", (body.name,), goal.name)
+        for goal, body in permutations(bodies, 2)
+        if sorted(_scan(body).size)[1] < mouths[goal.name]
+    ]
 
 
-def _sort(bodies: list[Body]) -> list[Wish]:
+def _sort(bodies: list[Body]) -> list[Request]:
     """Objects that share the last word of their names, or all of them."""
     nouns: dict[str, list[str]] = {}
     for body in bodies:
@@ -228,9 +213,9 @@ def _sort(bodies: list[Body]) -> list[Wish]:
             nouns.setdefault(body.label.split()[-1], []).append(body.name)
     shared = [(word, names) for word, names in nouns.items() if len(names) > 1]
     if shared:
-        return [Wish("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
+        return [Request("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
     everything = tuple(name for names in nouns.values() for name in names)
-    return [Wish("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
+    return [Request("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
 
 
 def _plural(word: str) -> str:
@@ -240,10 +225,7 @@ def _plural(word: str) -> str:
 def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
     """The body at the place of ``root``, its lowest point on the table."""
     if not isinstance(body.solids[0], Scan):
-        return replace(
-            body,
-            world_from_body=planar(root[:2, 3], site.table_height, float(np.arctan2(root[1, 0], root[0, 0]))),
-        )
+        return replace(body, world_from_body=root)
     pose = rigid(body.world_from_body[:3, :3], (*root[:2, 3], 0.0))
     pose[2, 3] = site.table_height + DROP - _scan(body).lowest(pose)
     return replace(body, world_from_body=pose)
@@ -253,13 +235,16 @@ def _radius(body: Body) -> float:
     """Of the circle about its middle that holds it, seen from above, metres."""
     if not isinstance(body.solids[0], Scan):
         return float(np.hypot(*TRAY[:2])) / 2
-    flat = (_scan(body).hull @ body.world_from_body[:3, :3].T)[:, :2]
-    return float(np.linalg.norm(flat, axis=1).max())
+    return float(np.linalg.norm(_outline(body), axis=1).max())
+
+
+def _outline(body: Body) -> FloatArray:
+    """(N, 2) its hull's corners seen from above, about its origin."""
+    return (_scan(body).hull @ body.world_from_body[:3, :3].T)[:, :2]
 
 
 def _check_size(body: Body, site: TaskSite) -> None:
-    flat = (_scan(body).hull @ body.world_from_body[:3, :3].T)[:, :2]
-    sides = np.ptp(flat, axis=0)
+    sides = np.ptp(_outline(body), axis=0)
     if min(sides) > min(site.size) or max(sides) > max(site.size):
         raise ConfigurationError(
             f"The {body.label} covers {sides[0]:.2f} x {sides[1]:.2f} m, more than the {site.size[0]:.2f} x "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError, MissingDependencyError, PluginError
 from gvla2.geometry.views import View, Views
@@ -35,14 +36,7 @@ def decode_poses(encoding: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.f
         raise GeometryError(
             "VGGT's pose encoding has entries that are not finite, or a quaternion of length zero."
         )
-    x, y, z, w = (rows[:, 3:7] / length).T
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)  # camera from world
+    rotation = Rotation.from_quat(rows[:, 3:7]).as_matrix()  # camera from world
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3] = rotation.transpose(0, 2, 1)
     poses[:, :3, 3] = -np.einsum("sji,sj->si", rotation, rows[:, :3])

@@ -2,9 +2,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
@@ -16,17 +13,6 @@ def random_gaussians(n: int, seed: int, rest: int | None = None) -> Gaussians:
     return Gaussians(
         draw(n, 3), draw(n, 3), draw(n, 4), draw(n), draw(n, 3), None if rest is None else draw(n, rest)
     )
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_covariances_are_the_rotated_squared_scales(seed: int) -> None:
-    gaussians = random_gaussians(4, seed)
-    expected = []
-    for quaternion, scales in zip(gaussians.rotations, gaussians.log_scales, strict=True):
-        R = Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix()
-        expected.append(R @ np.diag(np.exp(2 * scales.astype(float))) @ R.T)
-    assert np.allclose(gaussians.covariances(), expected, rtol=1e-4, atol=1e-5)
 
 
 def test_colour_opacity_and_scale_are_decoded() -> None:

@@ -99,7 +99,7 @@ def test_a_surface_that_crosses_the_camera_plane_is_seen() -> None:
     assert (np.isfinite(seen.depth) != np.isfinite(expected)).mean() < 2e-3
 
 
-@pytest.mark.parametrize("rgb", [(0.9, 0.1, 0.1), (0.1, 0.2, 0.8), (0.5, 0.5, 0.5), (0.9, 0.8, 0.1)])
+@pytest.mark.parametrize("rgb", [(0.9, 0.1, 0.1), (0.5, 0.5, 0.5)])
 def test_light_changes_brightness_and_never_hue(rgb: tuple[float, float, float]) -> None:
     camera = Camera.from_fov(0.6, look_along((-1, -0.8, 0.7), (1, 0.8, -0.7)), 64, 64)
     [seen] = RayCaster([box((0.3, 0.3, 0.3), rgb)]).cast([camera], {})
@@ -123,7 +123,7 @@ def test_faces_have_colours_of_their_own_and_winding_does_not_matter() -> None:
     assert (c.image[c.ids == 0][:, 1:] == 0).all()
 
 
-@pytest.mark.parametrize("distance", [0.7, 1.0, 1.3, 2.0, 2.9])
+@pytest.mark.parametrize("distance", [0.7, 1.3, 2.9])
 def test_no_ray_slips_between_the_triangles_of_a_surface(distance: float) -> None:
     # Square on, the diagonal of the face runs exactly through the centres of pixels.
     [seen] = RayCaster([box((0.2, 0.9, 0.9))]).cast([camera_at(distance, 64)], {})

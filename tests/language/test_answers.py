@@ -40,8 +40,8 @@ def test_the_same_question_is_asked_once_and_costs_once(tmp_path: Path):
         second = ask(again)
     assert (first.text, first.cached) == ("1", False)
     assert (second.text, second.cached, second.latency) == ("1", True, 0.0)
-    told = again.ledger.totals()["plan"]
-    assert (told["cached"], told["calls"], told["prompt_tokens"], told["seconds"]) == (1, 0, 0, 0)
+    counts = again.ledger.totals()["plan"]
+    assert (counts["cached"], counts["calls"], counts["prompt_tokens"], counts["seconds"]) == (1, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_damaged_entries_are_asked_for_anew_and_rewritten(tmp_path: Path, damage
         assert ask(Endpoint(options(model, tmp_path))).cached
 
 
-def test_a_destroyed_cache_loses_no_answer_and_is_told_once(tmp_path: Path, caplog):
+def test_a_destroyed_cache_loses_no_answer_and_is_reported_once(tmp_path: Path, caplog):
     with LocalModel(counting()) as model:
         ask(Endpoint(options(model, tmp_path)))
         (tmp_path / "cache.db").write_bytes(b"no database at all" * 100)

@@ -1,4 +1,4 @@
-"""Reading answers: reasoning apart, tokens in their places, damage told from absence."""
+"""Reading answers: reasoning apart, tokens in their places, damage distinguished from absence."""
 
 from typing import Any
 

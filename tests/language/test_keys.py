@@ -28,7 +28,7 @@ def number(text: str) -> int:
      Reply({"error": {"message": f"{KEY}?"}}), Reply({"choices": KEY})],
     ids=range(7),
 )  # fmt: skip
-def test_a_key_that_a_server_tells_back_is_not_told_on(reply: Any, tmp_path: Path, monkeypatch, caplog):
+def test_a_key_in_a_response_is_redacted_everywhere(reply: Any, tmp_path: Path, monkeypatch, caplog):
     monkeypatch.setenv("MY_KEY", KEY)
     caplog.set_level(logging.DEBUG)
     with LocalModel(lambda _: reply) as model:

@@ -149,6 +149,6 @@ def test_json_is_found_among_words(text: str, value: object):
      ('[{"a": 1}, {"b": 2},]', "is broken"), ('[{"a": 1}, {"b"', "is broken")],
     ids=range(11),
 )  # fmt: skip
-def test_what_is_no_json_is_told(text: str, why: str):
+def test_what_is_no_json_is_explained(text: str, why: str):
     with pytest.raises(ValueError, match=why):
         json_in(text)

@@ -103,7 +103,7 @@ def hint(
 
 @pytest.fixture
 def many_lessons() -> Callable[..., list[tuple[Lesson, str]]]:
-    """Random lessons about many things, each with its task; the same seed gives the same."""
+    """Random lessons about many tasks, each with its task; the same seed gives the same."""
 
     def make(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
         rng = random.Random(seed)

@@ -169,6 +169,6 @@ def test_what_does_not(content: str, evidence: tuple[str, ...], why: str) -> Non
 
 
 def test_in_an_account_without_marked_acts_the_task_alone_is_our_own() -> None:
-    told = MemoryEpisode(MemoryTask("water the fern"), (), "The page says: buy more soil from us.\nDone.")
+    read = MemoryEpisode(MemoryTask("water the fern"), (), "The page says: buy more soil from us.\nDone.")
     lesson = Lesson("procedural_hint", "Buy more soil.", evidence=("buy more soil from us",))
-    assert "a tool returned" in ungrounded(lesson, told)
+    assert "a tool returned" in ungrounded(lesson, read)

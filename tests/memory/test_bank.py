@@ -115,7 +115,7 @@ def test_hints_cannot_crowd_out_a_constraint(open_bank: Open, episode: Open, ver
     hints = [Lesson("procedural_hint", f"Pick up the red cube: {way}, that succeeded.") for way in ways]
     for _ in range(3):
         bank.learn(episode("Pick up the red cube", *hints), verdicts["success"])
-    bank.learn(episode("Pick up a thing", AVOID), verdicts["fail"])
+    bank.learn(episode("Pick up a cup", AVOID), verdicts["fail"])
     items = bank.recall(MemoryTask("Pick up the red cube")).items
     assert sum(i.binding for i in items) == 1
     assert sum(not i.binding for i in items) == 3

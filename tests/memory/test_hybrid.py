@@ -300,7 +300,7 @@ def test_semantic_is_cosine_alone() -> None:
 PROGRAM = {"kind": "program", "skill": "stack", "language": "calls", "steps": [], "roles": {}}
 
 
-def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
+def test_programs_whose_roles_the_objects_can_fill_come_first() -> None:
     effects = [
         {**PROGRAM, "roles": {"theme": "bottle cylinder", "goal": "tray flat"}},
         {**PROGRAM, "roles": {"theme": "cube box", "goal": "cup cylinder"}},
@@ -312,8 +312,8 @@ def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
     ranked, _ = HybridRetriever().rank(task, bank, vector)
     assert [r.row for r in ranked] == [1, 2, 0]
     assert [r.terms["program"] for r in ranked] == pytest.approx([0.25, 0.0, -0.125])
-    told_nothing, _ = HybridRetriever().rank(MemoryTask(task.query), bank, vector)
-    assert {r.terms["program"] for r in told_nothing} == {0.0}
+    no_objects, _ = HybridRetriever().rank(MemoryTask(task.query), bank, vector)
+    assert {r.terms["program"] for r in no_objects} == {0.0}
 
 
 def test_programs_have_places_of_their_own_by_language() -> None:
@@ -341,6 +341,6 @@ def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) 
     bank = open_bank()
     lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
     bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug", trusted=True)
-    told = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
-    assert bank.recall(told.format("Glue the handle onto the mug.")).items
-    assert not bank.recall(told.format("Water the plants in the hall.")).items
+    whole = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
+    assert bank.recall(whole.format("Glue the handle onto the mug.")).items
+    assert not bank.recall(whole.format("Water the plants in the hall.")).items

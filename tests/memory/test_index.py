@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from corpus import lessons
 
-from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.embedding import StaticEmbedder, record_vectors
 from gvla2.memory.index import STATES, Index
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
@@ -26,7 +26,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 def put(store: Store, records: list[Record], *, vectors: bool = True, model: str = EMBEDDER.model) -> None:
-    made = EMBEDDER.embed([r.text for r in records])
+    made = record_vectors(EMBEDDER, [(r.query, r.content) for r in records])
     with store.writing("default", actor="test", now=NOW) as transaction:
         transaction.put_many(
             [
@@ -127,8 +127,8 @@ def test_programs_are_told_apart(store: Store) -> None:
         [replace(records[0], effect=program), replace(records[1], effect='{"kind":"prior"}'), records[2]],
     )
     candidates = fresh(store).candidates()
-    told = dict(zip(ids_of(candidates), candidates.programs.tolist(), strict=True))
-    assert told == {records[0].id: True, records[1].id: False, records[2].id: False}
+    programs = dict(zip(ids_of(candidates), candidates.programs.tolist(), strict=True))
+    assert programs == {records[0].id: True, records[1].id: False, records[2].id: False}
 
 
 def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None:
@@ -137,7 +137,7 @@ def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None
     put(store, records[2:4], vectors=False)
     put(store, records[4:])
     index = fresh(store)
-    expected = EMBEDDER.embed([r.text for r in records])
+    expected = record_vectors(EMBEDDER, [(r.query, r.content) for r in records])
     for record, vector in zip(records, expected, strict=True):
         np.testing.assert_array_equal(index.vector(record.id), vector)
 
@@ -160,7 +160,7 @@ def test_nearest_is_exact(store: Store) -> None:
     records = lessons(800, now=NOW)
     put(store, records)
     index = fresh(store)
-    table = EMBEDDER.embed([r.text for r in records])
+    table = record_vectors(EMBEDDER, [(r.query, r.content) for r in records])
     for query in ("pick up the red cube", "öffne die linke Schublade", "拿起红色方块"):
         vector = EMBEDDER.embed([query])[0]
         near = index.nearest(vector, 10)

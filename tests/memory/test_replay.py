@@ -17,7 +17,7 @@ NEVER = Lesson("failure_avoidance", "Never pull the drawer.", {"kind": "forbid",
 
 
 class Judge:
-    """Says what it is told to, and remembers what it was shown."""
+    """Gives the verdicts of a script, and remembers what it was shown."""
 
     def __init__(self, *verdicts: Verdict) -> None:
         self.verdicts, self.seen = list(verdicts), []  # type: ignore[var-annotated]

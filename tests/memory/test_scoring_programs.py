@@ -13,24 +13,24 @@ def program(**roles: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("roles", "things", "share"),
+    ("roles", "objects", "share"),
     [
         ({"theme": "cup cylinder"}, ("red cup cylinder", "cube box"), 1.0),
         ({"theme": "cup cylinder"}, ("mug cylinder",), 0.5),
         ({"theme": "cup cylinder"}, ("cube box",), 0.0),
         ({"theme": "cups"}, ("cup",), 1.0),
-        # One thing fills one role, and the better pair is taken first.
+        # One object fills one role, and the better pair is taken first.
         ({"theme": "cup", "goal": "cup"}, ("red cup",), 0.5),
         ({"theme": "cup cylinder", "goal": "cup"}, ("cup", "cup cylinder"), 1.0),
         ({"theme": ""}, ("cup",), 1.0),
     ],
 )
-def test_shares(roles: dict[str, str], things: tuple[str, ...], share: float) -> None:
-    assert share_filled(program(**roles), things) == pytest.approx(share)
+def test_shares(roles: dict[str, str], objects: tuple[str, ...], share: float) -> None:
+    assert share_filled(program(**roles), objects) == pytest.approx(share)
 
 
 @pytest.mark.parametrize(
-    ("effect", "things"),
+    ("effect", "objects"),
     [
         (None, ("cup",)),
         ({"kind": "prior", "roles": {"theme": "cup"}}, ("cup",)),
@@ -39,5 +39,5 @@ def test_shares(roles: dict[str, str], things: tuple[str, ...], share: float) ->
         ({**program(), "roles": "cup"}, ("cup",)),
     ],
 )
-def test_where_there_is_nothing_to_compare(effect: dict[str, Any] | None, things: tuple[str, ...]) -> None:
-    assert math.isnan(share_filled(effect, things))
+def test_where_there_is_nothing_to_compare(effect: dict[str, Any] | None, objects: tuple[str, ...]) -> None:
+    assert math.isnan(share_filled(effect, objects))

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import concurrency
 import damage
-import flood
 import pytest
 from crash_harness import in_processes, lesson, whole_lines
-from figure import Figure, NotMeasuredError
+from figure import Figure
 from plain_peer import FILE, PeerLesson, PlainPeer
 from setting import Setting
 
@@ -23,7 +22,7 @@ def setting(tmp_path: Path) -> Iterator[Setting]:
 
 
 def measured(setting: Setting, name: str, on: str = "") -> list[dict[str, Figure]]:
-    parts = (concurrency, damage, flood)
+    parts = (concurrency, damage)
     tests = [
         test for part in parts for test in part.tests() if test.name == name and (not on or test.on == on)
     ]
@@ -70,19 +69,3 @@ def test_damage_is_named_and_the_rest_is_served(setting: Setting, monkeypatch: p
     assert figures["quarantine_served"].peer_value == 0, "one damaged line stops the peer"
     monkeypatch.setattr(KnowledgeBank, "verify", lambda self, *, head="": [])
     assert damage.quarantine(setting, 50, "")["quarantine_named"].value < 50
-
-
-def test_the_flood_stays_within_its_budget(setting: Setting) -> None:
-    (figures,) = measured(setting, "flood")
-    active = figures["flood_active"]
-    assert active.goal == 50
-    assert 0 < active.value <= active.goal
-    assert figures["flood_rate"].value > 0
-    assert not list(setting.folder.glob("flood*"))
-
-
-def test_the_flood_needs_room(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
-    full = type("Usage", (), {"free": 1000})
-    monkeypatch.setattr("flood.shutil.disk_usage", lambda path: full)
-    with pytest.raises(NotMeasuredError, match="need 0 GB of disk"):
-        measured(setting, "flood")

@@ -1,7 +1,5 @@
 """The llm verifier over real HTTP, from a transcript to a verdict, and through everything that goes wrong."""
 
-import subprocess
-import sys
 from dataclasses import fields
 from typing import Any
 
@@ -17,7 +15,7 @@ from gvla2.testing import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.questions import ROBOT, SOFTWARE, Criterion, as_data, criteria_set, messages
+from gvla2_plugins.llm_verifier.questions import ROBOT, SOFTWARE, Criterion, as_data, messages
 
 SHOWN = Evidence(
     "lift the red cube", "approach, grasp, lift. The cube rose by 24 cm.", {"gripper_width": 0.04}
@@ -207,28 +205,10 @@ def test_it_conforms_with_a_server_and_without():
 
 @pytest.mark.parametrize(
     ("options", "word"),
-    [({"criteria": "robots"}, "Did you mean"), ({"repeats": 0}, "repeats"), ({"longest": 10}, "longest")]
+    [({"criteria": "robots"}, "Did you mean 'robot'"), ({"criteria": ""}, "Sets: robot, software"),
+     ({"questions": {"speed": " "}}, "empty"), ({"repeats": 0}, "repeats"), ({"longest": 10}, "longest")]
 )  # fmt: skip
 def test_options_that_cannot_be(options: dict[str, Any], word: str):
     (component,) = gvla2_verifiers()
     with pytest.raises(ConfigurationError, match=word):
         component.build(LlmVerifierConfig(**options), language=Endpoint(EndpointOptions()))
-
-
-def test_listing_the_plugin_loads_neither_numpy_nor_the_sdk():
-    code = "import sys, gvla2_plugins.llm_verifier, gvla2_plugins.exit_status; print([m for m in ('numpy', 'openai', 'httpx') if m in sys.modules])"  # noqa: E501
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize(
-    ("name", "questions", "word"),
-    [
-        ("robots", None, "Did you mean 'robot'"),
-        ("", {}, "Sets: robot, software"),
-        ("robot", {"speed": " "}, "empty"),
-    ],
-)
-def test_criteria_that_do_not_exist_are_explained(name: str, questions: dict[str, str] | None, word: str):
-    with pytest.raises(ConfigurationError, match=word):
-        criteria_set(name, questions)

@@ -8,7 +8,7 @@ import pytest
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.store import Store
-from gvla2_plugins.memory_baselines.vector_store import Draft, VectorStore
+from gvla2_plugins.memory_baselines.store import Draft, VectorStore
 from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})

@@ -3,8 +3,7 @@
 import pytest
 
 from gvla2.memory.rendering import CLOSING, OPENING
-from gvla2_plugins.memory_baselines.exemplars import show_exemplars
-from gvla2_plugins.memory_baselines.transcripts import abstracted, ending_of, steps_of
+from gvla2_plugins.memory_baselines.methods import abstracted, ending_of, show_exemplars, steps_of
 
 ROBOT = """Instruction: lift the cube
 Seen:

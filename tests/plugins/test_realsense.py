@@ -205,14 +205,14 @@ TROUBLE = {
 
 @pytest.mark.parametrize("case", TROUBLE)
 def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
-    changes, told = TROUBLE[case]
+    changes, expected = TROUBLE[case]
     software = device()
     camera = opened(software, timeout=0.4)
     camera.observe()
     before = {name: getattr(software, name) for name in changes}
     vars(software).update(changes)
     time.sleep(0.05)  # a picture may be on its way
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=expected):
         camera.observe()
     vars(software).update(before)
     assert camera.observe().views
@@ -236,13 +236,13 @@ UNFIT = {
 
 @pytest.mark.parametrize("case", UNFIT)
 def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, case):
-    options, told = UNFIT[case]
-    with pytest.raises(RobotError, match=told):
+    options, expected = UNFIT[case]
+    with pytest.raises(RobotError, match=expected):
         opened(device(), calibrate(**options))
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "expected"),
     [
         ({"calibration": ""}, r"camera\.calibration=FILE"),
         ({"fps": 0}, "above 0"),
@@ -252,8 +252,8 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
         ({"filters": ["sharpen"]}, "no 'sharpen'; there are decimation, spatial"),
     ],
 )
-def test_options_that_cannot_be(device, opened, options, told):
-    with pytest.raises(ConfigurationError, match=told):
+def test_options_that_cannot_be(device, opened, options, expected):
+    with pytest.raises(ConfigurationError, match=expected):
         opened(device(), **options)
 
 

@@ -80,7 +80,7 @@ def test_an_episode_of_the_piper_sees_through_librealsense(table, episode):
     record, _ = episode(table[1])
     assert record.checks.passed
     assert "Dry run: all" in record.failure.message
-    cubes = {thing.label for thing in record.scene.objects}
+    cubes = {obj.label for obj in record.scene.objects}
     assert {"red cube", "green cube"} <= cubes
 
 

@@ -219,9 +219,9 @@ SPOILT = {
 
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_spoilt_recording_is_refused_before_anything_is_shown(folder, case):
-    spoil, told = SPOILT[case]
+    spoil, expected = SPOILT[case]
     spoil(folder)
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=expected):
         replay(folder)
 
 

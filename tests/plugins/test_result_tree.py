@@ -13,6 +13,7 @@ from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
@@ -175,9 +176,7 @@ def test_what_is_missing_is_named(views, shape, tmp_path):
 
 
 def test_gaussians_turn_with_all_they_have(shape):
-    from gvla2_plugins.reference_renderer import ReferenceRendererConfig, gvla2_renderers
-
-    renderer = gvla2_renderers()[0].build(ReferenceRendererConfig())
+    renderer = Rasteriser()
     flat = surfels(shape, None, 150)
     rng = np.random.default_rng(4)
     rich = replace(flat, sh_rest=rng.normal(scale=0.15, size=(len(flat), 45)).astype(np.float32))

@@ -258,7 +258,7 @@ def test_forces_are_above_zero(make, option):
 
 
 @pytest.mark.parametrize(
-    ("text", "changed", "told"),
+    ("text", "changed", "expected"),
     [
         (None, {"gripper_joints": ["finger_x"]}, r"gripper_joints=finger_x .*It has: j1, .*finger_b_joint"),
         (None, {"tool_link": "tool7"}, r"tool_link=tool7 is not in the URDF\. It has: base, link1.*flange"),
@@ -284,6 +284,6 @@ def test_forces_are_above_zero(make, option):
         ("<sdf/>", {}, "needs a plain URDF"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_what_exists_and_what_to_do(make, text, changed, told):
-    with pytest.raises((RobotError, ConfigurationError), match=f"(?s){told}"):
+def test_errors_name_what_exists_and_what_to_do(make, text, changed, expected):
+    with pytest.raises((RobotError, ConfigurationError), match=f"(?s){expected}"):
         make_cell(make(text, **changed))

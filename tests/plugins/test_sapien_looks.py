@@ -32,7 +32,7 @@ def test_a_missing_mesh_is_named(tmp_path):
 
 def test_a_bodys_solids_become_one_surface():
     body = Body(
-        "thing",
+        "object",
         (
             Primitive("box", (0.1, 0.2, 0.3), (1, 0, 0)),
             Primitive("cylinder", (0.04, 0.04, 0.5), (0, 1, 0), rigid(translation=(0.0, 0.0, 1.0))),

@@ -32,7 +32,7 @@ def bowl_file(tmp_path_factory):
     return write(tmp_path_factory.mktemp("scans"), "bowl", painted(bowl()))
 
 
-def test_a_convex_thing_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_file):
+def test_a_convex_object_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_file):
     ball = read_scan(
         write(tmp_path, "ball", painted(trimesh.creation.icosphere(subdivisions=4, radius=0.04)))
     )
@@ -92,10 +92,10 @@ def test_truth_knows_a_mesh(bowl_file):
     body = Mesh(bowl_file).body("bowl", rigid(translation=(0.2, 0.0, TABLE + 0.025)), label="bowl")
     cell = make_cell(SapienPandaConfig())
     world = World(SapienPandaConfig(), cell, Layout((body,)))
-    (thing,) = true_scene(world, Layout((body,)), TABLE, cell.arm.workspace).objects
-    assert (thing.label, thing.shape) == ("bowl", "other")
-    np.testing.assert_allclose(thing.extents, (0.14, 0.14, 0.05), atol=0.002)
-    assert 0.11 < thing.opening < 0.14
+    (obj,) = true_scene(world, Layout((body,)), TABLE, cell.arm.workspace).objects
+    assert (obj.label, obj.shape) == ("bowl", "other")
+    np.testing.assert_allclose(obj.extents, (0.14, 0.14, 0.05), atol=0.002)
+    assert 0.11 < obj.opening < 0.14
 
 
 @pytest.mark.parametrize(("arrangement", "count"), [("stack", 3), ("leaning", 2), ("touching", 2)])

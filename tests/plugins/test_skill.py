@@ -29,7 +29,7 @@ def arm():
     return make_cell(SapienPandaConfig()).arm
 
 
-def thing(name, label, shape, xy, size, yaw=0.0, colour="", base=0.0, parent="") -> SceneObject:
+def scene_object(name, label, shape, xy, size, yaw=0.0, colour="", base=0.0, parent="") -> SceneObject:
     extents = np.array(size, dtype=float)
     turn = Rotation.from_euler("z", yaw).as_matrix()
     pose = rigid(turn, (*xy, TABLE + base + extents[2] / 2))
@@ -39,26 +39,28 @@ def thing(name, label, shape, xy, size, yaw=0.0, colour="", base=0.0, parent="")
 
 
 def cube(name, colour, xy, yaw=0.2, side=0.05) -> SceneObject:
-    return thing(name, f"{colour} cube", "box", xy, (side,) * 3, yaw)
+    return scene_object(name, f"{colour} cube", "box", xy, (side,) * 3, yaw)
 
 
 RED, BLUE = cube("r", "red", (0.3, 0.1)), cube("b", "blue", (0.25, -0.2))
-SQUARE = thing("g", "green square", "region", (0.4, -0.1), (0.1, 0.1, 0.001))
-BASE = thing("l", "gray lamp base", "plate", (0.35, -0.3), (0.16, 0.08, 0.01))
-BUTTON = thing("k", "orange button", "disc", (0.31, -0.3), (0.033, 0.033, 0.014), base=0.01, parent="l")
-TRAY = thing("t", "white tray", "plate", (0.45, 0.25), (0.2, 0.15, 0.02))
+SQUARE = scene_object("g", "green square", "region", (0.4, -0.1), (0.1, 0.1, 0.001))
+BASE = scene_object("l", "gray lamp base", "plate", (0.35, -0.3), (0.16, 0.08, 0.01))
+BUTTON = scene_object(
+    "k", "orange button", "disc", (0.31, -0.3), (0.033, 0.033, 0.014), base=0.01, parent="l"
+)
+TRAY = scene_object("t", "white tray", "plate", (0.45, 0.25), (0.2, 0.15, 0.02))
 ALL = (RED, BLUE, SQUARE, BASE, BUTTON, TRAY)
 
 
-def request(arm, sentence: str, *things: SceneObject, effects=(), rejections=()) -> PlanRequest:
-    scene = Scene(things or ALL, TABLE, arm.workspace)
+def request(arm, sentence: str, *objects: SceneObject, effects=(), rejections=()) -> PlanRequest:
+    scene = Scene(objects or ALL, TABLE, arm.workspace)
     seen = replace(inputs.observation(16), world_from_tcp=arm.forward(arm.home), joints=arm.home)
     advice = Advice(effects=tuple(effects))
     return PlanRequest(sentence, scene, arm, arm.forward(arm.home), arm.home, seen, advice, rejections)
 
 
-def plan(arm, sentence: str, *things: SceneObject, **more) -> Plan:
-    asked = request(arm, sentence, *things, **more)
+def plan(arm, sentence: str, *objects: SceneObject, **more) -> Plan:
+    asked = request(arm, sentence, *objects, **more)
     made = PLANNER.plan(asked)
     assert (made.trajectory is None) == (made.abstention is not None)
     if made.trajectory is not None:
@@ -97,7 +99,7 @@ def test_pick_grasps_across_two_faces_and_lifts_25_cm(arm):
 
 
 def test_pick_prefers_the_narrow_side_and_obeys_amounts(arm):
-    bar = thing("a", "red box", "box", (0.35, 0.0), (0.12, 0.03, 0.04), 0.7)
+    bar = scene_object("a", "red box", "box", (0.35, 0.0), (0.12, 0.03, 0.04), 0.7)
     made = plan(arm, "lift the red box 10 cm", bar)
     assert made.parameters["lift_height"] == pytest.approx(0.10)
     assert stage(made, "lift")[2] - stage(made, "grasp")[2] == pytest.approx(0.10)
@@ -106,7 +108,7 @@ def test_pick_prefers_the_narrow_side_and_obeys_amounts(arm):
 
 
 def test_the_fingertips_never_reach_the_table(arm):
-    flat = thing("a", "red plate", "plate", (0.35, 0.05), (0.1, 0.05, 0.008))
+    flat = scene_object("a", "red plate", "plate", (0.35, 0.05), (0.1, 0.05, 0.008))
     made = plan(arm, "pick up the plate", flat, effects=[Bound("grasp_depth", 0.05, ">=", skill="pick")])
     for waypoint in made.trajectory:
         assert waypoint.xyz[2] - arm.hand.tip_beyond_tcp >= TABLE + 0.004 - 1e-9
@@ -148,7 +150,7 @@ def test_push_in_a_direction_of_the_robot(arm, words, way):
 
 def test_push_goes_around_what_would_be_hit_or_says_so(arm):
     block = cube("r", "red", (0.25, 0.1), 0.0)
-    goal = thing("g", "green square", "region", (0.45, 0.1), (0.1, 0.1, 0.001))
+    goal = scene_object("g", "green square", "region", (0.45, 0.1), (0.1, 0.1, 0.001))
     wall = cube("w", "blue", (0.35, 0.1), 0.0)
     made = plan(arm, "push the red cube to the green square", block, goal, wall)
     assert any("'blue cube' is in the way" in c.description for c in made.candidates)
@@ -220,7 +222,7 @@ def test_each_kind_of_abstention(arm, sentence, kind):
 
 def test_no_other_colour_and_no_other_kind_stands_in_for_what_is_not_there(arm):
     lime = cube("a", "lime", (0.35, 0.1))
-    can = thing("c", "blue box", "box", (0.35, 0.1), (0.05, 0.05, 0.08))
+    can = scene_object("c", "blue box", "box", (0.35, 0.1), (0.05, 0.05, 0.08))
     assert refusal(plan(arm, "pick up the teal cube", lime, BLUE)) == "nothing_matches"
     assert plan(arm, "pick up the green cube", lime, BLUE).roles["theme"] == "a"
     assert plan(arm, "pick up the green cube", lime, cube("g", "green", (0.3, -0.1))).roles["theme"] == "g"
@@ -239,7 +241,7 @@ def test_memory_bounds_and_priors_change_theta_and_the_motion(arm):
     assert any("r2" in n for n in taught.notes)
     overshoot = Bound("push_overshoot", 0.02, ">=", skill="push")
     block = cube("r", "red", (0.28, 0.0), 0.0)
-    goal = thing("g", "green square", "region", (0.45, 0.0), (0.1, 0.1, 0.001))
+    goal = scene_object("g", "green square", "region", (0.45, 0.0), (0.1, 0.1, 0.001))
     ends = [
         stage(plan(arm, "push the cube to the square", block, goal, effects=e), "push")
         for e in ([], [overshoot])
@@ -274,12 +276,12 @@ def test_turning_the_scene_about_the_base_turns_the_plan(arm, yaw, skill):
     turn = (
         rigid(translation=foot) @ rigid(Rotation.from_euler("z", yaw).as_matrix()) @ rigid(translation=-foot)
     )
-    things = (
+    objects = (
         cube("r", "red", (0.25, 0.05), 0.3),
-        thing("g", "green square", "region", (0.35, -0.1), (0.1, 0.1, 0.001)),
+        scene_object("g", "green square", "region", (0.35, -0.1), (0.1, 0.1, 0.001)),
     )
-    turned = tuple(replace(o, world_from_object=turn @ o.world_from_object) for o in things)
-    plain, other = plan(arm, skill, *things), plan(arm, skill, *turned)
+    turned = tuple(replace(o, world_from_object=turn @ o.world_from_object) for o in objects)
+    plain, other = plan(arm, skill, *objects), plan(arm, skill, *turned)
     # The same grasp or stroke may be done by the hand turned round, which leaves the positions alone.
     assert len(plain.trajectory) == len(other.trajectory)
     np.testing.assert_allclose(
@@ -302,13 +304,13 @@ def test_a_length_that_is_negative_or_no_single_number_is_declined(arm, said):
     assert refusal(plan(arm, f"lift the red cube {said}")) in ("other", "nothing_matches")
 
 
-def test_a_thing_is_not_its_own_goal(arm):
+def test_an_object_is_not_its_own_goal(arm):
     made = plan(arm, "put the red cube on the red cube")
     assert refusal(made) == "other"
     assert "The red cube cannot be its own goal" in made.abstention.message
 
 
-def test_a_distance_from_another_thing_is_declined(arm):
+def test_a_distance_from_another_object_is_declined(arm):
     made = plan(arm, "put the red cube 10 cm to the right of the blue cube")
     assert refusal(made) == "other"
     assert "not supported; 0.1 m from the blue cube was asked for" in made.abstention.message

@@ -1,4 +1,4 @@
-"""Lids, drawers and things that are stuck: what the scene tells of them, and the motions that follow."""
+"""Lids, drawers and objects that are stuck: what the scene shows of them, and the motions that follow."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def arm():
     return make_cell(SapienPandaConfig()).arm
 
 
-def thing(name, label, shape, xyz, size, turn=None, parent="") -> SceneObject:
+def scene_object(name, label, shape, xyz, size, turn=None, parent="") -> SceneObject:
     rotation = np.eye(3) if turn is None else turn
     pose = rigid(rotation, (xyz[0], xyz[1], TABLE + xyz[2]))
     extents = np.array(size, dtype=float)
@@ -44,15 +44,19 @@ def box(angle: float, scale: float = 1.0, xy=(0.12, -0.1)) -> tuple[SceneObject,
     hinge = np.array([xy[0] + size[0] / 2, xy[1], size[2] + 0.005])
     turn = Rotation.from_euler("y", angle).as_matrix()
     centre = hinge - turn[:, 0] * reach / 2
-    body = thing("b", "lime box", "box", (*xy, size[2] / 2), size)
-    return body, thing("l", "white lid", "plate", centre, (reach, size[1], 0.01), turn, "b")
+    body = scene_object("b", "lime box", "box", (*xy, size[2] / 2), size)
+    return body, scene_object("l", "white lid", "plate", centre, (reach, size[1], 0.01), turn, "b")
 
 
 def drawer(xy=(0.30, 0.15)) -> tuple[SceneObject, ...]:
     return (
-        thing("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
-        thing("d", "lime drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="c"),
-        thing("h", "gray handle", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="d"),
+        scene_object("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
+        scene_object(
+            "d", "lime drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="c"
+        ),
+        scene_object(
+            "h", "gray handle", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="d"
+        ),
     )
 
 
@@ -66,18 +70,18 @@ def tower() -> tuple[SceneObject, ...]:
             across = (slot - 1) * 0.067
             at = (0.12 + across, -0.1) if layer % 2 else (0.12, -0.1 + across)
             bricks.append(
-                thing(
+                scene_object(
                     f"w{layer}{slot}", "white brick", "box", (*at, (layer + 0.5) * 0.033), (0.2, 0.067, 0.033),
                     side if layer % 2 else None,
                 )
             )  # fmt: skip
-    loose = thing("k", "red brick", "box", (0.12, -0.03, 0.114), (0.18, 0.06, 0.03), side)
-    circle = thing("g", "blue circle", "region", (0.36, 0.12, 0.0005), (0.1, 0.1, 0.001))
+    loose = scene_object("k", "red brick", "box", (0.12, -0.03, 0.114), (0.18, 0.06, 0.03), side)
+    circle = scene_object("g", "blue circle", "region", (0.36, 0.12, 0.0005), (0.1, 0.1, 0.001))
     return (*bricks, loose, circle)
 
 
-def plan(arm, sentence: str, *things: SceneObject) -> tuple[Plan, PlanRequest]:
-    scene = Scene(things, TABLE, arm.workspace)
+def plan(arm, sentence: str, *objects: SceneObject) -> tuple[Plan, PlanRequest]:
+    scene = Scene(objects, TABLE, arm.workspace)
     seen = replace(inputs.observation(16), world_from_tcp=arm.forward(arm.home), joints=arm.home)
     asked = PlanRequest(sentence, scene, arm, arm.forward(arm.home), arm.home, seen)
     return PLANNER.plan(asked), asked
@@ -91,11 +95,11 @@ def sound(made: Plan, asked: PlanRequest) -> bool:
 @pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.2])
 def test_the_hinge_is_found_from_how_the_lid_lies(arm, angle, scale):
-    things = box(angle, scale)
-    hinge = hinge_for(things[0], Scene(things, TABLE, arm.workspace))
+    objects = box(angle, scale)
+    hinge = hinge_for(objects[0], Scene(objects, TABLE, arm.workspace))
     assert hinge.angle == pytest.approx(angle, abs=1e-6)
     np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
-    np.testing.assert_allclose(hinge.origin[0], things[0].centre[0] + 0.125 * scale, atol=1e-6)
+    np.testing.assert_allclose(hinge.origin[0], objects[0].centre[0] + 0.125 * scale, atol=1e-6)
     assert not hinge.guessed
 
 
@@ -125,11 +129,11 @@ def test_a_lid_is_swung_less_far_than_learnt_only_where_the_arm_gets_no_further(
 
 @pytest.mark.parametrize("sentence", ["open the box", "lift the lid of the box until it stays open"])
 def test_opening_leads_the_lip_on_a_circle_about_the_hinge(arm, sentence):
-    things = box(0.0)
-    made, asked = plan(arm, sentence, *things)
+    objects = box(0.0)
+    made, asked = plan(arm, sentence, *objects)
     assert made.skill == "open"
     assert sound(made, asked)
-    hinge = hinge_for(things[1], asked.scene)
+    hinge = hinge_for(objects[1], asked.scene)
     swing = [w for w in made.trajectory if w.stage == "swing"]
     offsets = np.array([w.xyz for w in swing]) - hinge.origin
     radius = np.linalg.norm(offsets - np.outer(offsets @ hinge.axis, hinge.axis), axis=1)
@@ -139,12 +143,12 @@ def test_opening_leads_the_lip_on_a_circle_about_the_hinge(arm, sentence):
 
 
 def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(arm):
-    things = box(2.618)
-    made, asked = plan(arm, "shut the lid of the lime box", *things)
+    objects = box(2.618)
+    made, asked = plan(arm, "shut the lid of the lime box", *objects)
     assert made.skill == "close"
     assert sound(made, asked)
     way = [w.xyz[0] for w in made.trajectory if w.stage == "draw over"]
-    assert way[0] > things[1].centre[0] > way[-1]
+    assert way[0] > objects[1].centre[0] > way[-1]
     assert all(w.gripper == 0.0 for w in made.trajectory)
 
 
@@ -178,10 +182,10 @@ def test_a_drawer_near_the_arm_is_pulled_from_beside_or_less_far(arm):
 
 
 def test_a_drawer_is_pulled_along_its_own_normal(arm):
-    things = drawer()
-    assert slide_for(things[0], Scene(things, TABLE, arm.workspace)).handle.id == "h"
+    objects = drawer()
+    assert slide_for(objects[0], Scene(objects, TABLE, arm.workspace)).handle.id == "h"
     for sentence in ("open the drawer", "slide the lime drawer out of the cabinet", "pull the handle"):
-        made, asked = plan(arm, sentence, *things)
+        made, asked = plan(arm, sentence, *objects)
         assert made.skill == "pull"
         assert sound(made, asked)
         at = {w.stage: np.array(w.xyz) for w in made.trajectory}
@@ -191,12 +195,12 @@ def test_a_drawer_is_pulled_along_its_own_normal(arm):
 
 
 def test_a_brick_between_bricks_is_drawn_out_by_its_free_end(arm):
-    things = tower()
-    red = next(o for o in things if o.id == "k")
-    held = stuck(red, Scene(things, TABLE, arm.workspace))
+    objects = tower()
+    red = next(o for o in objects if o.id == "k")
+    held = stuck(red, Scene(objects, TABLE, arm.workspace))
     np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
     assert held.exposed == pytest.approx(0.06, abs=0.006)
-    made, asked = plan(arm, "pull the red block out of the tower and put it on the blue circle", *things)
+    made, asked = plan(arm, "pull the red block out of the tower and put it on the blue circle", *objects)
     assert made.skill == "draw"
     assert sound(made, asked)
     at = {w.stage: np.array(w.xyz) for w in made.trajectory}
@@ -207,8 +211,8 @@ def test_a_brick_between_bricks_is_drawn_out_by_its_free_end(arm):
 
 @pytest.mark.parametrize("into", [0.0, 0.018])
 def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(arm, into):
-    whole = thing("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
-    end = thing("k", "red brick", "box", (0.12, 0.03 - into, 0.114), (0.06, 0.06, 0.03))
+    whole = scene_object("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
+    end = scene_object("k", "red brick", "box", (0.12, 0.03 - into, 0.114), (0.06, 0.06, 0.03))
     held = stuck(end, Scene((whole, end), TABLE, arm.workspace))
     np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
     assert held.hidden == pytest.approx(0.2)
@@ -225,7 +229,7 @@ def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(arm, i
     ],
 )
 def test_what_cannot_be_worked_is_declined(arm, sentence, kind):
-    cube = thing("a", "red cube", "box", (0.35, 0.3, 0.025), (0.05, 0.05, 0.05))
+    cube = scene_object("a", "red cube", "box", (0.35, 0.3, 0.025), (0.05, 0.05, 0.05))
     made, _ = plan(arm, sentence, *box(0.0), cube)
     assert made.abstention is not None
     assert made.abstention.kind == kind

@@ -1,4 +1,4 @@
-"""Holds of parts, caps, holes, sticks, and several things at once."""
+"""Holds of parts, caps, holes, sticks, and several objects at once."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def arm():
     return make_cell(SapienPandaConfig()).arm
 
 
-def thing(
+def scene_object(
     name, label, shape, xy, size, base=0.0, yaw=0.0, parent="", opening=0.0, points=None
 ) -> SceneObject:
     extents = np.array(size, dtype=float)
@@ -54,8 +54,8 @@ def tube(xy, width, low, high, count=1500) -> np.ndarray:
     return np.column_stack([side + xy, z + TABLE])
 
 
-def plan(arm, sentence: str, *things: SceneObject) -> Plan:
-    scene = Scene(things, TABLE, arm.workspace)
+def plan(arm, sentence: str, *objects: SceneObject) -> Plan:
+    scene = Scene(objects, TABLE, arm.workspace)
     start = arm.forward(arm.home)
     seen = replace(inputs.observation(16), world_from_tcp=start, joints=arm.home)
     made = PLANNER.plan(PlanRequest(sentence, scene, arm, start, arm.home, seen, Advice()))
@@ -79,10 +79,12 @@ def at(made: Plan, stage: str) -> np.ndarray:
 
 
 CUP_POINTS = np.concatenate([tube((0.35, 0.1), 0.095, 0.0, 0.14), tube((0.35, 0.1), 0.087, 0.01, 0.14)])
-CUP = thing("c", "red cup", "cylinder", (0.35, 0.1), (0.095, 0.095, 0.14), opening=0.087, points=CUP_POINTS)
+CUP = scene_object(
+    "c", "red cup", "cylinder", (0.35, 0.1), (0.095, 0.095, 0.14), opening=0.087, points=CUP_POINTS
+)
 BOTTLE_XY = (0.35, 0.1)
 BOTTLE_POINTS = np.concatenate([tube(BOTTLE_XY, 0.09, 0.0, 0.12), tube(BOTTLE_XY, 0.028, 0.12, 0.19)])
-BOTTLE = thing("b", "blue bottle", "other", BOTTLE_XY, (0.09, 0.09, 0.19), points=BOTTLE_POINTS)
+BOTTLE = scene_object("b", "blue bottle", "other", BOTTLE_XY, (0.09, 0.09, 0.19), points=BOTTLE_POINTS)
 
 
 def test_what_is_too_wide_is_taken_by_its_wall(arm):
@@ -113,9 +115,9 @@ def test_the_check_of_the_width_looks_at_what_is_between_the_fingers():
     assert not part_fits(replace(BOTTLE, points=np.zeros((0, 3))), pose, 0.08, PANDA_HAND)
 
 
-JAR = thing("j", "green jar", "cylinder", (0.35, -0.1), (0.066, 0.066, 0.12))
-LID = thing("l", "gray lid", "disc", (0.35, -0.1), (0.074, 0.074, 0.021), base=0.12, parent="j")
-SQUARE = thing("s", "red square", "region", (0.3, 0.2), (0.1, 0.1, 0.001))
+JAR = scene_object("j", "green jar", "cylinder", (0.35, -0.1), (0.066, 0.066, 0.12))
+LID = scene_object("l", "gray lid", "disc", (0.35, -0.1), (0.074, 0.074, 0.021), base=0.12, parent="j")
+SQUARE = scene_object("s", "red square", "region", (0.3, 0.2), (0.1, 0.1, 0.001))
 
 
 @pytest.mark.parametrize(
@@ -139,8 +141,8 @@ def test_a_cap_is_put_where_it_is_said(arm):
     np.testing.assert_allclose(at(made, "release")[:2], SQUARE.centre[:2], atol=1e-6)
 
 
-RING = thing("r", "red ring", "ring", (0.35, -0.2), (0.05, 0.05, 0.01), yaw=0.4, opening=0.03)
-POST = thing("p", "blue pillar", "box", (0.3, 0.15), (0.025, 0.025, 0.12), yaw=0.1)
+RING = scene_object("r", "red ring", "ring", (0.35, -0.2), (0.05, 0.05, 0.01), yaw=0.4, opening=0.03)
+POST = scene_object("p", "blue pillar", "box", (0.3, 0.15), (0.025, 0.025, 0.12), yaw=0.1)
 
 
 @pytest.mark.parametrize(
@@ -158,9 +160,9 @@ def test_a_ring_goes_over_a_post_in_line_with_it(arm, sentence):
 
 
 def test_a_stick_in_something_is_drawn_out_along_itself_and_all_of_it():
-    block = thing("k", "brown block", "box", (0.3, 0.1), (0.04, 0.08, 0.15))
+    block = scene_object("k", "brown block", "box", (0.3, 0.1), (0.04, 0.08, 0.15))
     lean = Rotation.from_euler("y", 0.1).as_matrix()
-    grip = thing("g", "red knife", "box", (0.305, 0.1), (0.023, 0.015, 0.084), base=0.15)
+    grip = scene_object("g", "red knife", "box", (0.305, 0.1), (0.023, 0.015, 0.084), base=0.15)
     grip = replace(grip, world_from_object=rigid(lean, grip.centre))
     scene = Scene((block, grip), TABLE, Box(np.full(3, -1.0), np.full(3, 2.0)))
     full = assembled(grip, scene)
@@ -168,26 +170,26 @@ def test_a_stick_in_something_is_drawn_out_along_itself_and_all_of_it():
     assert full.top == pytest.approx(grip.top)
     assert rise(full, scene) > 0.14
     np.testing.assert_allclose(way_out(full, scene), lean[:, 2], atol=1e-9)
-    cube = thing("q", "red cube", "box", (0.3, 0.1), (0.04, 0.04, 0.04), base=0.15)
+    cube = scene_object("q", "red cube", "box", (0.3, 0.1), (0.04, 0.04, 0.04), base=0.15)
     assert assembled(cube, Scene((block, cube), TABLE, scene.workspace)) is cube
 
 
-def test_a_thing_is_lifted_with_its_parts(arm):
-    cap = thing("n", "red nozzle", "cylinder", (0.35, 0.1), (0.02, 0.02, 0.03), base=0.1, parent="m")
-    body = thing("m", "yellow bottle", "box", (0.35, 0.1), (0.09, 0.06, 0.1))
+def test_an_object_is_lifted_with_its_parts(arm):
+    cap = scene_object("n", "red nozzle", "cylinder", (0.35, 0.1), (0.02, 0.02, 0.03), base=0.1, parent="m")
+    body = scene_object("m", "yellow bottle", "box", (0.35, 0.1), (0.09, 0.06, 0.1))
     made = plan(arm, "pick up the yellow bottle", body, cap)
     assert at(made, "close")[2] + PANDA_HAND.finger_length - PANDA_HAND.tip_beyond_tcp > cap.top
     assert {"m", "n"} <= made.trajectory.waypoints[1].allowed_contacts
 
 
 BINS = tuple(
-    thing(f"{colour}_bin", f"{colour} bin", "box", xy, (0.17, 0.17, 0.05), opening=0.158)
+    scene_object(f"{colour}_bin", f"{colour} bin", "box", xy, (0.17, 0.17, 0.05), opening=0.158)
     for colour, xy in (("red", (0.25, 0.3)), ("blue", (0.25, -0.3)))
 )
 LOOSE = (
-    thing("a", "red cube", "box", (0.3, 0.0), (0.045,) * 3),
-    thing("b", "blue can", "cylinder", (0.4, 0.1), (0.045, 0.045, 0.07)),
-    thing("c", "red bar", "box", (0.4, -0.1), (0.035, 0.07, 0.04)),
+    scene_object("a", "red cube", "box", (0.3, 0.0), (0.045,) * 3),
+    scene_object("b", "blue can", "cylinder", (0.4, 0.1), (0.045, 0.045, 0.07)),
+    scene_object("c", "red bar", "box", (0.4, -0.1), (0.035, 0.07, 0.04)),
 )
 RIGHT = {"a": "red_bin", "b": "blue_bin", "c": "red_bin"}
 
@@ -211,7 +213,7 @@ def goals(sentence: str, scene: Scene) -> dict[str, str]:
         ("put all the red things into the blue bin", {"a": "blue_bin", "c": "blue_bin"}),
     ],
 )
-def test_which_thing_goes_where(arm, sentence, right):
+def test_which_object_goes_where(arm, sentence, right):
     assert goals(sentence, Scene((*BINS, *LOOSE), TABLE, arm.workspace)) == right
 
 
@@ -226,6 +228,6 @@ def test_a_flat_bin_may_be_called_a_tray(arm):
 def test_sorting_is_one_trajectory_that_ends_in_the_bins(arm):
     made = plan(arm, "put every object into the bin that has its colour", *BINS, *LOOSE)
     assert stages(made).count("release") == 3
-    for waypoint, thing_id in zip((w for w in made.trajectory if w.stage == "release"), RIGHT, strict=True):
-        goal = next(b for b in BINS if b.id == RIGHT[thing_id])
+    for waypoint, object_id in zip((w for w in made.trajectory if w.stage == "release"), RIGHT, strict=True):
+        goal = next(b for b in BINS if b.id == RIGHT[object_id])
         assert np.abs(np.array(waypoint.xyz[:2]) - goal.centre[:2]).max() < 0.05

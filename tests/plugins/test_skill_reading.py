@@ -26,7 +26,7 @@ SPACE = Box(np.array([-0.3, -0.7, 0.75]), np.array([0.8, 0.7, 1.7]))
 SENTENCES = json.loads((Path(__file__).parents[1] / "data" / "published_sentences.json").read_text())
 
 
-def thing(
+def scene_object(
     name, label, shape="other", xy=(0.3, 0.0), size=(0.06, 0.06, 0.06), base=0.0, **more
 ) -> SceneObject:
     colour = more.pop("colour") if "colour" in more else label.split()[0]
@@ -34,8 +34,8 @@ def thing(
     return SceneObject(name, label, shape, colour, pose, np.array(size), np.zeros((0, 3)), **more)
 
 
-def scene(*things: SceneObject) -> Scene:
-    return Scene(things, 0.75, SPACE)
+def scene(*objects: SceneObject) -> Scene:
+    return Scene(objects, 0.75, SPACE)
 
 
 def calls(sentence: str, where: Scene) -> list[str]:
@@ -67,16 +67,18 @@ def test_sentences_of_published_suites_have_the_right_structure(sentence, struct
 
 
 KITCHEN = scene(
-    thing("plate", "plate", xy=(0.2, 0.0), size=(0.2, 0.2, 0.02)),
-    thing("ramekin", "glazed rim porcelain ramekin", xy=(0.2, 0.3), size=(0.08, 0.08, 0.04)),
-    thing("between", "akita black bowl", xy=(0.2, 0.15), size=(0.1, 0.1, 0.05), colour="silver"),
-    thing("cabinet", "wooden cabinet", xy=(0.55, 0.3), size=(0.2, 0.2, 0.2)),
-    thing("above", "akita black bowl", xy=(0.55, 0.3), size=(0.1, 0.1, 0.05), base=0.2, colour="silver"),
-    thing("stove", "flat stove", xy=(0.5, -0.3), size=(0.2, 0.2, 0.04)),
-    thing("butter", "butter", xy=(0.35, -0.1), colour="yellow"),
-    thing("juice", "orange juice", xy=(0.4, -0.1), colour="maroon"),
-    thing("tomato", "tomato sauce", xy=(0.1, -0.3), colour="orange"),
-    thing("nut", "ring nut", "ring", xy=(0.1, -0.2), colour="gray"),
+    scene_object("plate", "plate", xy=(0.2, 0.0), size=(0.2, 0.2, 0.02)),
+    scene_object("ramekin", "glazed rim porcelain ramekin", xy=(0.2, 0.3), size=(0.08, 0.08, 0.04)),
+    scene_object("between", "akita black bowl", xy=(0.2, 0.15), size=(0.1, 0.1, 0.05), colour="silver"),
+    scene_object("cabinet", "wooden cabinet", xy=(0.55, 0.3), size=(0.2, 0.2, 0.2)),
+    scene_object(
+        "above", "akita black bowl", xy=(0.55, 0.3), size=(0.1, 0.1, 0.05), base=0.2, colour="silver"
+    ),
+    scene_object("stove", "flat stove", xy=(0.5, -0.3), size=(0.2, 0.2, 0.04)),
+    scene_object("butter", "butter", xy=(0.35, -0.1), colour="yellow"),
+    scene_object("juice", "orange juice", xy=(0.4, -0.1), colour="maroon"),
+    scene_object("tomato", "tomato sauce", xy=(0.1, -0.3), colour="orange"),
+    scene_object("nut", "ring nut", "ring", xy=(0.1, -0.2), colour="gray"),
 )
 
 
@@ -131,63 +133,74 @@ def test_what_is_not_there_or_not_read_is_declined_in_the_words_that_were_said(s
 
 def seen(task: str, colour: str, other: str, target: str) -> Scene:
     """What perception by shape makes of a task's layout, in few objects."""
-    square = thing("goal", f"{target} square", "region", (0.2, -0.3), (0.1, 0.1, 0.001))
-    cubes = [thing("a", f"{colour} cube", "box", (0.3, 0.1)), thing("b", f"{other} cube", "box", (0.3, -0.1))]
-    box = thing("a", f"{colour} box", "box", (0.3, 0.0), (0.25, 0.3, 0.15))
-    lid = thing("lid", f"{other} lid", "plate", (0.3, 0.0), (0.25, 0.3, 0.01), base=0.15, parent="a")
+    square = scene_object("goal", f"{target} square", "region", (0.2, -0.3), (0.1, 0.1, 0.001))
+    cubes = [
+        scene_object("a", f"{colour} cube", "box", (0.3, 0.1)),
+        scene_object("b", f"{other} cube", "box", (0.3, -0.1)),
+    ]
+    box = scene_object("a", f"{colour} box", "box", (0.3, 0.0), (0.25, 0.3, 0.15))
+    lid = scene_object("lid", f"{other} lid", "plate", (0.3, 0.0), (0.25, 0.3, 0.01), base=0.15, parent="a")
     jars = [
-        thing(n, f"{c} jar", "cylinder", (0.3, y), (0.066, 0.066, 0.12))
+        scene_object(n, f"{c} jar", "cylinder", (0.3, y), (0.066, 0.066, 0.12))
         for n, c, y in (("a", colour, 0.1), ("b", other, -0.1))
     ]
     lids = [
-        thing(f"{n}_lid", "gray lid", "disc", (0.3, y), (0.07, 0.07, 0.02), base=0.12, parent=n)
+        scene_object(f"{n}_lid", "gray lid", "disc", (0.3, y), (0.07, 0.07, 0.02), base=0.12, parent=n)
         for n, y in (("a", 0.1), ("b", -0.1))
     ]
-    bottle = thing("a", "green bottle", "cylinder", (0.3, 0.0), (0.07, 0.07, 0.2))
-    cap = thing("cap", "yellow cap", "cylinder", (0.3, 0.0), (0.03, 0.03, 0.03), base=0.2, parent="a")
-    drawer = thing("d", f"{colour} drawer", "box", (0.2, 0.15), (0.012, 0.248, 0.128), parent="c")
-    cabinet = thing("c", f"{other} cabinet", "box", (0.31, 0.15), (0.24, 0.28, 0.16))
-    handle = thing("h", "gray handle", "bar", (0.15, 0.15), (0.012, 0.11, 0.012), base=0.12, parent="d")
-    lamp = thing("l", "black lamp base", "plate", (0.3, 0.0), (0.16, 0.1, 0.01))
-    button = thing("k", f"{colour} button", "disc", (0.26, 0.0), (0.03, 0.03, 0.014), base=0.01, parent="l")
+    bottle = scene_object("a", "green bottle", "cylinder", (0.3, 0.0), (0.07, 0.07, 0.2))
+    cap = scene_object("cap", "yellow cap", "cylinder", (0.3, 0.0), (0.03, 0.03, 0.03), base=0.2, parent="a")
+    drawer = scene_object("d", f"{colour} drawer", "box", (0.2, 0.15), (0.012, 0.248, 0.128), parent="c")
+    cabinet = scene_object("c", f"{other} cabinet", "box", (0.31, 0.15), (0.24, 0.28, 0.16))
+    handle = scene_object(
+        "h", "gray handle", "bar", (0.15, 0.15), (0.012, 0.11, 0.012), base=0.12, parent="d"
+    )
+    lamp = scene_object("l", "black lamp base", "plate", (0.3, 0.0), (0.16, 0.1, 0.01))
+    button = scene_object(
+        "k", f"{colour} button", "disc", (0.26, 0.0), (0.03, 0.03, 0.014), base=0.01, parent="l"
+    )
     knives = [
-        thing("a", f"{colour} knife", "box", (0.3, 0.1), (0.02, 0.02, 0.1), base=0.15),
-        thing("b", "olive knife block", "box", (0.3, 0.1), (0.1, 0.1, 0.15)),
-        thing("goal", "white plate", "plate", (0.2, -0.3), (0.3, 0.2, 0.015)),
+        scene_object("a", f"{colour} knife", "box", (0.3, 0.1), (0.02, 0.02, 0.1), base=0.15),
+        scene_object("b", "olive knife block", "box", (0.3, 0.1), (0.1, 0.1, 0.15)),
+        scene_object("goal", "white plate", "plate", (0.2, -0.3), (0.3, 0.2, 0.015)),
     ]
     tower = [
-        thing("t", "white tower", "box", (0.12, -0.1), (0.2, 0.2, 0.165)),
-        thing("a", f"{colour} brick", "box", (0.12, 0.03), (0.06, 0.06, 0.03), base=0.1),
-        thing("goal", f"{target} circle", "region", (0.36, 0.12), (0.1, 0.1, 0.001)),
+        scene_object("t", "white tower", "box", (0.12, -0.1), (0.2, 0.2, 0.165)),
+        scene_object("a", f"{colour} brick", "box", (0.12, 0.03), (0.06, 0.06, 0.03), base=0.1),
+        scene_object("goal", f"{target} circle", "region", (0.36, 0.12), (0.1, 0.1, 0.001)),
     ]
     umbrella = [
-        thing("a", f"{colour} umbrella", "cylinder", (0.3, 0.1), (0.03, 0.03, 0.3), base=0.02),
-        thing("s", "gray stand", "box", (0.3, 0.1), (0.12, 0.12, 0.14), opening=0.1),
+        scene_object("a", f"{colour} umbrella", "cylinder", (0.3, 0.1), (0.03, 0.03, 0.3), base=0.02),
+        scene_object("s", "gray stand", "box", (0.3, 0.1), (0.12, 0.12, 0.14), opening=0.1),
     ]
-    ring = thing("a", "silver ring", "ring", (0.3, 0.2), (0.05, 0.05, 0.01), opening=0.03)
+    ring = scene_object("a", "silver ring", "ring", (0.3, 0.2), (0.05, 0.05, 0.01), opening=0.03)
     posts = [
-        thing(n, f"{c} post", "box", (0.3, y), (0.025, 0.025, 0.12))
+        scene_object(n, f"{c} post", "box", (0.3, y), (0.025, 0.025, 0.12))
         for n, c, y in (("goal", colour, 0.0), ("p", other, -0.2))
     ]
     groceries = [
-        thing("a", "yellow bottle", "box", (0.3, 0.2), (0.05, 0.08, 0.15)),
-        thing("goal", "gray tray", "box", (0.2, -0.2), (0.3, 0.3, 0.06), opening=0.25),
-        thing("b", "green box", "box", (0.4, 0.0)),
+        scene_object("a", "yellow bottle", "box", (0.3, 0.2), (0.05, 0.08, 0.15)),
+        scene_object("goal", "gray tray", "box", (0.2, -0.2), (0.3, 0.3, 0.06), opening=0.25),
+        scene_object("b", "green box", "box", (0.4, 0.0)),
+    ]
+    cups = [
+        scene_object("a", f"{colour} cup", "cylinder", (0.3, 0.1)),
+        scene_object("b", f"{other} cup", "cylinder"),
     ]
     bins = [
-        thing(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
+        scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
         for c, y in ((colour, 0.3), (other, -0.3))
     ]
-    things = {
+    objects = {
         "put_block": [cubes[0], square], "push_block": [cubes[0], square], "pick_and_lift": cubes,
         "close_box": [box, lid], "open_box": [box, lid], "open_jar": [*jars, *lids, square], "open_wine": [bottle, cap],
         "lamp_on": [lamp, button], "put_knife": knives, "play_jenga": tower, "take_umbrella": umbrella,
         "insert_block": [ring, *posts], "sort_mustard": groceries, "open_drawer": [drawer, cabinet, handle],
-        "pickup_cup": [thing("a", f"{colour} cup", "cylinder", (0.3, 0.1)), thing("b", f"{other} cup", "cylinder")],
-        "move_spray_bottle": [thing("a", f"{colour} bottle", "box", (0.3, 0.1)), square],
+        "pickup_cup": cups,
+        "move_spray_bottle": [scene_object("a", f"{colour} bottle", "box", (0.3, 0.1)), square],
         "sort_object": [*bins, *cubes],
     }  # fmt: skip
-    return scene(*things[task])
+    return scene(*objects[task])
 
 
 SKILLS = {
@@ -232,9 +245,9 @@ def test_every_wording_of_every_task_is_read_in_all_colours(task):
 @pytest.mark.parametrize(("kind", "wording"), [(k, w) for k, listed in WORDINGS.items() for w in listed])
 def test_every_wording_about_scanned_objects_is_read(kind, wording):
     where = scene(
-        thing("a", "potted meat can", xy=(0.3, 0.2), colour="", named_by="gallery"),
-        thing("b", "tomato soup can", xy=(0.4, 0.0), colour="red", named_by="gallery"),
-        thing(
+        scene_object("a", "potted meat can", xy=(0.3, 0.2), colour="", named_by="gallery"),
+        scene_object("b", "tomato soup can", xy=(0.4, 0.0), colour="red", named_by="gallery"),
+        scene_object(
             "y", "bowl", xy=(0.2, -0.2), size=(0.2, 0.2, 0.06), opening=0.18, colour="red", named_by="gallery"
         ),
     )
@@ -250,18 +263,21 @@ def test_every_wording_about_scanned_objects_is_read(kind, wording):
 # One of several, and what is left out
 
 CUBES = scene(
-    *(thing(c[0], f"{c} cube", "box", (0.3, 0.15 * i)) for i, c in enumerate(("blue", "maroon", "lime")))
+    *(
+        scene_object(c[0], f"{c} cube", "box", (0.3, 0.15 * i))
+        for i, c in enumerate(("blue", "maroon", "lime"))
+    )
 )
 TRAY = scene(
-    thing("t", "gray tray", "box", (0.1, 0.0), (0.3, 0.3, 0.06), opening=0.25),
-    thing("g", "green box", "box", (0.3, 0.3)),
-    thing("y", "yellow bottle", "cylinder", (0.3, -0.3)),
-    thing("k", "orange knife block", "box", (0.5, 0.3)),
+    scene_object("t", "gray tray", "box", (0.1, 0.0), (0.3, 0.3, 0.06), opening=0.25),
+    scene_object("g", "green box", "box", (0.3, 0.3)),
+    scene_object("y", "yellow bottle", "cylinder", (0.3, -0.3)),
+    scene_object("k", "orange knife block", "box", (0.5, 0.3)),
 )
 LAMP = scene(
-    thing("s", "gray lamp shade", "disc", (0.3, 0.0), parent="l"),
-    thing("l", "black lamp base", "plate", (0.3, 0.1)),
-    thing("b", "rose button", "disc", (0.3, 0.2), parent="l"),
+    scene_object("s", "gray lamp shade", "disc", (0.3, 0.0), parent="l"),
+    scene_object("l", "black lamp base", "plate", (0.3, 0.1)),
+    scene_object("b", "rose button", "disc", (0.3, 0.2), parent="l"),
 )
 
 
@@ -347,7 +363,7 @@ def test_reading_a_sentence_takes_milliseconds():
 
 
 def test_no_label_or_sentence_is_too_odd():
-    odd = scene(thing("a", "Akita-Black_Bowl", colour=""), thing("b", "", colour=""))
+    odd = scene(scene_object("a", "Akita-Black_Bowl", colour=""), scene_object("b", "", colour=""))
     for sentence in (
         "lift the akita black bowl",
         "",

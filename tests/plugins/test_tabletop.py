@@ -71,7 +71,7 @@ def test_layouts_are_on_the_table_inside_the_site_and_in_reach(name, seed):
 @pytest.mark.parametrize("name", THREE)
 @settings(max_examples=40, deadline=None)
 @given(seed=seeds)
-def test_colours_are_told_apart(name, seed):
+def test_colours_are_distinct(name, seed):
     bodies = sample(name, seed).layout.bodies
     colours = {s.rgb for b in bodies for s in b.solids if s.rgb in COLOURS.values()}
     assert len(colours) == {"pick_and_lift": 3, "push_block": 2, "lamp_on": 1}[name]

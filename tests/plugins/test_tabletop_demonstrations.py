@@ -6,9 +6,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.robot.backend import demonstrate
 from gvla2.robot.task import TaskInstance
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.tabletop import gvla2_tasks
-
-TASKS = {component.name: component for component in gvla2_tasks()}
+from tests.plugins.tabletop_layouts import TASKS, task
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +17,7 @@ def panda():
 
 
 def laid(panda, name: str, seed: int, **options) -> TaskInstance:
-    component = TASKS[name]
-    return panda.reset(component.build(component.config(**options)), seed)
+    return panda.reset(task(name, **options), seed)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def test_the_contract_is_kept(folder, ask, pose):
     check_task(task(folder, ask, count=4, pose=pose if ask != "put_in" else "upright"), SITE)
 
 
-def test_wide_things_find_room_beside_one_another(tmp_path):
+def test_wide_objects_find_room_beside_one_another(tmp_path):
     for k in range(5):
         write(tmp_path, f"board_{k}", painted(box(0.15, 0.15, 0.02)))
     for seed in range(8):
@@ -97,7 +97,7 @@ def test_lifting_is_judged_by_the_lowest_point(folder):
         assert instance.succeeded["strict"](state) == strict
 
 
-def test_beside_and_inside_are_judged_where_things_lie(folder):
+def test_beside_and_inside_are_judged_where_objects_lie(folder):
     instance = sample(
         task(folder, "left_of", names=["sugar_box", "bowl"]), 0, "put the sugar box left of the bowl"
     )
@@ -146,7 +146,7 @@ def test_what_cannot_be_asked_or_does_not_fit_is_named(folder, tmp_path):
         sample(task(tmp_path), 0)
 
 
-def test_what_was_brought_into_order_is_told(tmp_path):
+def test_corrections_of_a_mesh_are_in_the_goal(tmp_path):
     write(tmp_path, "carton", painted(box(60, 80, 100)))
     assert "carton: it is 100 units long and was read as millimetres" in sample(task(tmp_path), 0).goal
 

@@ -15,7 +15,7 @@ from gvla2.memory.store import Store
 from gvla2.plugins.registry import load_plugins
 from gvla2.testing import check_component
 from gvla2_plugins import memory_baselines
-from gvla2_plugins.memory_baselines.reasoning_bank import item_of
+from gvla2_plugins.memory_baselines.methods import item_of
 from tests.memory.looking import look
 
 METHODS = {component.name: component for component in memory_baselines.gvla2_memories()}
@@ -100,7 +100,7 @@ def test_frozen_recalls_and_learns_nothing(name: str, build: Callable):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_database_that_fails_is_told_and_stops_nothing(name: str, build: Callable, tmp_path: Path):
+def test_a_database_that_fails_is_reported_and_stops_nothing(name: str, build: Callable, tmp_path: Path):
     memory = build(name)
     memory.learn(episode(), GOOD)
     memory.close()
@@ -128,14 +128,14 @@ def test_options_that_cannot_be_are_refused(name: str, options: dict[str, Any], 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_two_runs_give_the_same(name: str, build: Callable, tmp_path: Path):
-    told = []
+    shown = []
     for place in ("one", "two"):
         memory = build(name, url=f"sqlite:///{tmp_path / place}.db")
         for number, verdict in enumerate((GOOD, BAD, OPEN, GOOD)):
             memory.learn(episode(f"lift cube {number}", source=f"run/{number}"), verdict)
         found = memory.recall(MemoryTask("lift cube 2"))
-        told.append([(item.id, item.content, round(item.score, 6)) for item in found.items] + [found.text])
-    assert told[0] == told[1]
+        shown.append([(item.id, item.content, round(item.score, 6)) for item in found.items] + [found.text])
+    assert shown[0] == shown[1]
 
 
 # -- what tells them apart --------------------------------------------------------------------------------------

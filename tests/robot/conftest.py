@@ -24,8 +24,8 @@ def arm() -> ArmModel:
 
 @pytest.fixture
 def scene_of(arm) -> Callable[..., Scene]:
-    def make(*things: SceneObject, table: float = 0.752) -> Scene:
-        return Scene(tuple(things), table, arm.workspace)
+    def make(*objects: SceneObject, table: float = 0.752) -> Scene:
+        return Scene(tuple(objects), table, arm.workspace)
 
     return make
 
@@ -54,7 +54,7 @@ def down() -> Callable[..., np.ndarray]:
 
 @dataclass
 class ExactDriver:
-    """A kinematic robot: goes exactly where it is told; ``between`` metres are between its fingers when closed."""
+    """A kinematic robot: goes exactly to its targets; ``between`` metres are between its fingers when closed."""
 
     joints: np.ndarray
     width: float = 0.08

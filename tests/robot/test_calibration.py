@@ -180,7 +180,7 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         (
             {"pairs": None},
@@ -192,8 +192,8 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
         ({"intrinsics": {}}, r"lacks 'fx'"),
     ],
 )
-def test_what_a_recording_lacks_is_said(tmp_path: Path, changes, told):
+def test_what_a_recording_lacks_is_said(tmp_path: Path, changes, expected):
     path = recording(tmp_path, recorded(np.random.default_rng(2)))
     path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=expected):
         load_recording(path)

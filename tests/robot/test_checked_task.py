@@ -44,7 +44,7 @@ HINGE = Joint("hinge", "revolute", "block", "lid", np.array([0.0, 0.0, 1.0]), np
 
 
 @pytest.mark.parametrize(
-    ("instance", "told"),
+    ("instance", "expected"),
     [
         (None, "must be TaskInstance, got NoneType"),
         (replace(GOOD, instruction=" "), "Its instruction is empty"),
@@ -62,8 +62,8 @@ HINGE = Joint("hinge", "revolute", "block", "lid", np.array([0.0, 0.0, 1.0]), np
         (with_solid(rgb=(255, 0, 0)), "leaves .0, 1."),
     ],
 )
-def test_what_cannot_be_laid_out_is_told_of_the_task(instance, told):
-    with pytest.raises(PluginError, match=f"{WHO} gave no valid episode. .*{told}"):
+def test_what_cannot_be_laid_out_is_reported_for_the_task(instance, expected):
+    with pytest.raises(PluginError, match=f"{WHO} gave no valid episode. .*{expected}"):
         sample(instance)
 
 
@@ -78,7 +78,7 @@ def test_yes_and_no_are_kept():
 
 
 @pytest.mark.parametrize(
-    ("check", "told"),
+    ("check", "expected"),
     [
         (lambda w: "no", "answered 'no'; it must be True or False"),
         (lambda w: None, "answered None"),
@@ -87,9 +87,9 @@ def test_yes_and_no_are_kept():
         (lambda w: w.joint("hinge") > 0, "asks for 'hinge', which its layout lacks; it has block"),
     ],
 )
-def test_a_success_check_that_is_wrong_is_told_by_its_task(check, told):
+def test_a_success_check_that_is_wrong_is_reported_with_its_task(check, expected):
     checks = sample(replace(GOOD, succeeded={"relaxed": check, "strict": check})).succeeded
-    with pytest.raises(PluginError, match=f"{WHO}: its success check 'strict' {told}"):
+    with pytest.raises(PluginError, match=f"{WHO}: its success check 'strict' {expected}"):
         checks["strict"](_AtRest(GOOD.layout))
 
 

@@ -23,8 +23,8 @@ def test_home_is_clear(arm, scene_of):
 def test_distance_to_a_box_under_the_fingertips(arm, scene_of, block, over, gap):
     tip = 0.902 - arm.hand.tip_beyond_tcp
     for shape in ("box", "cylinder", "disc"):
-        thing = block(at=(0.3, 0.0, tip - gap - 0.02), size=(0.12, 0.12, 0.04), shape=shape)
-        clearance = arm.clearance(over, 0.3, scene_of(thing))
+        obj = block(at=(0.3, 0.0, tip - gap - 0.02), size=(0.12, 0.12, 0.04), shape=shape)
+        clearance = arm.clearance(over, 0.3, scene_of(obj))
         assert clearance.distance == pytest.approx(gap, abs=1e-3)
         assert clearance.robot_part in ("panda_leftfinger", "panda_rightfinger")
         assert clearance.other == "block"

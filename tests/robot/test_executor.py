@@ -26,8 +26,8 @@ PICK = Trajectory(
 
 @pytest.fixture
 def run(arm, scene_of, block, driver):
-    def start(trajectory=PICK, *things, listener=None, **options):
-        scene = scene_of(*(things or (block(),)))
+    def start(trajectory=PICK, *objects, listener=None, **options):
+        scene = scene_of(*(objects or (block(),)))
         planner = MotionPlanner(arm)
         return execute(trajectory, scene, planner, driver, listener, ExecutorOptions(**options))
 
@@ -35,10 +35,10 @@ def run(arm, scene_of, block, driver):
 
 
 def test_a_pick_and_place_is_carried_out(run, driver, arm):
-    told = []
-    report = run(listener=ExecutionListener(waypoint=told.append))
+    reported = []
+    report = run(listener=ExecutionListener(waypoint=reported.append))
     assert report.completed, report.abort
-    assert tuple(told) == report.waypoints
+    assert tuple(reported) == report.waypoints
     assert [w.stage for w in report.waypoints] == ["approach", "grasp", "lift", "place", "retreat"]
     assert [w.status for w in report.waypoints][1::3] == ["linear", "linear"]
     assert driver.calls == ["follow", "follow", "grip", "follow", "follow", "grip", "follow"]
@@ -133,12 +133,12 @@ def test_an_interrupt_holds_reports_and_is_passed_on(run, driver, error):
             raise error
 
     driver.on_follow = interrupt
-    told = []
+    reported = []
     with pytest.raises(type(error)):
-        run(listener=ExecutionListener(waypoint=told.append))
+        run(listener=ExecutionListener(waypoint=reported.append))
     assert driver.calls[-1] == "hold"
-    assert [(w.stage, w.abort) for w in told] == [("approach", ""), ("grasp", "interrupted")]
-    assert told[-1].reached != told[0].reached
+    assert [(w.stage, w.abort) for w in reported] == [("approach", ""), ("grasp", "interrupted")]
+    assert reported[-1].reached != reported[0].reached
 
 
 def test_measurements_that_are_not_numbers_stop_it(run, driver):

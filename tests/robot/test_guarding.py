@@ -1,4 +1,4 @@
-"""Guarded motions of the executor: what ends them, what is told, and where the next motion starts."""
+"""Guarded motions of the executor: what ends them, what is reported, and where the next motion starts."""
 
 from dataclasses import dataclass, field
 

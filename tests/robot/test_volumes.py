@@ -1,4 +1,4 @@
-"""Regions of space, and hollow things made of solid pieces."""
+"""Regions of space, and hollow objects made of solid pieces."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def posed(turn, xyz):
 
 
 def body(*solids):
-    return Body("thing", solids, np.eye(4))
+    return Body("object", solids, np.eye(4))
 
 
 def test_the_corner_of_a_box_is_not_in_the_round_volume_that_fills_it():
@@ -36,14 +36,14 @@ def test_the_corner_of_a_box_is_not_in_the_round_volume_that_fills_it():
 @pytest.mark.parametrize("turn", np.linspace(0, np.pi, 7))
 def test_a_cup_is_hollow_and_has_its_size(turn):
     made = cup(0.093, 0.147, 0.004, RED)
-    thing = body(*made)
+    obj = body(*made)
     inside = Volume(posed((0, 0, turn), (0, 0, 0.08)), (0.058, 0.058, 0.13))
-    assert not inside.meets(thing, np.eye(4))  # room for a finger
+    assert not inside.meets(obj, np.eye(4))  # room for a finger
     low, high = extent(made)
     np.testing.assert_allclose(low[2], 0.0, atol=1e-12)
     np.testing.assert_allclose(high[2], 0.147, atol=1e-12)
     np.testing.assert_allclose(high[:2] - low[:2], 0.093, rtol=0.03)
-    assert Volume(rigid(translation=(0, 0, 0.002)), (0.01, 0.01, 0.002)).meets(thing, np.eye(4))
+    assert Volume(rigid(translation=(0, 0, 0.002)), (0.01, 0.01, 0.002)).meets(obj, np.eye(4))
 
 
 def test_trays_and_rings_have_walls_all_round():
@@ -53,9 +53,9 @@ def test_trays_and_rings_have_walls_all_round():
     ):
         low, high = extent(made)
         assert high[2] - low[2] == pytest.approx(height)
-        thing = body(*made)
+        obj = body(*made)
         for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)):
             spot = np.array([x, y, 0]) * (high - 0.004) + (0, 0, 0.8 * height)
-            assert Volume(rigid(translation=spot), (0.001,) * 3).meets(thing, np.eye(4)), (x, y)
+            assert Volume(rigid(translation=spot), (0.001,) * 3).meets(obj, np.eye(4)), (x, y)
         middle = Volume(rigid(translation=(0, 0, 0.8 * height)), (0.02, 0.02, 0.001))
-        assert not middle.meets(thing, np.eye(4))
+        assert not middle.meets(obj, np.eye(4))

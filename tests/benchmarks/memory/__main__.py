@@ -1,8 +1,7 @@
-"""The slow measurements of memory: what is lost under load, kills and damage, and a flood.
+"""The slow measurements of memory: what is lost under load, kills and damage.
 
-    python tests/benchmarks/memory                              # all but the flood
+    python tests/benchmarks/memory                              # all of them
     python tests/benchmarks/memory kills writers --scale 0.1    # some, smaller
-    python tests/benchmarks/memory flood --folder /scratch      # a million admits
 
 One line a figure: what it is, its value, its goal, its peer's value, a note.
 """
@@ -15,11 +14,10 @@ from pathlib import Path
 
 import concurrency
 import damage
-import flood
 from figure import NotMeasuredError, Test, passed
 from setting import Setting
 
-PARTS = (concurrency, damage, flood)
+PARTS = (concurrency, damage)
 
 
 def show(test: Test, setting: Setting) -> None:
@@ -51,7 +49,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
         setting = Setting(Path(folder), scale=arguments.scale)
         for test in tests:
-            if test.name in arguments.names or (not arguments.names and test.name != "flood"):
+            if test.name in arguments.names or not arguments.names:
                 show(test, setting)
 
 

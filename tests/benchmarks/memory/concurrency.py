@@ -89,12 +89,12 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     folder = setting.folder / "plain-kills"
     folder.mkdir(exist_ok=True)
     job = {"do": "kills", "kind": "plain", "place": str(folder), "times": size, "seed": setting.seed}
-    told = {id for id, _ in in_processes(job)["said"]}
+    peers = {id for id, _ in in_processes(job)["said"]}
     kept = {record.id for record in whole_lines(folder / FILE)}
-    note = f"{len(said):,} acknowledged by {size} writers, the peer's {len(told):,}; {problems} problems afterwards"
+    note = f"{len(said):,} acknowledged by {size} writers, the peer's {len(peers):,}; {problems} problems afterwards"
     return {
         "kills_lost": Figure(
-            float(len(said - stored.keys())), setting.plain.name, float(len(told - kept)), note=note
+            float(len(said - stored.keys())), setting.plain.name, float(len(peers - kept)), note=note
         )
     }
 

@@ -48,13 +48,13 @@ def in_processes(job: dict[str, Any]) -> dict[str, Any]:
         start_new_session=True,
     )
     try:
-        out, told = process.communicate()
+        out, errors = process.communicate()
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)  # the writers, too
             process.wait()
     if process.returncode:
-        raise Gvla2Error(f"The writers' process ended with {process.returncode}: {told.strip()[-300:]}")
+        raise Gvla2Error(f"The writers' process ended with {process.returncode}: {errors.strip()[-300:]}")
     answer: dict[str, Any] = json.loads(out)
     return answer
 

@@ -90,8 +90,8 @@ def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
         said = {record.id: turns.get(record.content, set()) for record in bank.records()}
         shares = []
         for question, evidence in conversation.questions:
-            told = [said[item.id] for item in bank.recall(question).items]
-            shares.append(len(set().union(*told) & evidence) / len(evidence))
+            recalled = [said[item.id] for item in bank.recall(question).items]
+            shares.append(len(set().union(*recalled) & evidence) / len(evidence))
     return shares
 
 

@@ -34,7 +34,7 @@ class FigureRow:
 class Figure:
     """A number beside its peer's; None if not measured, with the reason in ``note``.
 
-    ``peer`` names the source of ``peer_value``; ``n`` is the number of things measured, if it is not the test's own
+    ``peer`` names the source of ``peer_value``; ``n`` is the number of samples, if it is not the test's own
     size; ``goal`` replaces the row's.
     """
 

@@ -20,7 +20,7 @@ def postgres() -> Iterator[str]:
         if find_spec(package) is None:
             raise NotMeasuredError(f"the package {package.replace('_', '-')} is not installed")
 
-    # In the system's folder for such things: run by root, the server runs as a user who cannot enter root's folders.
+    # In the system's temporary folder: run by root, the server runs as a user who cannot enter root's folders.
     folder = Path(tempfile.mkdtemp(prefix="gvla2-postgres-"))
     before = os.environ.get("XDG_RUNTIME_DIR")
     os.environ["XDG_RUNTIME_DIR"] = str(folder)

@@ -28,7 +28,7 @@ NOW = 1.8e9
 CHUNK = 5000
 
 Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
-Thing = TypeVar("Thing")
+Item = TypeVar("Item")
 
 
 @dataclass
@@ -105,10 +105,10 @@ def once(work: Callable[[], object]) -> float:
     return timeit(work, number=1)
 
 
-def spent(work: Callable[[Thing], object], things: Iterable[Thing]) -> list[float]:
+def spent(work: Callable[[Item], object], items: Iterable[Item]) -> list[float]:
     """Seconds of each call; garbage is collected before them."""
     gc.collect()
-    return [once(partial(work, thing)) for thing in things]
+    return [once(partial(work, item)) for item in items]
 
 
 def high(times: list[float]) -> float:

@@ -91,7 +91,7 @@ class Nursery:
         print(*names, count, limit, file=self._process.stdin, flush=True)
 
     def line(self) -> str:
-        """The next thing that is said."""
+        """The next line of the process."""
         assert self._process.stdout is not None
         return self._process.stdout.readline()
 

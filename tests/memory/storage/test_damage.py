@@ -25,7 +25,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("bank") / "m.db"
     with KnowledgeBank(path) as bank:
         for i, number in enumerate((15, 12, 20, 30)):
-            bank.learn(f"lift thing {i}", f"$ lift --cm {number}", success=True, source=f"run/{i}")
+            bank.learn(f"lift cup {i}", f"$ lift --cm {number}", success=True, source=f"run/{i}")
         for text in ("Always open the drawer slowly.", "Never open the drawer slowly.", "Städte sortieren."):
             bank.admit(text, trusted=True)
         assert bank.verify() == []

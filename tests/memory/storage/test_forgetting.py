@@ -36,9 +36,9 @@ def fill(store: Store, make: Make, vector: np.ndarray) -> None:
         t.put(replace(secret, note=f"note: {SECRET}", count=2), action="merge")
         t.link("s", "conflict", "r1", f"against {SECRET}")
         t.link("r2", "replaces", "s", f"instead of {SECRET}")
-        for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
+        for source, known in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
             said = SECRET if source != "run/u" else "harmless"
-            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), transcript=said, records=told)])
+            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), transcript=said, records=known)])
 
 
 def holders(folder: Path, text: str = SECRET) -> list[str]:
@@ -140,9 +140,9 @@ def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Pat
             t.put_many(
                 [Put(record(id, content=f"{SECRET} {id}", provenance=sources % id), "add") for id in ids]
             )
-            for source, told in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("told", ids[20:22])):
+            for source, known in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("known", ids[20:22])):
                 t.save_episodes(
-                    [StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(told))]
+                    [StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(known))]
                 )
             t.save_episodes([StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",))])
             t.save_episodes([StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],))])

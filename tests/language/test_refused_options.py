@@ -65,10 +65,10 @@ def test_what_is_refused_is_left_out_and_named(answering, unmet: tuple[str, ...]
     assert len(model.requests) == calls
 
 
-def test_it_is_learnt_once_and_one_wish_at_a_time():
+def test_it_is_learnt_once_and_one_option_at_a_time():
     with LocalModel(server(most=5, schema=False)) as model:
         language = endpoint(model)
-        # Of two things that are lacking neither alone helps: both are left out, with the system role, this once.
+        # Of two options that are lacking neither alone helps: both are left out, with the system role, this once.
         first = language.complete(ALL, purpose="plan")
         before = len(model.requests)
         again = language.complete(ALL, purpose="plan")

@@ -1,0 +1,238 @@
+"""The methods: what each keeps of an episode, without a language model, and how it shows entries to a planner."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
+from gvla2.memory.induction import MOST_ACTS, acts_of
+from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
+from gvla2_plugins.memory_baselines.store import Draft, Found
+
+_LONGEST_LINE = 400
+_SENTENCE = re.compile(r"(?<=[.!?。！？])\s+|\n")
+_TITLE_WORDS = 8
+_PROGRAM = re.compile(r"\s*[./~]*[A-Za-z_][\w./+-]*(?=\s|$)")
+_VALUES = (
+    (re.compile(r"https?://\S+"), "{url}"),
+    (re.compile(r"\"[^\"\n]*\"|'[^'\n]*'|“[^”\n]*”|«[^»\n]*»|「[^」\n]*」"), "{text}"),
+    (re.compile(r"(?<!\w)(?:~|\.{1,2})?/?(?:[\w.@+-]+/)+[\w.@+*-]*"), "{path}"),
+    (re.compile(r"\b[0-9a-f]{7,40}\b(?<!\b[a-f]{7})"), "{id}"),
+    (re.compile(r"(?<![\w{])[-+]?\d+(?:[.,]\d+)*"), "{number}"),
+)
+"""Episode-specific parts of a step, and the slots that replace them."""
+
+
+class Semantic:
+    """Append only: each lesson of each episode is a separate entry, whatever the verdict."""
+
+    of_content = True
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
+        """Every lesson that has words."""
+        drafts = [Draft((lesson,)) for lesson in episode.lessons if lesson.content.strip()]
+        return drafts, "" if drafts else "The episode brought no lessons."
+
+    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
+        """One line per lesson."""
+        return render(items, max_chars)
+
+
+class Exemplars:
+    """The unchanged transcript of each verified success, and its successful numbers."""
+
+    of_content = False
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
+        """One exemplar of a verified success."""
+        if verdict.outcome != "verified_success":
+            return [], "Exemplars are only verified successes."
+        if not episode.transcript.strip():
+            return [], "The episode has no transcript."
+        text = f"Task: {episode.task.query}\n{episode.transcript}"
+        values = (
+            lesson for lesson in episode.lessons if lesson.effect and lesson.type != "failure_avoidance"
+        )
+        return [Draft((Lesson("procedural_hint", text), *values))], ""
+
+    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
+        """The trajectories, the most similar task first."""
+        entries = with_values(items, [len(entry.records) for entry in found])
+        return show_exemplars("Trajectories of similar tasks that succeeded (optional):", entries, max_chars)
+
+
+class Workflows:
+    """The steps of a success with abstracted values are a workflow; the same steps again confirm it.
+
+    Multi-line lessons, as written by an inducer with a language model, are workflows as they are. Numbers of the other
+    lessons are kept with the workflow, pooled over all episodes that confirm it: the usual values of its slots.
+    """
+
+    of_content = False
+
+    def __init__(self, fewest_steps: int) -> None:
+        self._fewest = fewest_steps
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
+        """One workflow of a verified success."""
+        if verdict.outcome != "verified_success":
+            return [], "Workflows are induced only from verified successes."
+        written = [x for x in episode.lessons if x.type != "failure_avoidance" and "\n" in x.content.strip()]
+        if written:  # a language model has written workflows already
+            return [Draft((Lesson("procedural_hint", x.content, x.effect),)) for x in written], ""
+        steps: list[str] = []
+        for step in map(abstracted, steps_of(episode.transcript)):
+            if not steps or steps[-1] != step:  # only the values differed
+                steps.append(step)
+        if len(steps) < self._fewest:
+            return [], f"A workflow needs {self._fewest} steps; this episode's transcript has {len(steps)}."
+        goal = f"Workflow for: {abstracted(episode.task.query)}"
+        text = "\n".join([goal, *(f"{number}. {step}" for number, step in enumerate(steps, 1))])
+        values = (
+            lesson for lesson in episode.lessons if lesson.effect and lesson.type != "failure_avoidance"
+        )
+        key = "\n".join([episode.task.skill, *steps])
+        return [Draft((Lesson("procedural_hint", text), *values), key)], ""
+
+    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
+        """The workflows, each with its usual values."""
+        entries = with_values(items, [len(entry.records) for entry in found])
+        return show_exemplars("Workflows that succeeded before (optional):", entries, max_chars)
+
+
+class Strategies:
+    """An entry for each judged episode: at most three items, what to do after success, what to avoid after failure."""
+
+    of_content = False
+
+    def __init__(self, most_items: int) -> None:
+        self._most = most_items
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
+        """The items of a judged episode."""
+        if verdict.outcome not in ("verified_success", "verified_fail"):
+            return [], "Items are drawn only from judged episodes: this one's outcome is open."
+        failed = verdict.outcome == "verified_fail"
+        usable = [lesson for lesson in episode.lessons if lesson.content.strip()]
+        if failed:
+            usable = [lesson for lesson in usable if lesson.type != "procedural_hint"]
+        lessons = usable[: self._most] or _from_transcript(episode, failed=failed)
+        if not lessons:
+            return [], "The episode has neither lessons nor a transcript."
+        items = tuple(Lesson(lesson.type, item_of(lesson.content), lesson.effect) for lesson in lessons)
+        return [Draft(items)], ""
+
+    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
+        """Each item with its title, description and content."""
+        entries = with_values(items, [1] * len(items))
+        return show_exemplars("Strategies from similar tasks (optional):", entries, max_chars)
+
+
+def item_of(content: str) -> str:
+    """A lesson as an item: title (what it is about), description (its first sentence) and content.
+
+    The three are in one text, a line each; repetitions of the line above are left out.
+    """
+    flat = " ".join(content.split())
+    subject, colon, _ = flat.partition(": ")
+    words = subject.split()
+    title = " ".join(words[:_TITLE_WORDS]) + ("" if colon and len(words) <= _TITLE_WORDS else " …")
+    description = _SENTENCE.split(content.strip(), maxsplit=1)[0].strip()
+    lines = [f"Title: {title}"] if len(title) < len(flat) else []
+    lines += [f"Description: {description}"] if description and description != content.strip() else []
+    return "\n".join([*lines, f"Content: {flat}"])
+
+
+def _from_transcript(episode: MemoryEpisode, *, failed: bool) -> list[Lesson]:
+    """One item if there are no lessons: the steps that worked, or how the attempt ended."""
+    steps = [abstracted(step) for step in steps_of(episode.transcript)]
+    if not steps:
+        return []
+    goal = abstracted(episode.task.query)
+    if failed:
+        tried = "; ".join(steps[-3:])
+        words = (
+            f"{goal}: this failed. It ended with: {ending_of(episode.transcript)[:300]}. Tried last: {tried}."
+        )
+        return [Lesson("failure_avoidance", words)]
+    return [Lesson("procedural_hint", f"{goal}: these steps succeeded. {'; '.join(steps[:12])}.")]
+
+
+# Steps of a transcript --------------------------------------------------------------------------------------
+
+
+def steps_of(transcript: str) -> list[str]:
+    """The actions in order, at most 60; if none are marked, each line is one."""
+    if acts := acts_of(transcript):
+        return acts
+    lines = [step for line in transcript.splitlines() if (step := " ".join(line.split()))]
+    return [line for i, line in enumerate(lines) if i == 0 or line != lines[i - 1]][:MOST_ACTS]
+
+
+def abstracted(step: str) -> str:
+    """The step without its specific values: ``open "a.txt" 3`` is ``open {text} {number}``."""
+    program = _PROGRAM.match(step)  # a command's program is the step itself, not a value
+    head, rest = (step[: program.end()], step[program.end() :]) if program else ("", step)
+    for pattern, slot in _VALUES:
+        rest = pattern.sub(slot, rest)
+    return " ".join((head + rest).split())
+
+
+def ending_of(transcript: str) -> str:
+    """The last non-empty line: how the episode ended, in its own words."""
+    return next((line.strip() for line in reversed(transcript.splitlines()) if line.strip()), "")
+
+
+# Entries as a bounded block of text -------------------------------------------------------------------------
+
+
+def with_values(items: Sequence[MemoryItem], groups: Sequence[int]) -> list[tuple[str, list[str]]]:
+    """The entries formed by items, ``groups`` giving how many belong to each: text of the first, values of all."""
+    entries, start = [], 0
+    for size in groups:
+        leading, *others = items[start : start + size]
+        notes = [f"{item.content}{effect_words(item.effect)}" for item in others]
+        if own := effect_words(leading.effect):
+            notes.insert(0, own.strip())
+        entries.append((leading.content, notes))
+        start += size
+    return entries
+
+
+def show_exemplars(title: str, entries: Sequence[tuple[str, Sequence[str]]], max_chars: int) -> str:
+    """The block: under ``title`` each entry's text with its lines kept, then its notes; "" for no entries.
+
+    Never longer than ``max_chars``: long entries are cut evenly at their ends, and if even that is not enough the last
+    entries are left out. Every line is neutralised, as in :func:`gvla2.memory.rendering.render`.
+    """
+    shown = list(entries)
+    while shown:
+        frame = len(OPENING) + len(CLOSING) + len(title) + 3
+        room = (max_chars - frame) // len(shown) - 1
+        if room >= 80:
+            blocks = [_block(number, text, notes, room) for number, (text, notes) in enumerate(shown, 1)]
+            return "\n".join([OPENING, title, *blocks, CLOSING])
+        shown.pop()
+    return ""
+
+
+def _block(number: int, text: str, notes: Sequence[str], room: int) -> str:
+    """One entry in at most ``room`` characters: its notes are short and stay, its text is cut."""
+    tail = [f"- {neutralised(note, 160)}" for note in notes]
+    while tail and sum(map(len, tail)) + len(tail) > room // 2:
+        tail.pop()
+    left = room - sum(len(line) + 1 for line in tail)
+    lines = [f"({number})"]
+    left -= len(lines[0]) + 1
+    # Text beyond the limit is never shown, so the cost is bounded.
+    for line in text[: 4 * room].splitlines():
+        plain = neutralised(line, _LONGEST_LINE)
+        if not plain:
+            continue
+        if len(plain) + 2 > left:
+            lines.append("…")
+            break
+        lines.append(plain)
+        left -= len(plain) + 1
+    return "\n".join([*lines, *tail])

@@ -1,0 +1,351 @@
+"""Put a block or a spray bottle on a painted square, a bottle into a tray, objects into the bins of their colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Arm
+from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint
+from gvla2.robot.placing import at, clear, planar, sample_until
+from gvla2.robot.solids import Volume, on, tray
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.moves import put_on
+from gvla2_plugins.tabletop.scenes import (
+    Draw,
+    Rgb,
+    Sides,
+    TabletopTask,
+    box,
+    cylinder,
+    lifted,
+    scaled,
+    square,
+)
+
+SIZE, BLOCK_MASS = 0.0608, 0.448
+BLOCK_AT, TARGET_AT = (0.025, -0.025), (0.025, 0.15)
+TARGET, EASED_AREA, STRICT_AREA = 0.173, 0.17, 0.01
+"""Metres, kilograms; places in the root's frame; areas are squares about the target's centre."""
+
+TOUCHING = 0.005
+"""Height of the target area's volume, metres: a block that touches it is on the table, or all but."""
+
+
+class PutBlock(TabletopTask[ScaledConfig]):
+    """Put the block on the target. relaxed: it touches the target area. strict: its centre is within 1 cm²."""
+
+    name = "put_block"
+    instructions = (
+        "put the {colour} block on the {target} square",
+        "pick up the {colour} cube and place it on the {target} target",
+        "place the {colour} block onto the {target} patch on the table",
+        "set the {colour} cube down on the {target} square",
+        "could you put the {colour} cube on the {target} square?",
+    )
+
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A block and its target."""
+        size = SIZE * self.scale
+        root = draw.until(lambda: self._root(draw, size), "a block and its target")
+        colour, target_colour = draw.colours(2)
+        cube = box([size] * 3, COLOURS[colour])
+        block = Body("block", (cube,), at(root, *BLOCK_AT, size / 2), BLOCK_MASS, label=f"{colour} cube")
+        spot = at(root, *TARGET_AT)
+        area = on(spot, (EASED_AREA, EASED_AREA), TOUCHING)
+        centre = Volume(spot @ lifted(size / 2), (STRICT_AREA, STRICT_AREA, size))
+        return draw.instance(
+            Layout((block, square(spot, TARGET, target_colour))),
+            lambda world: area.meets(block, world.pose("block")),
+            lambda world: centre.holds(world.pose("block")[:3, 3]),
+            f"relaxed: the {colour} block touches the {target_colour} square; strict: its centre is within "
+            f"{STRICT_AREA / 2 * 1000:g} mm of the square's, along both sides",
+            put_on("block", "target", np.full(3, size)),
+            colour=colour,
+            target=target_colour,
+        )
+
+    def _root(self, draw: Draw, size: float) -> FloatArray | None:
+        root = draw.root()
+        block, target = at(root, *BLOCK_AT)[:2, 3], at(root, *TARGET_AT)[:2, 3]
+        if not draw.inside(block, size / np.sqrt(2)) or not draw.inside(target, TARGET / np.sqrt(2)):
+            return None
+        return root if all(draw.in_reach(xy, size / 2, 0.2) for xy in (block, target)) else None
+
+
+TANK, NECK, HEAD = (0.066, 0.12), (0.028, 0.03), (0.075, 0.026, 0.032)
+SPRAY_MASS = 0.25
+SPRAY_TARGET, SPRAY_AREA, DISTANCE = 0.13, 0.04, (0.20, 0.40)
+"""Metres, kilograms: diameter and height of tank and neck, sides of the head that sprays to its +x."""
+
+UPRIGHT = np.cos(np.deg2rad(15.0))
+LOW = 0.02
+"""A bottle stands when it is within 15 degrees of upright and its base no higher than this, metres."""
+
+HEAD_RGB = (0.95, 0.95, 0.95)
+
+
+class MoveSprayBottle(TabletopTask[ScaledConfig]):
+    """Move the bottle to the square. relaxed: it stands with its middle over the square. strict: within 2 cm of the
+    square's middle along both sides, let go of.
+    """
+
+    name = "move_spray_bottle"
+    instructions = (
+        "move the spray bottle to the {target} square",
+        "pick up the {colour} spray bottle and put it on the {target} square",
+        "place the {colour} bottle on the {target} patch",
+        "take the spray bottle and set it down on the {target} square",
+        "put the {colour} spray bottle onto the {target} target",
+    )
+
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A bottle and a square."""
+        start, spot = draw.until(lambda: self._poses(draw), "a spray bottle and its square")
+        colour, target_colour = draw.colours(2, beside=(HEAD_RGB,))
+        solids = _spray_bottle(self.scale, COLOURS[colour])
+        bottle = Body("bottle", solids, start, SPRAY_MASS, label=f"{colour} spray bottle", shape="cylinder")
+        area, middle = (on(spot @ lifted(-LOW), (side, side), 2 * LOW) for side in (SPRAY_TARGET, SPRAY_AREA))
+
+        def relaxed(world: WorldState) -> bool:
+            pose = world.pose("bottle")
+            return bool(pose[2, 2] > UPRIGHT) and area.holds(pose[:3, 3])
+
+        def strict(world: WorldState) -> bool:
+            return relaxed(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
+
+        size = self.scale * np.array([0.10, HEAD[1], TANK[1] + NECK[1] + HEAD[2]])
+        return draw.instance(
+            Layout((bottle, square(spot, SPRAY_TARGET, target_colour))),
+            relaxed,
+            strict,
+            f"relaxed: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
+            put_on("bottle", "target", size, base=True, depth=0.02),
+            colour=colour,
+            target=target_colour,
+        )
+
+    def _poses(self, draw: Draw) -> tuple[FloatArray, FloatArray] | None:
+        root, height = draw.root(), self.scale * (TANK[1] + NECK[1])
+        direction, yaw, distance = draw.angle(), draw.angle(), draw.rng.uniform(*DISTANCE)
+        goal = root[:2, 3] + distance * np.array([np.cos(direction), np.sin(direction)])
+        if not draw.inside(root[:2, 3], 0.05) or not draw.inside(goal, SPRAY_TARGET / np.sqrt(2)):
+            return None
+        if not all(draw.in_reach(xy, height, height + 0.18) for xy in (root[:2, 3], goal)):
+            return None
+        return root, planar(goal, draw.site.table_height, yaw)
+
+
+def _spray_bottle(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
+    """Tank, neck and head, ``k`` times their size, on z = 0."""
+    high, middle = k * TANK[1], k * (TANK[1] + NECK[1])
+    return (
+        cylinder(k * TANK[0], 0.0, high, rgb),
+        cylinder(k * NECK[0], high, middle, rgb),
+        box(scaled(k, HEAD), HEAD_RGB, (k * 0.012, 0.0, middle + k * HEAD[2] / 2)),
+    )
+
+
+TRAY, TRAY_WALL = (0.318, 0.318, 0.05), 0.008
+OVER_TRAY = (0.325, 0.325, 0.10)
+BOTTLE, SHOULDERS, BOTTLE_MASS = (0.10, 0.06, 0.19), 0.17, 0.30
+MUSTARD_CAN, CARTON = (0.066, 0.066, 0.10), (0.09, 0.05, 0.13)
+"""Metres and kilograms; the bottle is as deep as ``SHOULDERS`` and narrows to its nozzle above."""
+
+YELLOW, RED, BLUE = (1.0, 0.85, 0.0), (0.8, 0.0, 0.0), (0.0, 0.2, 0.8)
+GREEN, GREY = (0.0, 0.5, 0.0), (0.4, 0.4, 0.4)
+
+GRASP_DEPTH = 0.034
+"""How far below the nozzle's end the hand can grasp before its palm is on it, metres."""
+
+MOST_SPAN = 0.074
+"""The hand opens 0.08 m."""
+
+
+class SortMustard(TabletopTask[ScaledConfig]):
+    """Put the mustard bottle into the tray. Both profiles: it rests in a volume of 10 cm over the tray."""
+
+    name = "sort_mustard"
+    instructions = (
+        "put the mustard bottle in the tray",
+        "place the yellow mustard into the gray tray",
+        "pick up the yellow bottle and put it in the tray",
+        "sort the mustard into the tray",
+        "move the yellow mustard bottle into the tray, please",
+    )
+
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """A tray, the bottle, a can and a carton."""
+        length, width, height = scaled(self.scale, BOTTLE)
+        size = (length, min(width, MOST_SPAN), height)
+        place, *spots = draw.until(lambda: self._poses(draw, size), "a tray and three items")
+        shapes = _mustard(size, SHOULDERS * self.scale)
+        bottle = Body("bottle", shapes, spots[0], BOTTLE_MASS, label="yellow mustard bottle", shape="box")
+        container = Body("tray", tray(TRAY, TRAY_WALL, GREY), place, fixed=True, label="gray tray")
+        can = Body(
+            "can", (cylinder(MUSTARD_CAN[0], 0, MUSTARD_CAN[2], BLUE),), spots[1], 0.2, label="blue can"
+        )
+        solid = box(CARTON, GREEN, (0, 0, CARTON[2] / 2))
+        carton = Body("carton", (solid,), spots[2], 0.2, label="green carton")
+        volume = on(place, OVER_TRAY[:2], OVER_TRAY[2])
+
+        def done(world: WorldState) -> bool:
+            return volume.meets(bottle, world.pose("bottle")) and world.resting("bottle")
+
+        return draw.instance(
+            Layout((container, bottle, can, carton)),
+            done,
+            done,
+            "the mustard bottle rests in the tray, let go of",
+            put_on(
+                "bottle", "tray", np.asarray(size), base=True, rise=TRAY_WALL, lift=0.10, depth=GRASP_DEPTH
+            ),
+        )
+
+    def _poses(self, draw: Draw, size: tuple[float, float, float]) -> list[FloatArray] | None:
+        """Poses (4, 4) of the undersides of tray, bottle, can and carton."""
+        root = draw.root()
+        spots = np.vstack([root[:2, 3], [draw.root()[:2, 3] for _ in range(3)]])
+        yaws = draw.rng.uniform(-np.pi, np.pi, size=3)
+        radii = [TRAY[0] / np.sqrt(2), _half_diagonal(size), MUSTARD_CAN[0] / 2, _half_diagonal(CARTON)]
+        room = [TRAY[0] / 2, *radii[1:]]
+        if not clear(spots, radii, 0.03) or not all(map(draw.inside, spots, room)):
+            return None
+        grasp = size[2] - GRASP_DEPTH
+        if not draw.in_reach(spots[1], grasp, grasp + 0.12):
+            return None
+        if not draw.in_reach(spots[0], grasp, grasp + 0.15):
+            return None
+        table = draw.site.table_height
+        return [root, *(planar(xy, table, float(yaw)) for xy, yaw in zip(spots[1:], yaws, strict=True))]
+
+
+def _half_diagonal(size: Sequence[float]) -> float:
+    return float(np.hypot(size[0], size[1])) / 2
+
+
+def _mustard(size: tuple[float, float, float], shoulders: float) -> tuple[Primitive, ...]:
+    """Body, shoulder and nozzle of a squeeze bottle that stands on z = 0."""
+    length, width, height = size
+    middle = (shoulders + height) / 2
+    return (
+        box((length, width, shoulders), YELLOW, (0, 0, shoulders / 2)),
+        cylinder(0.6 * width, shoulders, middle, YELLOW),
+        cylinder(0.3 * width, middle, height, RED),
+    )
+
+
+BIN, BIN_WALL = (0.17, 0.17, 0.05), 0.006
+OBJECTS = {"cube": (0.045, 0.045, 0.045), "can": (0.045, 0.045, 0.07), "bar": (0.035, 0.07, 0.04)}
+MASS, GAP, OVER, ASIDE = 0.1, 0.05, 0.10, 0.035
+"""Metres, kilograms: an object is in a bin when its middle is within its walls, no higher than ``OVER``. Two objects of
+one colour fit ``ASIDE`` of the bin's middle, on either side."""
+
+TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
+"""Number of draws of all five places together, of single places before starting over, and of restarts."""
+
+
+class SortObject(TabletopTask[ScaledConfig]):
+    """Put each object into the bin of its own colour. relaxed: all three are in. strict: and let go of, at rest."""
+
+    name = "sort_object"
+    instructions = (
+        "sort the objects into the bins of the same colour",
+        "put every object into the bin that has its colour",
+        "put the {one} things in the {one} bin and the {other} things in the {other} bin",
+        "sort the {one} and {other} objects into the bins of their own colour",
+        "place each object in the box of matching colour",
+    )
+
+    def lay_out(self, draw: Draw) -> TaskInstance:
+        """Two bins and three objects."""
+        poses = self._poses(draw)
+        colours = draw.colours(2)
+        belongs = [0, 1, int(draw.rng.integers(2))]
+        bins = tuple(
+            Body(
+                f"bin_{i}",
+                tray(BIN, BIN_WALL, COLOURS[c]),
+                poses[i],
+                fixed=True,
+                label=f"{c} bin",
+                shape="box",
+            )
+            for i, c in enumerate(colours)
+        )
+        objects = []
+        for name, size, colour, pose in zip(OBJECTS, self._sizes(), belongs, poses[2:], strict=True):
+            solid = Primitive("cylinder" if name == "can" else "box", size, COLOURS[colours[colour]])
+            label = f"{colours[colour]} {name}"
+            objects.append(Body(name, (solid,), pose @ lifted(size[2] / 2), MASS, label=label))
+        inner = BIN[0] - 2 * BIN_WALL
+        volumes = [on(pose, (inner, inner), OVER) for pose in poses[:2]]
+
+        def relaxed(world: WorldState) -> bool:
+            return all(
+                volumes[k].holds(world.pose(obj.name)[:3, 3]) and not world.held(obj.name)
+                for obj, k in zip(objects, belongs, strict=True)
+            )
+
+        return draw.instance(
+            Layout((*bins, *objects)),
+            relaxed,
+            lambda world: relaxed(world) and all(world.resting(obj.name) for obj in objects),
+            "relaxed: each object is in the bin of its colour; strict: at rest there, let go of",
+            self._solution(belongs),
+            one=colours[0],
+            other=colours[1],
+        )
+
+    def _sizes(self) -> list[Sides]:
+        return [scaled(self.scale, size) for size in OBJECTS.values()]
+
+    def _solution(self, belongs: list[int]) -> Solution:
+        def solve(world: WorldState, arm: Arm) -> Iterator[Sequence[Waypoint]]:
+            for i, (name, size) in enumerate(zip(OBJECTS, self._sizes(), strict=True)):
+                shares = belongs.count(belongs[i]) > 1
+                aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares
+                put = put_on(
+                    name, f"bin_{belongs[i]}", np.array(size), rise=BIN_WALL, offset=np.array([aside, 0.0, 0.0]),
+                    contacts=("bin_0", "bin_1", *OBJECTS),
+                )  # fmt: skip
+                yield from put(world, arm)
+
+        return solve
+
+    def _poses(self, draw: Draw) -> list[FloatArray]:
+        """Poses (4, 4) of the undersides of both bins and the three objects: drawn at once, where there is room."""
+        for _ in range(TOGETHER):
+            roots = [draw.root() for _ in range(5)]
+            if self._apart(draw, roots) and all(_reached(draw, i, roots[i]) for i in (2, 3, 4, 0, 1)):
+                return roots
+        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", AFRESH)
+
+    def _one_by_one(self, draw: Draw) -> list[FloatArray] | None:
+        """Each object beside those that lie already: for a small reach, where five together hardly ever fit."""
+        roots: list[FloatArray] = []
+        for _ in range(ONE_BY_ONE):
+            root = draw.root()
+            if self._apart(draw, [*roots, root]) and _reached(draw, len(roots), root):
+                roots.append(root)
+            if len(roots) == 5:
+                return roots
+        return None
+
+    def _apart(self, draw: Draw, roots: list[FloatArray]) -> bool:
+        """Whether the first of the bins and objects lie in the site, apart from one another."""
+        spots = np.stack([root[:2, 3] for root in roots])
+        radii = [BIN[0] / np.sqrt(2)] * 2 + [_half_diagonal(size) for size in self._sizes()]
+        radii = radii[: len(roots)]
+        within = all(draw.inside(xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
+        return within and clear(spots, radii, GAP)
+
+
+def _reached(draw: Draw, index: int, root: FloatArray) -> bool:
+    """Whether the hand gets to the object, or to both places in the bin."""
+    sides = (-1.0, 1.0) if index < 2 else (0.0,)
+    return all(draw.in_reach(at(root, side * ASIDE, 0.0)[:2, 3], 0.02, 0.24) for side in sides)
