@@ -231,7 +231,7 @@ def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[
     try:
         yield DockerSandbox(environment, folder, limits)
     finally:
-        environment.cleanup()  # type: ignore[no-untyped-call]
+        environment.cleanup()
 
 
 def prepare_minisweagent() -> None:

@@ -52,7 +52,7 @@ def load_sam(model: str, weights: str, sha256: dict[str, str]) -> SamByKornia:
         )
     check_hash(file, sha256.get(file.name, ""))
     try:
-        from kornia.models.sam import Sam, SamConfig  # type: ignore[attr-defined]
+        from kornia.models.sam import Sam, SamConfig
     except ImportError as error:
         install = "pip install 'gvla2[segmentation]'"
         raise MissingDependencyError("kornia", f"perceiver.model={model}", install) from error
