@@ -80,7 +80,7 @@ class WandbTracker:
             name=run.name,
             dir=str(run.folder),
             config=dict(run.config),
-            mode=self._config.mode or None,  # type: ignore[arg-type]
+            mode=self._config.mode or None,  # type: ignore[arg-type, unused-ignore]
             reinit="create_new",
             settings=self._wandb.Settings(silent=True),
         )
