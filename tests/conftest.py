@@ -37,24 +37,32 @@ class Made:
 """
 
 EXTRAS = {
+    "agents/test_bench_agents.py": "minisweagent",
     "agents/test_sandbox.py": "minisweagent",
     "agents/test_solving.py": "minisweagent",
     "evaluation/test_lpips.py": "torch",
     "gym": "gymnasium",
     "plugins/test_gsplat_renderer.py": "torch",
+    "plugins/test_llama_cpp.py": "xllamacpp",
     "plugins/test_piper.py": "can",
     "plugins/test_piper_run.py": "can",
     "plugins/test_piper_safety.py": "can",
+    "plugins/test_realsense.py": "pyrealsense2",
     "plugins/test_realsense_run.py": "can",
     "plugins/test_vggt_prior.py": "torch",
     "reconstruction/test_rasteriser.py": "torch",
+    "test_launchers.py": "ray",
+    "test_packaging.py": "build",
     # Only some of their tests need more, and skip without it.
     "plugins/test_embedders.py": "",
     "plugins/test_open_vocabulary.py": "",
     "plugins/test_sam.py": "",
     "plugins/test_trackers.py": "",
     "record/test_motion.py": "",
-    "test_launchers.py": "",
+    "testing/test_conformance.py": "",
+    "test_examples.py": "",
+    "test_notebooks.py": "",
+    "test_third_party.py": "",
 }
 """Test files and folders that need a package of ``[test-all]``: they carry the marker ``extras``."""
 _ABSENT = sorted(name for name, package in EXTRAS.items() if package and find_spec(package) is None)

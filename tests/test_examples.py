@@ -16,7 +16,7 @@ ALONE = ("01", "03", "07")
 """In a process of its own: as a reader starts it (01); its plugin stays (03); it sets torch's threads for good (07)."""
 
 
-NEEDS = {"06": "gymnasium", "07": "stable_baselines3"}
+NEEDS = {"05": "minisweagent", "06": "gymnasium", "07": "stable_baselines3"}
 """Packages of [test-all], by number."""
 
 

@@ -174,5 +174,5 @@ def test_a_cluster_that_does_not_answer_is_reported_as_such(tmp_path: Path):
         check=False,
     )
     assert done.returncode == 1
-    assert "gvla2: ConnectionError: Nobody at 10.0.0.1:6379." in done.stderr
+    assert "gvla2: ConnectionError: Nobody at 10.0.0.1:6379" in done.stderr
     assert "Traceback" not in done.stderr

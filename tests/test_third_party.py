@@ -140,6 +140,7 @@ def test_its_wrong_options_say_what_fits(gvla2):
 
 
 def test_its_task_is_an_environment(python):
+    pytest.importorskip("gymnasium", reason="pip install 'gvla2[gym]'")
     code = (
         "import gymnasium; "
         "env = gymnasium.make('gvla2.gym:gvla2/ball_in_bowl-v0', image_size=32, task_options={'ball': 0.06}); "

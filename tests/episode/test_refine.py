@@ -116,9 +116,8 @@ def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
         ("default", ()),
         ("shrunk", ("branch=paper", "branch.tau=1", "branch.lambda_max=.5")),
     ):
-        records: list[EpisodeRecord] = []
         config = compose_run(*QUICK, "robot.image_size=96", "memory=none", "reconstructor=hull", *overrides)
-        run_episodes(config, registry, tmp_path / name, records=records)
+        records = run_episodes(config, registry, tmp_path / name)
         extents.append(np.array([each.extents for each in records[0].scene.objects]))
     assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()
 

@@ -41,4 +41,4 @@ def test_options_reach_the_retriever() -> None:
 def test_configuration_is_light_and_typed() -> None:
     config = HybridConfig()
     assert (config.lexical_weight, config.cosine_weight, config.top_k) == (0.6, 0.4, 3)
-    assert (config.min_evidence, config.min_score, config.weights.verified) == (0.32, 1.2, 0.3)
+    assert (config.min_evidence, config.min_score, config.weights.verified) == (0.3, 1.2, 0.3)

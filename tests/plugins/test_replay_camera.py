@@ -282,7 +282,9 @@ def ran(tmp_path, *overrides):
     return code, folder
 
 
+@pytest.mark.extras
 def test_a_run_of_the_piper_sees_by_recorded_frames(tmp_path, recorded, capfd):
+    pytest.importorskip("can", reason="pip install 'gvla2[piper]'")
     _, folder = ran(tmp_path, "robot.bus=virtual", f"camera.path={recorded}")
     result = json.loads((folder / "result.json").read_text())
     assert "Dry run: all 4 waypoints can be reached" in result["failure"]["message"]

@@ -66,6 +66,7 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         "embedder": "static",
         "verifier": "geometric",
         "inducer": "rules",
+        "judge": "none",
     }
     pressing = MemoryTask("switch the lamp on", {"objects": 1.0}, "press")
     with closing(load_plugins().build(root, "memory")) as memory:
