@@ -108,11 +108,13 @@ def run_tests(task: AgentTask, sandbox: TestedSandbox) -> Output:
             output = sandbox.run(entry, seconds=task.test_seconds)
     if output.timed_out:
         return output
-    reward = sandbox.run(f"[ ! -e {LOGS}/reward.txt ] || head -c 20 {LOGS}/reward.txt", seconds=10)
-    if not reward.text.strip():
+    # An answer that is neither the reward nor its absence is no success: the script's own status is often 0.
+    read = f"if [ -e {LOGS}/reward.txt ]; then echo reward; head -c 20 {LOGS}/reward.txt; else echo none; fi"
+    what, _, reward = sandbox.run(read, seconds=10).text.partition("\n")
+    if what.strip() == "none":
         return output
     try:
-        solved = float(reward.text) >= 1.0
+        solved = what.strip() == "reward" and float(reward) >= 1.0
     except ValueError:
         solved = False
     return Output(output.text, 0 if solved else (output.status or 1), output.seconds)
