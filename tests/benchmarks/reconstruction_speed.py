@@ -23,7 +23,7 @@ import numpy as np
 import trimesh
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.gaussians import GaussianPly, write_gaussians
+from gvla2.geometry.gaussians import read_gaussians, write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
@@ -122,10 +122,10 @@ def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | 
         write_gaussians(source, gaussians)
 
         def ours() -> None:
-            ply = GaussianPly.read(source)
-            centres = ply.gaussians.centres.astype(np.float64)
+            seen = read_gaussians(source)
+            centres = seen.centres.astype(np.float64)
             support = mask_support(centres, views)
-            ply.with_centres(soft_hull(centres, support, object_centre(centres))).write(target)
+            write_gaussians(target, seen.with_centres(soft_hull(centres, support, object_centre(centres))))
 
         theirs = None
         if peer is not None:
