@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -268,7 +267,15 @@ class Writing(BankView):
 
 def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
     """An INSERT that replaces the row of the same keys."""
-    statement = import_module(f"sqlalchemy.dialects.{connection.dialect.name}").insert(table)
+    statement: Any
+    if connection.dialect.name == "sqlite":
+        from sqlalchemy.dialects import sqlite
+
+        statement = sqlite.insert(table)
+    else:
+        from sqlalchemy.dialects import postgresql
+
+        statement = postgresql.insert(table)
     changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
     return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
 

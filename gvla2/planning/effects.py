@@ -10,6 +10,7 @@ far a cap must be turned cannot be seen, that it is the gray lid of a red jar ca
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, Self
@@ -31,7 +32,7 @@ ON = " on "
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Lesson:
+class _Lesson(ABC):
     """What all effects have in common.
 
     ``skill`` limits it to one skill ("" is any); ``object`` is the look of the object that it was learnt on
@@ -48,8 +49,9 @@ class _Lesson:
         look = {"object": self.object} if self.object else {}
         return {"kind": self.kind, **self._own(), "skill": self.skill, "source": self.source, **look}
 
+    @abstractmethod
     def _own(self) -> dict[str, Any]:
-        raise NotImplementedError
+        """The fields of this kind alone, as JSON."""
 
 
 @dataclass(frozen=True)
