@@ -124,7 +124,7 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert {row["episodes"] for row in rows} == {"1"}
     assert [Path(row["page"]).is_file() for row in rows] == [True, True]
     page = (folder / "index.html").read_text()
-    assert page.count("episode.gif") + page.count("before.png") >= 2
+    assert page.count("episode.mp4") + page.count("before.png") >= 2
     assert len(list(folder.glob("*/memory.db"))) == 2, "each job has a bank of its own"
     assert not (here / "home").exists()
 

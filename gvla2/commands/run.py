@@ -177,9 +177,9 @@ def run_episodes(
     from gvla2.episode.loop import EpisodeRequest
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
-    from gvla2.record.page import write_summary
+    from gvla2.record.page import write_index, write_summary
     from gvla2.record.progress import Progress
-    from gvla2.record.recorder import RunRecorder, write_index
+    from gvla2.record.recorder import RunRecorder
 
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
     if config.episodes > 1:
