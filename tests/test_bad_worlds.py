@@ -13,7 +13,7 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.listener import SilentListener
 from gvla2.episode.loop import EpisodeRequest, run_episode
@@ -68,7 +68,7 @@ class Altered:
 @pytest.fixture(scope="module")
 def parts(registry):
     """A run's parts, built once: three cubes, small pictures, no memory."""
-    register(registry, PRIMARY)
+    register(registry, schemas())
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         overrides = ["memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"]
         config = OmegaConf.to_object(compose("run", overrides=overrides))

@@ -8,7 +8,7 @@ import pytest
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import all_schemas
+from gvla2.commands.hydra_job import schemas, suite_schemas
 from gvla2.commands.reconstruct import ReconstructConfig, read_inputs, spec_of
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.view_folders import write_views
@@ -22,7 +22,7 @@ from gvla2.testing.inputs import views as table_views
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, all_schemas())
+    register(registry, schemas() | suite_schemas())
 
 
 def composed(*overrides: str) -> ReconstructConfig:

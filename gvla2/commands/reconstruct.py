@@ -340,4 +340,4 @@ def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("reconstruct", job, argv)
+    return launch("reconstruct", {"reconstruct": ReconstructConfig}, job, argv)

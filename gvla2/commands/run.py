@@ -353,4 +353,4 @@ def main(argv: Sequence[str]) -> int:
     from gvla2.commands.hydra_job import launch
     from gvla2.commands.sweeps import conclude
 
-    return conclude(launch("run", job, argv), argv)
+    return conclude(launch("run", {"run": RunConfig}, job, argv), argv)

@@ -110,9 +110,10 @@ def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
 def test_nothing_of_an_earlier_run_in_the_folder_looks_like_this_ones(
     tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
 ) -> None:
-    run(RunRecorder(tmp_path, "x: 1\n"), episode())
+    first = RunRecorder(tmp_path, "x: 1\n")
+    first.finish(run(first, episode()))
     (tmp_path / "mine.txt").touch()
-    assert {"report.json", "after.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"report.json", "after.png", "episode.mp4"} <= {path.name for path in tmp_path.iterdir()}
     RunRecorder(tmp_path, "x: 2\n").finish(abstained)
     left = {path.name for path in tmp_path.iterdir()}
     assert "mine.txt" in left
