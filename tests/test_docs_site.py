@@ -69,23 +69,9 @@ def test_the_links_of_the_page_lead_somewhere(page: Path):
 @pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path: Path):
     pytest.importorskip("material", reason="pip install 'gvla2[docs]'")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mkdocs",
-            "build",
-            "--strict",
-            "--quiet",
-            "--site-dir",
-            str(tmp_path / "site"),
-        ],
-        cwd=ROOT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = f"{sys.executable} -m mkdocs build --strict --quiet --site-dir {tmp_path}/site".split()
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "configuration" / "choices" / "planner.html").read_text()
     assert "planner.lift_height" in page

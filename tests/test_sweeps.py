@@ -192,13 +192,6 @@ def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Pa
     assert sweeps.with_fresh_bank(nothing, tmp_path) is nothing
 
 
-def test_what_an_unfinished_job_left_in_its_bank_is_taken_away(tmp_path: Path):
-    for name in ("memory.db", "memory.db-wal"):
-        (tmp_path / name).write_bytes(b"half")
-    sweeps.clear(tmp_path)
-    assert not list(tmp_path.glob("memory.db*"))
-
-
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
     digest = sweeps.digest_of(compose_run("seed=1"))
     row: dict[str, Any] = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
