@@ -109,11 +109,16 @@ class TablePlane:
         x = x / np.linalg.norm(x)
         middle = 0.5 * (workspace.low + workspace.high)
         axes = np.stack([x, np.cross(self.normal, x), self.normal], axis=1)
-        return invert_rigid(rigid(axes, [*middle[:2], self.height_at(float(middle[0]), float(middle[1]))]))
+        return invert_rigid(rigid(axes, [*middle[:2], self.height_over(workspace)]))
 
     def height_at(self, x: float, y: float) -> float:
         """World z of the plane there."""
         return float((self.offset - self.normal[0] * x - self.normal[1] * y) / self.normal[2])
+
+    def height_over(self, workspace: Box) -> float:
+        """World z of the plane at the workspace's middle."""
+        x, y, _ = 0.5 * (workspace.low + workspace.high)
+        return self.height_at(float(x), float(y))
 
 
 def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[ViewFrame], TablePlane, list[str]]:
