@@ -25,8 +25,8 @@ SAM2_TINY = {
 class SamConfig(NamingOptions, ComponentConfig):
     """Options of the ``sam`` perceiver.
 
-    ``weights``: a folder with one encoder and one decoder of SAM 2 as ONNX. ``sha256``: the hashes that files must have,
-    by their names; files that it does not name are not checked. ``threads``: of one encode, 0 for all cores.
+    ``weights``: a folder with one encoder and one decoder of SAM 2 as ONNX. ``sha256``: hashes of the files by their
+    names; files that it does not name are not checked. ``threads``: of one encode, 0 for all cores.
 
     ``min_points``: fewer pixels, over all views, are a speck. ``min_height``: what rises less is table, metres; more
     where depth is noisy. ``min_score``: masks with a lower score are replaced by what is connected in 3D.

@@ -28,8 +28,8 @@ GET = "scripts/fetch_sam, then perceiver.weights=FOLDER (SAM 2 tiny as ONNX, 151
 class Sam2Onnx:
     """A :class:`~gvla2.perception.clicks.Segmenter` from a folder with one encoder and one decoder.
 
-    ``sha256`` maps files' names to the hashes of their contents; files that it does not name are not checked. Raises
-    :class:`MissingDependencyError` without ONNX Runtime or files, :class:`ConfigurationError` for another model's files.
+    ``sha256`` maps files' names to the hashes of their contents; files that it does not name are not checked.
+    Raises :class:`MissingDependencyError` without ONNX Runtime or files, :class:`ConfigurationError` for another model.
     """
 
     def __init__(self, folder: str, sha256: dict[str, str], threads: int) -> None:
@@ -84,9 +84,7 @@ def _enlarged(masks: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.f
     return np.array(grown, dtype=np.float32).reshape(*masks.shape[:2], *size)
 
 
-def _encoded(
-    prompts: list[Prompt], size: tuple[int, int]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _encoded(prompts: list[Prompt], size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points (K, P, 2) in pixels of the square, and their labels (K, P); a box is two points labelled 2 and 3."""
     stretch = np.array([SIDE / size[1], SIDE / size[0]])
     longest = max(len(p.points) + 2 * (p.box is not None) for p in prompts)

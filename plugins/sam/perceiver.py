@@ -250,4 +250,3 @@ def best_mask(answer: Segments, own: BoolArray, others: BoolArray) -> tuple[Bool
     worth = [score + iou(mask, own) for mask, score in zip(masks, answer.scores[0], strict=True)]
     best = int(np.argmax(worth))
     return masks[best], float(answer.scores[0][best])
-

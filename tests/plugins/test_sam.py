@@ -90,7 +90,7 @@ def test_clicks_find_what_the_instruction_means():
     seen = inputs.observation()
 
     def answer(request):
-        return said(json.dumps({"done": len(model.requests) > 1, "x": x, "y": y, "on": True}))
+        return said(json.dumps({"done": len(model.requests) > 1, "x": x, "y": y}))
 
     camera = seen.views[0].camera
     centre = inputs.BLUE.world_from_block[:3, 3] + [0, 0, 0.5 * inputs.BLUE.side]
