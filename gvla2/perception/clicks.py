@@ -93,9 +93,9 @@ SCHEMA = {
 QUESTION = """A robot is asked: "{words}"
 Point at the one object that it must handle first. The picture shows what stands there with yellow outlines, and in pink
 what is marked so far, with earlier clicks as dots.
-Answer one JSON object: {{"done": false, "x": X, "y": Y}} for a click at X, Y (from 0 to {scale:g}, from the left and from
-the top) on the object where it is not marked; {{"done": true, "x": 0, "y": 0}} when the mark covers all of it and nothing
-else. {refused}"""
+Answer one JSON object: {{"done": false, "x": X, "y": Y}} for a click at X, Y (from 0 to {scale:g}, from left and
+from top) on the object where it is not marked; {{"done": true, "x": 0, "y": 0}} when the mark covers all of it and
+nothing else. {refused}"""
 
 
 @dataclass(frozen=True)
