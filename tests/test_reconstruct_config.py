@@ -35,8 +35,8 @@ def composed(*overrides: str) -> ReconstructConfig:
 @pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
 def test_the_branch_is_one_group_of_three_commands(command: str):
     with initialize_config_module("gvla2.conf", version_base="1.3"):
-        chosen = OmegaConf.to_object(compose(command, overrides=["branch=official", "branch.axis=false"]))
-    assert chosen.branch == BranchOptions(mode="paper", compat="official", axis=False)
+        chosen = OmegaConf.to_object(compose(command, overrides=["branch=paper", "branch.axis=false"]))
+    assert chosen.branch == BranchOptions(mode="paper", axis=False)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,6 @@ def test_what_is_no_view_spec(value: object):
     ("word", "message"),
     [
         ("branch.mode=papr", "branch.mode is 'papr'; it is one of default, paper"),
-        ("branch.compat=old", "branch.compat is 'old'"),
         ("branch.eta=0", "eta > 0"),
         ("size=4", "at least 8"),
         ("frames=1", "2 to 120"),

@@ -22,6 +22,7 @@ from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
+from gvla2_plugins.axes import ContoursConfig
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing import NoPrior, NoReconstructor
@@ -77,7 +78,7 @@ def parts(reconstructor):
     return GeometryComponents(
         reconstructor,
         NoPrior(),
-        Contours(10, 400, 5e-4),
+        Contours(ContoursConfig(name="contours")),
         Residual(0.5),
         Rasteriser(),
     )
