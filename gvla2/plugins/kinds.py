@@ -23,8 +23,9 @@ class Kind:
     """One extension point; its ``name`` is also its Hydra group.
 
     ``hook`` returns its components, which are ``what``. ``protocol`` returns what they satisfy (``lambda: Mine``): a
-    function, because the core imports its protocols on demand. ``default`` is the choice of ``gvla2 run``; ``none``
-    may be chosen without a component of that name, and what needs the kind then gets None.
+    function, because the core imports its protocols on demand. ``default`` is the choice of ``gvla2 run``. Where
+    ``none`` is the default, or the kind is ``optional``, ``none`` may be chosen without a component of that name, and
+    what needs the kind then gets None.
     """
 
     name: str
@@ -32,6 +33,12 @@ class Kind:
     protocol: Callable[[], type]
     what: str
     default: str = NONE
+    optional: bool = False
+
+    @property
+    def may_be_none(self) -> bool:
+        """Whether ``none`` may be chosen."""
+        return self.optional or self.default == NONE
 
     def members(self) -> dict[str, bool]:
         """The protocol's members, and whether each is a method."""
@@ -54,16 +61,16 @@ class Kind:
         return lacking
 
 
-def _kind(name: str, hook: Callable[[], object], default: str = NONE) -> Kind:
+def _kind(name: str, hook: Callable[[], object], default: str = NONE, *, optional: bool = False) -> Kind:
     """A kind of the core: its hook's first sentence says what it is."""
     what = (inspect.getdoc(hook) or "").partition(". ")[0].removeprefix("Return ")
-    return Kind(name, hook.__name__, lambda: hookspecs.protocol_of(hook), what, default)
+    return Kind(name, hook.__name__, lambda: hookspecs.protocol_of(hook), what, default, optional)
 
 
 _CORE = (
     _kind("robot", hookspecs.gvla2_robots, "sapien_panda"),
     _kind("camera", hookspecs.gvla2_cameras),
-    _kind("task", hookspecs.gvla2_tasks, "pick_and_lift"),
+    _kind("task", hookspecs.gvla2_tasks, "pick_and_lift", optional=True),
     _kind("perceiver", hookspecs.gvla2_perceivers, "classical"),
     _kind("reconstructor", hookspecs.gvla2_reconstructors),
     _kind("prior", hookspecs.gvla2_geometry_priors),
@@ -87,6 +94,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE}
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
 """Hydra groups that choose a second component of a kind, or ``none``: the slot and its kind."""
+
+OWN_TASK = "/"
+"""In the name of a task that a robot offers itself, ``suite/task``; names of components have none."""
 
 TAKEN = frozenset(
     {

@@ -20,6 +20,7 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
+from gvla2_plugins.axes import ContoursConfig
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing import NoPrior
@@ -75,7 +76,7 @@ def parts(reconstructor):
     return GeometryComponents(
         reconstructor,
         NoPrior(),
-        Contours(10, 400, 5e-4),
+        Contours(ContoursConfig(name="contours")),
         Residual(0.5),
         Rasteriser(),
     )
