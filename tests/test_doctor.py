@@ -24,7 +24,7 @@ def test_this_installation_is_healthy(
     assert "planner=skill" in found["default run"]
     assert "can be imported" in found["simulator"]
     assert version("gvla2") in found["packages"]
-    assert "sim" in found["extras"].partition("; not:")[0]
+    assert "llm" in found["extras"].partition("; not:")[0]
 
 
 def test_the_table_has_advice_and_a_failure_its_status(

@@ -111,11 +111,10 @@ def _lacks(requirement: Requirement) -> bool:
 def configuration(registry: Registry) -> Iterator[Check]:
     """Whether the default run composes and its memory opens."""
     from gvla2.commands.hydra_job import composed, explain
-    from gvla2.commands.run import RunConfig
     from gvla2.memory.contracts import MemoryTask
 
     try:
-        options: Any = composed("run", RunConfig, registry=registry)[0]
+        options: Any = composed("run", registry=registry)[0]
     except Exception as error:
         advice = "Repair the plugin that offers it, or unset GVLA2_DISABLE_PLUGINS."
         yield Check("default run", "fail", explain(error, registry), advice)

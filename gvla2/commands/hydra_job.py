@@ -180,10 +180,11 @@ def print_help(command: str, schema: type, registry: Registry, chosen: str) -> N
 
 
 def composed(
-    command: str, schema: type, overrides: Sequence[str] = (), registry: Registry | None = None
+    command: str, overrides: Sequence[str] = (), registry: Registry | None = None
 ) -> tuple[Any, Registry]:
     """A command's typed configuration, without Hydra's folders and logs, and the plugins."""
-    registry = _register({command: schema}, schema, registry)
+    own = schemas()[command]
+    registry = _register({command: own}, own, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         return OmegaConf.to_object(hydra.compose(command, list(overrides))), registry
 

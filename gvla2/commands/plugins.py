@@ -103,11 +103,10 @@ def main(argv: Sequence[str]) -> int:
 def _print_tasks(overrides: Sequence[str]) -> int:
     """List the tasks that a robot offers itself, with their sentences; 1 for an error."""
     from gvla2.commands.hydra_job import composed, report
-    from gvla2.commands.run import RunConfig
     from gvla2.robot.backend import OffersTasks
 
     try:
-        config, registry = composed("run", RunConfig, [*overrides, "task=none"])
+        config, registry = composed("run", [*overrides, "task=none"])
         with closing(registry.build(config, "robot")) as robot:
             offered = dict(robot.tasks()) if isinstance(robot, OffersTasks) else {}
     except Exception as error:

@@ -206,12 +206,10 @@ class Registry:
 
     def chooses_nothing(self, root: object, kind: str) -> bool:
         """Whether ``root`` leaves a slot empty, or chooses ``none`` of a kind that has no component of that name."""
-        name = self.chosen(root, kind)
+        name, own = self.chosen(root, kind), self.kinds.get(kind)
         if kind in SLOTS:
             return name in ("", NONE)
-        return (
-            kind in self.kinds and self.kinds[kind].default == name == NONE and NONE not in self._offers[kind]
-        )
+        return own is not None and own.may_be_none and name == NONE and NONE not in self._offers[kind]
 
     def _choice(self, root: object, kind: str) -> Any:
         """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
