@@ -15,8 +15,8 @@ from gvla2.planning.scene import SceneObject
 from gvla2.skills.mechanisms import shines
 from gvla2_plugins.geometric.case import (
     Case,
-    Score,
     InconclusiveError,
+    Score,
     goal_now,
     outside_footprint,
     something_at,

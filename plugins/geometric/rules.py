@@ -12,8 +12,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
 from gvla2_plugins.geometric.case import (
     Case,
-    Score,
     InconclusiveError,
+    Score,
     goal_now,
     outside_footprint,
     something_at,
