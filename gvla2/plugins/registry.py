@@ -14,11 +14,11 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
+from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
 from gvla2.plugins.kinds import KINDS, NONE, SLOTS, Kind, kind_of
 from gvla2.plugins.manager import collect
 from gvla2.plugins.validation import structured
-from gvla2.skills.skill import Skill
 
 
 @dataclass(frozen=True)

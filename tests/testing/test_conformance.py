@@ -33,7 +33,6 @@ OWN = {
     ("perceiver", "oracle"): "needs a simulated robot",
     ("perceiver", "sam"): "perceiver.weights=",
     ("perceiver", "sam3"): "perceiver.weights=",
-    ("perceiver", "detector"): "perceiver.weights=",
     ("robot", "sapien_arm"): "robot.urdf=",
     ("task", "tabletop_objects"): "task.objects.root=",
 }
