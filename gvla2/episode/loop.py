@@ -67,7 +67,7 @@ class Components:
     """
 
     robot: RobotBackend
-    task: Task | None
+    task: Task | str | None
     perceiver: Perceiver
     geometry: GeometryComponents
     memory: Memory
