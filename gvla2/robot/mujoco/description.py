@@ -73,45 +73,34 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
     names.check(model)
     robot = ET.Element("robot", name=names.base)
     moving = {*names.joints, *names.fingers}
-    shift = {int(model.body(names.base).id): np.zeros(3)}
+    kept = {int(model.body(name).id) for name in (names.base, names.tool)}
+    place: dict[
+        int, tuple[int, FloatArray]
+    ] = {}  # the body whose link each is part of, link_from_body (4, 4)
+    links: dict[int, ET.Element] = {}
     for body in robot_bodies(model, names.base):
-        joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
-        if len(joints) > 1 or any(model.jnt_type[j] not in (2, 3) for j in joints):
-            raise RobotError(
-                f"The body {model.body(body).name} of the arm moves by {len(joints)} joints; each body of an arm has "
-                "one hinge or slide, or none."
-            )
-        # A URDF's joint goes through its link's origin: the link's frame is moved there.
-        shift[body] = np.array(model.jnt_pos[joints[0]]) if joints else np.zeros(3)
-        link = ET.SubElement(robot, "link", name=_name(model, body))
-        for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
-            _add_geometry(link, model, geom, shift[body])
-        if body == model.body(names.base).id:
-            continue
-        parent = int(model.body_parentid[body])
-        turn = _rotation(model.body_quat[body])
-        at = model.body_pos[body] + turn.apply(shift[body]) - shift[parent]
-        joint = model.joint(joints[0]) if joints else None
-        kind = "fixed" if joint is None or joint.name not in moving else "slide hinge".split()[int(joint.type[0]) - 2]
-        element = ET.SubElement(
-            robot,
-            "joint",
-            name=f"{_name(model, body)}_mount" if joint is None else joint.name,
-            type={"hinge": "revolute", "slide": "prismatic"}.get(kind, kind),
+        joint = _joint_of(model, body)
+        parent, link_from_parent = place.get(int(model.body_parentid[body]), (body, np.eye(4)))
+        link_from_body = link_from_parent @ rigid(
+            _rotation(model.body_quat[body]).as_matrix(), model.body_pos[body]
         )
-        ET.SubElement(element, "parent", link=_name(model, parent))
-        ET.SubElement(element, "child", link=_name(model, body))
-        ET.SubElement(element, "origin", xyz=_text(at), rpy=_text(turn.as_euler("xyz")))
-        if joint is not None and kind != "fixed":
-            low, high = joint.range
-            if not low < high:
-                raise RobotError(f"The joint {joint.name} of the model has no limits; give it a range.")
-            # Two fingers may open by opposite signs: here both open upwards.
-            sign = -1.0 if joint.name in names.fingers and -low > high else 1.0
-            low, high = sorted((sign * low, sign * high))
-            ET.SubElement(element, "axis", xyz=_text(sign * joint.axis))
-            limit = {"lower": str(low), "upper": str(high), "velocity": str(speed), "effort": EFFORT}
-            ET.SubElement(element, "limit", limit)
+        if joint is not None or body in kept:
+            # A URDF's joint goes through its link's origin: the link's frame lies there.
+            origin = np.zeros(3) if joint is None else np.array(joint.pos)
+            links[body] = ET.SubElement(robot, "link", name=_name(model, body))
+            if parent != body:
+                at = link_from_body @ rigid(translation=origin)
+                _add_joint(
+                    robot, model, (parent, body), at, joint if joint and joint.name in moving else None, speed
+                )
+            place[body] = body, rigid(translation=-origin)
+        else:  # a body that is fixed to another is a part of its link
+            place[body] = parent, link_from_body
+        link, pose = place[body]
+        for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
+            _add_geometry(links[link], model, geom, pose)
+    for name in names.fingers:
+        _open_upwards(next(j for j in robot.iterfind("joint") if j.get("name") == name))
     text = ET.tostring(robot)
     path = cache_folder() / "mjcf" / f"{hashlib.sha256(text).hexdigest()[:32]}.urdf"
     if not path.is_file():
@@ -120,7 +109,48 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
     return path
 
 
-def _add_geometry(link: ET.Element, model: Any, geom: int, shift: FloatArray) -> None:
+def _joint_of(model: Any, body: int) -> Any:
+    """The joint of a body of the arm, None if it is fixed to its parent."""
+    first, count = model.body_jntadr[body], model.body_jntnum[body]
+    if count > 1 or any(model.jnt_type[j] not in (2, 3) for j in range(first, first + count)):
+        raise RobotError(
+            f"The body {model.body(body).name} of the arm moves by {count} joints; each body of an arm has one hinge "
+            "or slide, or none."
+        )
+    return model.joint(first) if count else None
+
+
+def _add_joint(
+    robot: ET.Element, model: Any, ends: tuple[int, int], pose: FloatArray, joint: Any, speed: float
+) -> None:
+    """A joint between two bodies' links; ``pose`` (4, 4) is the child's in the parent's link; None for a fixed one."""
+    kind = "fixed" if joint is None else {2: "prismatic", 3: "revolute"}[int(joint.type[0])]
+    name = f"{_name(model, ends[1])}_mount" if joint is None else joint.name
+    element = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(element, "parent", link=_name(model, ends[0]))
+    ET.SubElement(element, "child", link=_name(model, ends[1]))
+    ET.SubElement(element, "origin", _origin(pose))
+    if joint is None:
+        return
+    low, high = joint.range
+    if not low < high:
+        raise RobotError(f"The joint {joint.name} of the model has no limits; give it a range.")
+    ET.SubElement(element, "axis", xyz=_text(joint.axis))
+    ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort=EFFORT)
+
+
+def _open_upwards(joint: ET.Element) -> None:
+    """Two fingers may open by opposite signs: here both open upwards."""
+    axis, limit = joint.find("axis"), joint.find("limit")
+    assert axis is not None
+    assert limit is not None
+    low, high = float(limit.get("lower", 0)), float(limit.get("upper", 0))
+    if -low > high:
+        axis.set("xyz", _text([-float(v) for v in axis.get("xyz", "").split()]))
+        limit.attrib.update(lower=str(-high), upper=str(-low))
+
+
+def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: FloatArray) -> None:
     import mujoco
 
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
@@ -138,8 +168,8 @@ def _add_geometry(link: ET.Element, model: Any, geom: int, shift: FloatArray) ->
         return
     collides = model.geom_contype[geom] or model.geom_conaffinity[geom]
     solid = ET.SubElement(link, "collision" if collides else "visual")
-    turn = _rotation(model.geom_quat[geom])
-    ET.SubElement(solid, "origin", xyz=_text(model.geom_pos[geom] - shift), rpy=_text(turn.as_euler("xyz")))
+    body_from_geom = rigid(_rotation(model.geom_quat[geom]).as_matrix(), model.geom_pos[geom])
+    ET.SubElement(solid, "origin", _origin(link_from_body @ body_from_geom))
     ET.SubElement(solid, "geometry").append(shape)
 
 
@@ -164,6 +194,10 @@ def mesh_of(model: Any, mesh: int) -> tuple[FloatArray, Any]:
 
 def _rotation(quaternion: Any) -> Rotation:
     return Rotation.from_quat(np.asarray(quaternion)[[1, 2, 3, 0]])
+
+
+def _origin(pose: FloatArray) -> dict[str, str]:
+    return {"xyz": _text(pose[:3, 3]), "rpy": _text(Rotation.from_matrix(pose[:3, :3]).as_euler("xyz"))}
 
 
 def _name(model: Any, body: int) -> str:
