@@ -78,7 +78,11 @@ def test_without_a_task_the_sentence_is_the_callers(tmp_path: Path):
     [
         ("kitchen", "kitchen/2", "No task of robot 'kitchen' named 'kitchen/2'. Did you mean 'kitchen/"),
         ("kitchen", "pick_and_lift", "Available: kitchen/0, kitchen/1. `gvla2 tasks robot=kitchen` lists"),
-        ("sapien_panda", "kitchen/1", "No task of robot 'sapien_panda' named 'kitchen/1'. Available: none at all"),
+        (
+            "sapien_panda",
+            "kitchen/1",
+            "No task of robot 'sapien_panda' named 'kitchen/1'. Available: none at all",
+        ),
     ],
 )
 def test_other_tasks_are_refused(robot: str, task: str, message: str):
