@@ -1,4 +1,4 @@
-"""The bodies of a MuJoCo world as scene objects, for ``perceiver=oracle``: to tell perception's failures from others."""
+"""The bodies of a MuJoCo world as scene objects, for ``perceiver=oracle``: diagnosis only."""
 
 from __future__ import annotations
 
