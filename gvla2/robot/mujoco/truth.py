@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, box_corners, rigid, transform_points
-from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Scene, SceneObject, Shape
 from gvla2.robot.mujoco.description import mesh_of, robot_bodies
 from gvla2.robot.mujoco.world import World
@@ -71,7 +70,7 @@ def _object(
         name,
         " ".join(words),
         shape,
-        nearest_colours(rgb, 1)[0][0],
+        "",
         rigid(turn, turn @ middle),
         extents,
         points[:: max(1, len(points) // MOST_POINTS)],
