@@ -157,7 +157,7 @@ def test_import_reads_a_pipe(tmp_path: Path):
     )
     assert done.returncode == 1, done.stderr
     document = json.loads(done.stdout)
-    assert len(document["added"]) == 1
+    assert len(document["held_back"]) == 1
     assert "line 2: " in document["broken"][0]
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gvla2.memory.view import BankView
 
 ACTOR = "gvla2 memory"
-STATES = ("active", "provisional", "summary", "archive")
+STATES = ("active", "provisional", "archive")
 ROWS_SHOWN = 50
 """Rows that the terminal shows unless ``limit`` says otherwise; JSON has all."""
 _TIMES = ("created", "updated", "used")
@@ -45,7 +45,7 @@ class MemoryCommandConfig:
 
     ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
     processes. ``limit`` is the maximum number of rows (0: all; null: 50 on the terminal, all as JSON). ``states`` keeps
-    records of these states in `list` and `export` (default: all). ``trusted`` imports your own backup unchanged.
+    records of these states in `list` and `export` (default: all). ``trusted`` vouches for your own export.
     ``head`` is an earlier head of the chain to `verify` against, SEQ:HASH. ``retriever`` and ``embedder`` are names, or
     names with options: ``retriever={name: hybrid, OPTION: VALUE}``.
     """
@@ -115,11 +115,11 @@ class Request:
             yield store
 
     @contextmanager
-    def knowledge_bank(self) -> Iterator[KnowledgeBank]:
+    def knowledge_bank(self, *, create: bool = False) -> Iterator[KnowledgeBank]:
         """The bank with the chosen retriever and embedder; errors as those of :meth:`store`."""
         from gvla2.memory.bank import KnowledgeBank
 
-        with self.store():  # its errors come before those of components
+        with self.store(create=create):  # its errors come before those of components
             pass
         kinds = ("retriever", "embedder")
         registry: Registry = load_plugins(kinds)
@@ -228,20 +228,21 @@ def verify(request: Request) -> Answer:
 
 def import_records(request: Request) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
-    from gvla2.memory.transfer import import_jsonl
-
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
         raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
-    with request.store(create=True) as store:
-        done = import_jsonl(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
-    lines = [
-        f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
-    ]
+    with request.knowledge_bank(create=True) as bank:
+        done = bank.import_(path, trusted=config.trusted)
+    new = count(len(done.added) + len(done.held_back), "record")
+    lines = [f"New in the bank '{config.bank}': {new}; known already: {done.known}."]
     if done.held_back:
-        lines.append(f"Provisional until verified episodes confirm them: {done.held_back}.")
-        lines += [] if config.trusted else ["trusted=true imports your own backup with its states."]
+        lines.append(f"Provisional until verified episodes confirm them: {len(done.held_back)}.")
+        lines += (
+            [] if config.trusted else ["trusted=true makes the active lessons of your own export active."]
+        )
+    if done.left_out:
+        lines.append(f"Left out: {count(done.left_out, 'archived record')}.")
     if done.broken:
         lines.append(f"{count(len(done.broken), 'line')} could not be read.")
     return Answer(done, [*lines, *done.broken[:ROWS_SHOWN]], status=int(bool(done.broken)))
@@ -270,8 +271,7 @@ def forget(request: Request) -> Answer:
                 return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.config.bank, actor=ACTOR, now=time.time()) as transaction:
             gone = transaction.forget(*(record.id for record in records), why="asked for")
-    lines = [f"Forgotten: {', '.join(gone) or 'nothing'}.", *transaction.also]
-    return Answer({"forgotten": gone, "also": transaction.also}, lines)
+    return Answer({"forgotten": gone}, [f"Forgotten: {', '.join(gone) or 'nothing'}."])
 
 
 def _confirmed() -> bool:

@@ -229,8 +229,8 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
         (lambda texts: unit(texts) * (1 if len(texts) > 1 else -1), "rest of the batch"),
     ],
     ("verifier", "verify"): [
-        (judging("verified_success", 0.2, 0.6, {"a": 0.2}), "is 'verified_fail', not"),
-        (judging("verified_success", 0.9, 0.1, {"a": 0.9}), "has the confidence 0.800"),
+        (judging("verified_success", 0.2, 0.6, {"a": 0.2}), "is 'verified_fail' with"),
+        (judging("verified_success", 0.9, 0.1, {"a": 0.9}), "the confidence 0.800"),
         (lambda e: Verdict.from_criteria({"a": float(e.report.completed)}), "raised AttributeError"),
         (lambda e: Verdict.from_criteria({"a": 1.0 - getattr(e, "gripper_width", 0) * 9}), "better"),
     ],
