@@ -76,7 +76,7 @@ class HydraTask:
         self.function = function
         self.registry = registry
         self.error: Exception | None = None
-        """What a single job raised: Hydra would print a line of its own about it."""
+        """The error of a single job: raised again after Hydra, which would print a line of its own about it."""
 
     def __getstate__(self) -> dict[str, object]:
         return {"function": self.function, "registry": None, "error": None}

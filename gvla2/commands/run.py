@@ -103,7 +103,7 @@ class EpisodeReporter:
 
     @property
     def wants_frames(self) -> bool:
-        """Whether a recorder keeps them."""
+        """True if a recorder keeps them."""
         return self.recorder is not None
 
     def begin(self, stage: Stage) -> None:
@@ -264,7 +264,7 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
 
 
 def crashed_component(components: Components, stage: Stage) -> str:
-    """Whose code a stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
+    """Name the component whose code the stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
     kinds = [kind for kind in AUTHORS[stage] if components.choices.get(kind, NONE) != NONE]
     return f"{' or '.join(map(components.named, kinds))} crashed"
 
