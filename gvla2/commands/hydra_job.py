@@ -163,7 +163,8 @@ def print_help(command: str, schema: type, registry: Registry, chosen: str) -> N
     for entry in read(chosen).defaults:
         if isinstance(entry, DictConfig):
             defaults |= {str(key).lstrip("/"): str(name) for key, name in entry.items()}
-    out.print(f"{words.header}\n\n{inspect.getdoc(schema)}", markup=False)
+    about = (inspect.getdoc(schema) or "").replace("``", "`")
+    out.print(f"{words.header}\n\n{about}", markup=False)
     listing = table("option", "type", "default")
     for option in options(schema):
         if not option.name.endswith(".name"):
