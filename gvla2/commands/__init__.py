@@ -12,7 +12,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "memory": "search and list a memory bank, import, export, govern, forget",
         "data": "list the data sets and weights found here, and how to get the others",
         "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
-        "tasks": "a page of every task from its four cameras, as laid out and as solved",
+        "tasks": "a page of every task as laid out, from its four cameras, or a robot's own tasks",
         "export": "write runs as a data set for training: LeRobot",
         "plugins": "list robots, planners, memories and everything else to choose from, with options",
         "doctor": "check this installation and say how to fix what is missing",

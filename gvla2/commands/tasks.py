@@ -1,4 +1,4 @@
-"""``gvla2 tasks``: a page of tasks from every camera, as they start and as they end, or a robot's own tasks."""
+"""``gvla2 tasks``: a page of tasks as laid out, from every camera; or a list of a robot's own tasks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +18,7 @@ if TYPE_CHECKING:
     from gvla2.robot.task import Task
 
 DESCRIPTION = """\
-Writes one HTML page that shows each task from every camera: as it starts, and as it ends when its scripted
-demonstration carries it out. The demonstrations know the true state; no planner uses them.
+Writes one HTML page that shows how each task is laid out, from every camera, with its wordings and its goal.
 With a robot that has a world of its own, `gvla2 tasks robot=NAME` lists the tasks that it offers.
 """
 
@@ -40,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
             if own := _own_tasks(config, registry):
                 _list(own)
                 return 0
-        shown = list(show(names, overrides, options.seed, demonstrate=not options.start_only))
+        shown = list(show(names, overrides, options.seed))
         write_text(options.output, gallery_page(shown, options.seed))
     except Gvla2Error as error:
         print(f"gvla2: {error}", file=sys.stderr)
@@ -66,9 +64,7 @@ def _list(tasks: dict[str, str]) -> None:
     console().print(listing)
 
 
-def show(
-    names: Sequence[str], overrides: Sequence[str], seed: int, *, demonstrate: bool
-) -> Iterator[TaskShown]:
+def show(names: Sequence[str], overrides: Sequence[str], seed: int) -> Iterator[TaskShown]:
     """The named tasks, or all that need no option, one by one as they are rendered; progress goes to stderr.
 
     ``overrides`` choose the robot and its options, as for ``gvla2 run``.
@@ -86,38 +82,20 @@ def show(
             config, _ = composed("run", [*overrides, f"task={name}"])
             built = registry.build_all(config, ("robot", "task"))
             with closing(built["robot"]) as arm:
-                yield _photograph(arm, built["task"], name, summary, seed, demonstrate)
+                yield _photograph(arm, built["task"], name, summary, seed)
         except Gvla2Error as error:
             yield TaskShown(name, summary, problem=str(error))
 
 
-def _photograph(
-    robot: RobotBackend, task: Task | str, name: str, summary: str, seed: int, demonstrate: bool
-) -> TaskShown:
+def _photograph(robot: RobotBackend, task: Task | str, name: str, summary: str, seed: int) -> TaskShown:
     from gvla2.record.page import TaskShown
-    from gvla2.robot import backend
 
     instance = robot.reset(task, seed)
     if instance is None:
         return TaskShown(name, summary, problem="The robot lays out no task; choose a simulated one.")
-    before = robot.observe().views
     phrases = () if isinstance(task, str) else tuple(task.instructions)
-    shown = TaskShown(name, summary, instance.instruction, instance.goal, phrases, tuple(before))
-    if not demonstrate or instance.solution is None:
-        return shown
-    reports = backend.demonstrate(robot, instance)
-    after = robot.observe().views
-    judged = robot.success_check()
-    done, strict = (False, False) if judged is None else (judged.relaxed, judged.strict)
-    stopped = reports[-1].abort if reports else None
-    ending = f"Demonstrated: relaxed {_word(done)}, strict {_word(strict)}."
-    if stopped is not None:
-        ending += f" It stopped at '{stopped.stage}': {stopped.message}"
-    return replace(shown, after=tuple(after), ending=ending, done=done)
-
-
-def _word(reached: bool) -> str:
-    return "reached" if reached else "not reached"
+    views = tuple(robot.observe().views)
+    return TaskShown(name, summary, instance.instruction, instance.goal, phrases, views)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -132,5 +110,4 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output", type=Path, default=Path("tasks.html"), help="the page (default: %(default)s)"
     )
-    parser.add_argument("--start-only", action="store_true", help="omit the demonstrations")
     return parser

@@ -182,20 +182,14 @@ def _thumbnail(folder: Path, width: int = 192) -> str:
 
 @dataclass(frozen=True)
 class TaskShown:
-    """One task of the gallery. ``ending`` says how it reached its ``after``; ``done`` whether it counts.
-
-    ``problem`` is what went wrong, "" if nothing.
-    """
+    """One task of the gallery; ``problem`` is what went wrong, "" if nothing."""
 
     name: str
     summary: str
     instruction: str = ""
     goal: str = ""
     wordings: tuple[str, ...] = ()
-    before: tuple[View, ...] = ()
-    after: tuple[View, ...] = ()
-    ending: str = ""
-    done: bool = False
+    views: tuple[View, ...] = ()
     problem: str = ""
 
 

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.arm import Arm
@@ -163,7 +163,7 @@ class DepthCamera(Protocol):
 
 @runtime_checkable
 class Truthful(Protocol):
-    """A simulated robot that exposes the true state of its world, for demonstrations and the ``oracle`` perceiver."""
+    """A simulated robot that exposes the true state of its world, for the ``oracle`` perceiver."""
 
     def true_state(self) -> WorldState:
         """The state that a success check may read, live."""
@@ -183,24 +183,3 @@ def judge(instance: TaskInstance, state: WorldState) -> SuccessCheck | None:
         checks.get(own) or checks[other] for own, other in (("relaxed", "strict"), ("strict", "relaxed"))
     )
     return SuccessCheck(bool(relaxed(state)), bool(strict(state)))
-
-
-def demonstrate(
-    robot: RobotBackend, instance: TaskInstance, listener: ExecutionListener = ExecutionListener()
-) -> tuple[ExecutionReport, ...]:
-    """Carry out the episode's scripted solution; returns the reports of its stretches, up to the first abort.
-
-    Raises :class:`ConfigurationError` when the episode has none or the robot does not expose its true state.
-    """
-    if instance.solution is None:
-        raise ConfigurationError("This task comes without a demonstration.")
-    if not isinstance(robot, Truthful):
-        raise ConfigurationError(
-            f"The robot {type(robot).__name__} does not expose the true state of its world."
-        )
-    reports = []
-    for waypoints in instance.solution(robot.true_state(), robot.arm):
-        reports.append(robot.execute(Trajectory(tuple(waypoints)), robot.true_scene(), listener))
-        if reports[-1].abort is not None:
-            break
-    return tuple(reports)

@@ -154,4 +154,4 @@ def _no_bus(bus: str, channel: str) -> str:
             f" Bring it up with `sudo ip link set {channel} up type can bitrate 1000000`"
             " (`ip link` lists what there is)."
         )
-    return f"{what} Or choose robot.bus=virtual for a simulated arm, robot.bus=none to plan without any."
+    return f"{what} Or plan without an arm: robot.bus=none."

@@ -63,9 +63,6 @@ class ControlLoop:
         self._switch_interval = sys.getswitchinterval()
         self.stopped = ""
         self.stopped_at = self.held_at = 0.0
-        self.tick_times: list[tuple[float, bool]] | None = (
-            None  # each tick's moment, and whether the arm moved
-        )
 
     def start(self, target: FloatArray) -> None:
         """Hold at ``target`` (6,), the measured joints, from now on; the motors are on already."""
@@ -184,8 +181,6 @@ class ControlLoop:
         try:
             while not self._end.is_set():
                 now = time.monotonic()
-                if self.tick_times is not None:
-                    self.tick_times.append((now, self.moving))
                 self._tick(now, now - due)
                 due += self.period
                 left = due - time.monotonic()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -30,9 +29,6 @@ from gvla2_plugins.sapien.cameras import CameraRig, Filming
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.truth import TrueState, cast_masks, true_scene
 from gvla2_plugins.sapien.world import World
-
-ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
-"""Appended to the goal of every episode with that option."""
 
 SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
@@ -88,8 +84,6 @@ class SapienArm:
             raise ConfigurationError(f"robot={self._cell.robot} has no task of its own, like '{task}'.")
         if task is not None:
             instance = task.sample(np.random.default_rng(seed), self._site(), instruction)
-            if self._config.attach:
-                instance = replace(instance, goal=f"{instance.goal}{ATTACHED}")
         layout = Layout(()) if instance is None else instance.layout
         self._world = World(self._config, self._cell, layout)
         self._layout, self._instance = layout, instance
@@ -168,11 +162,11 @@ class SapienArm:
         return driver.state()
 
     def true_state(self) -> TrueState:
-        """The state for success checks; for demonstrations (see :mod:`gvla2.robot.backend`)."""
+        """The state for success checks."""
         return TrueState(self._sane_world("read"))
 
     def true_scene(self) -> Scene:
-        """The episode's bodies as scene objects; for demonstrations and the ``oracle`` perceiver."""
+        """The episode's bodies as scene objects, for the ``oracle`` perceiver."""
         return true_scene(
             self._sane_world("read"), self._layout, self._cell.table_height, self._arm.workspace
         )

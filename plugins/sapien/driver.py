@@ -97,8 +97,6 @@ class SapienDriver:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
         self._touched, self._diverged = set(), False
         goal = self._travel(opening)
-        if 2 * goal > self._world.gripper_width:
-            self._world.detach()
         start = 0.5 * self._world.gripper_width
         ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
         for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
@@ -113,23 +111,17 @@ class SapienDriver:
             self._advance()
         self._watch()
         width = self._world.gripper_width
-        if self._config.attach and 2 * goal < width:
-            self._world.attach()
         pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
         return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
 
     def servo(self, joints: FloatArray, gripper: float, seconds: float) -> None:
         """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
         goal = self._travel(gripper)
-        if 2 * goal > self._world.gripper_width:
-            self._world.detach()
         self._world.drive_fingers(goal)
         start, steps = self._world.arm_target, self._count(seconds)
         for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
             self._world.drive_arm(start + share * (joints - start), (joints - start) / seconds)
             self._world.step()
-        if self._config.attach and 2 * goal < self._world.gripper_width:
-            self._world.attach()
 
     def hold(self, seconds: float = BRAKE_SECONDS) -> None:
         """Stop at the measured position and stay there; simulates ``seconds`` of it."""

@@ -285,7 +285,6 @@ class Learnable:
             made,
             instruction=sentence if instruction is None else instruction,
             goal=f"{made.goal} (a world with something to learn)",
-            solution=None,  # the scripted solution assumes published behaviour
         )
 
     def _chosen(self, rng: np.random.Generator, instruction: str | None) -> Family:

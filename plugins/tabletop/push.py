@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import planar
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import LampOnConfig, PushBlockConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_closing, stop
-from gvla2_plugins.tabletop.scenes import PAINT, Draw, TabletopTask, box, lifted
+from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, TabletopTask, box, lifted
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""
@@ -74,7 +69,6 @@ class PushBlock(TabletopTask[PushBlockConfig]):
             lambda world: volume.meets(block, world.pose("block")),
             f"relaxed: the {colour} block's centre is on the {target_colour} square; "
             "strict: the block covers the square's centre",
-            push_to("block", "target", size),
             colour=colour,
             target=target_colour,
         )
@@ -101,37 +95,6 @@ class PushBlock(TabletopTask[PushBlockConfig]):
             planar(start, table + size / 2, float(block_yaw)),
             planar(goal, table + PAINT / 2, float(target_yaw)),
         )
-
-
-def push_to(obj: str, goal: str, size: float) -> Solution:
-    """Push the cube ``obj`` of that ``size`` over the table until its middle is on the origin of ``goal``.
-
-    Two pushes: the second corrects the first one's drift from friction.
-    """
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        for share in (0.6, 1.0):
-            block, target = world.pose(obj), world.pose(goal)[:3, 3]
-            way = (target - block[:3, 3]) * (1.0, 1.0, 0.0)
-            ahead = way / np.linalg.norm(way)
-            half_width = 0.5 * size / float(np.max(np.abs(block[:3, :2].T @ ahead)))
-            behind = half_width + 0.5 * arm.hand.finger_breadth
-            height = UP * (block[2, 3] - 0.2 * size)
-            flat = np.array([1.0, 1.0, 0.0])
-            start = block[:3, 3] * flat - ahead * (behind + 0.025) + height
-            end = (block[:3, 3] + share * way) * flat - ahead * behind + height
-            across = np.cross(UP, ahead)
-            closing = best_closing(arm, [start + 0.08 * UP, start, end], [across, -across])
-            near = {obj, "table"}
-            yield [
-                stop("approach", start + 0.08 * UP, 0.0, DOWN, closing, free=True),
-                stop("lower", start, 0.0, contacts=near),
-                stop("push", end, 0.0, speed=0.1, contacts=near),
-                stop("back", end - 0.04 * ahead, 0.0, contacts=near),
-                stop("leave", end - 0.04 * ahead + 0.1 * UP, 0.0, contacts=near),
-            ]
-
-    return solve
 
 
 EASED_TRAVEL, STRICT_TRAVEL = 0.003, 0.0075
@@ -202,7 +165,6 @@ class LampOn(TabletopTask[LampOnConfig]):
             lambda world: world.peak("press") > STRICT_TRAVEL,
             f"relaxed: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "
             f"strict: by more than {STRICT_TRAVEL * 1000:g} mm",
-            press("button", "lamp", height / 2, travel),
             colour=colour,
         )
 
@@ -213,21 +175,3 @@ class LampOn(TabletopTask[LampOnConfig]):
         if not draw.inside(root[:2, 3], 0.5 * float(np.hypot(BASE[0], BASE[1]))):
             return None
         return root if draw.in_reach(button, 0.01, self.config.height + 0.15) else None
-
-
-def press(button: str, beside: str, top: float, travel: float) -> Solution:
-    """Press the body ``button``, whose upper face is ``top`` over its origin, down by ``travel``; metres."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(button)
-        face = transform_points(pose, (0.0, 0.0, top)) + UP * arm.hand.tip_beyond_tcp
-        above, down = face + 0.06 * UP, face - UP * travel
-        closing = best_closing(arm, [above, down], around(UP, pose[:3, 0], 8))
-        near = {button, beside, "table"}
-        yield [
-            stop("approach", above, 0.0, DOWN, closing, free=True, contacts=near),
-            stop("press", down, 0.0, speed=0.05, contacts=near),
-            stop("leave", above, 0.0, contacts=near),
-        ]
-
-    return solve

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import at, clear, planar, sample_until
 from gvla2.robot.solids import Volume, on, tray
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import put_on
 from gvla2_plugins.tabletop.scenes import (
     Draw,
     Rgb,
@@ -64,7 +61,6 @@ class PutBlock(TabletopTask[ScaledConfig]):
             lambda world: centre.holds(world.pose("block")[:3, 3]),
             f"relaxed: the {colour} block touches the {target_colour} square; strict: its centre is within "
             f"{STRICT_AREA / 2 * 1000:g} mm of the square's, along both sides",
-            put_on("block", "target", np.full(3, size)),
             colour=colour,
             target=target_colour,
         )
@@ -118,13 +114,11 @@ class MoveSprayBottle(TabletopTask[ScaledConfig]):
         def strict(world: WorldState) -> bool:
             return relaxed(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
 
-        size = self.scale * np.array([0.10, HEAD[1], TANK[1] + NECK[1] + HEAD[2]])
         return draw.instance(
             Layout((bottle, square(spot, SPRAY_TARGET, target_colour))),
             relaxed,
             strict,
             f"relaxed: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
-            put_on("bottle", "target", size, base=True, depth=0.02),
             colour=colour,
             target=target_colour,
         )
@@ -201,9 +195,6 @@ class SortMustard(TabletopTask[ScaledConfig]):
             done,
             done,
             "the mustard bottle rests in the tray, let go of",
-            put_on(
-                "bottle", "tray", np.asarray(size), base=True, rise=TRAY_WALL, lift=0.10, depth=GRASP_DEPTH
-            ),
         )
 
     def _poses(self, draw: Draw, size: tuple[float, float, float]) -> list[FloatArray] | None:
@@ -296,26 +287,12 @@ class SortObject(TabletopTask[ScaledConfig]):
             relaxed,
             lambda world: relaxed(world) and all(world.resting(obj.name) for obj in objects),
             "relaxed: each object is in the bin of its colour; strict: at rest there, let go of",
-            self._solution(belongs),
             one=colours[0],
             other=colours[1],
         )
 
     def _sizes(self) -> list[Sides]:
         return [scaled(self.scale, size) for size in OBJECTS.values()]
-
-    def _solution(self, belongs: list[int]) -> Solution:
-        def solve(world: WorldState, arm: Arm) -> Iterator[Sequence[Waypoint]]:
-            for i, (name, size) in enumerate(zip(OBJECTS, self._sizes(), strict=True)):
-                shares = belongs.count(belongs[i]) > 1
-                aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares
-                put = put_on(
-                    name, f"bin_{belongs[i]}", np.array(size), rise=BIN_WALL, offset=np.array([aside, 0.0, 0.0]),
-                    contacts=("bin_0", "bin_1", *OBJECTS),
-                )  # fmt: skip
-                yield from put(world, arm)
-
-        return solve
 
     def _poses(self, draw: Draw) -> list[FloatArray]:
         """Poses (4, 4) of the undersides of both bins and the three objects: drawn at once, where there is room."""

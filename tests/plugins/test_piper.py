@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
 from gvla2.robot.workcell import make_cell
-from gvla2.testing import check_component
+from gvla2.testing.robot import check_camera, check_robot
 from gvla2_plugins import piper
-from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
+from gvla2_plugins.piper import PiperConfig, frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, Bounds, make_arm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog
@@ -28,10 +28,10 @@ from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.gate import CommandGate
 from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.lock import WriterLock
-from gvla2_plugins.piper.scenery import Scenery
-from gvla2_plugins.piper.virtual_arm import PARKED, VirtualArm
 from gvla2_plugins.sapien import SapienPiperConfig
-from tests.plugins.piper_trials import logged_frames, read_log
+from tests.plugins.piper_rig import logged_frames, read_log
+from tests.plugins.synthetic_table import Scenery
+from tests.plugins.virtual_piper import PARKED, VirtualArm
 
 WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
@@ -274,11 +274,11 @@ def test_the_log_is_appended_to_and_read_back(tmp_path):
 )
 def test_options_are_checked(options, message):
     with pytest.raises(ConfigurationError, match=message):
-        Piper(PiperConfig(**options), Scenery(SceneryConfig(image_size=8)))
+        Piper(PiperConfig(**options), Scenery(8))
 
 
 def test_a_bus_that_is_not_there_says_how_to_bring_it_up():
-    robot = Piper(PiperConfig(channel="can93"), Scenery(SceneryConfig(image_size=8)))
+    robot = Piper(PiperConfig(channel="can93"), Scenery(8))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # python-can's half-open socket
         with pytest.raises(RobotError, match=r"can93.* can't be opened.*ip link set can93 up"):
@@ -287,10 +287,10 @@ def test_a_bus_that_is_not_there_says_how_to_bring_it_up():
 
 
 def test_components_conform():
-    check_component(piper.gvla2_cameras()[0], "camera")
-    check_component(piper.gvla2_robots()[0])
+    check_camera(Scenery(64))
+    check_robot(Piper(PiperConfig(bus="none"), Scenery(64)), move=False)
 
 
 def test_a_real_arm_does_not_move_by_pictures_of_the_past():
-    with pytest.raises(ConfigurationError, match=r"live camera.*robot\.bus=virtual"):
-        Piper(PiperConfig(bus="socketcan", armed=True), Scenery(SceneryConfig(image_size=64)))
+    with pytest.raises(ConfigurationError, match="live camera"):
+        Piper(PiperConfig(bus="socketcan", armed=True), Scenery(64))

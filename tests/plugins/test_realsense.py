@@ -179,20 +179,6 @@ def test_a_bending_lens_is_made_straight(device, opened, rs, model):
     assert np.nanmax(depth) == pytest.approx(0.5)
 
 
-def test_filters_are_librealsenses_and_off_by_default(device, opened):
-    software = device()
-    rng = np.random.default_rng(0)
-    software.depth[:] = rng.integers(480, 520, software.depth.shape)
-    plain = opened(software)
-    assert np.nanstd(plain.observe().views[0].depth) > 0.01
-    plain.close()
-    smooth = opened(software, filters=["spatial", "temporal", "hole_filling"])
-    assert np.nanstd(smooth.observe().views[0].depth) < 0.009
-    smooth.close()
-    coarse = opened(software, filters=["decimation"])
-    assert coarse.observe().views[0].depth.shape == (48, 64)
-
-
 TROUBLE = {
     "silent": ({"sends": ()}, "gave no picture at all within 0.4 s"),
     "blind": ({"sends": ("colour",)}, "gave colour pictures, and no depth"),
@@ -248,20 +234,11 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
         ({"fps": 0}, "above 0"),
         ({"timeout": 0.0}, "above 0"),
         ({"warm_up": -1}, "above 0"),
-        ({"depth_width": 64}, "go together"),
-        ({"filters": ["sharpen"]}, "no 'sharpen'; there are decimation, spatial"),
     ],
 )
 def test_options_that_cannot_be(device, opened, options, expected):
     with pytest.raises(ConfigurationError, match=expected):
         opened(device(), **options)
-
-
-def test_the_depth_sensors_own_size_can_be_chosen(device, opened):
-    software = device(other_size=True)
-    assert np.nanmax(opened(software, depth_width=32, depth_height=24).observe().views[0].depth) == 0.5
-    with pytest.raises(RobotError, match="no depth of 10x10 at 60 a second; it has 32x24@60, 64x48@60"):
-        opened(software, depth_width=10, depth_height=10)
 
 
 def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, calibrate):
