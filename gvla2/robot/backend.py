@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import RobotError
+from gvla2.errors import PluginError, RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.arm import Arm
@@ -175,11 +175,17 @@ class Truthful(Protocol):
 
 
 def judge(instance: TaskInstance, state: WorldState) -> SuccessCheck | None:
-    """The episode's success checks of the true state; one alone counts for both profiles, none gives None."""
-    checks = instance.succeeded
-    if not checks:
+    """The episode's success checks of the true state; one alone counts for both profiles, none gives None.
+
+    Raises :class:`PluginError` for a check whose answer is not True or False.
+    """
+    if not instance.succeeded:
         return None
-    relaxed, strict = (
-        checks.get(own) or checks[other] for own, other in (("relaxed", "strict"), ("strict", "relaxed"))
-    )
-    return SuccessCheck(bool(relaxed(state)), bool(strict(state)))
+    answers = {profile: check(state) for profile, check in instance.succeeded.items()}
+    for profile, answer in answers.items():
+        if not isinstance(answer, bool | np.bool_):
+            raise PluginError(
+                f"The task's success check '{profile}' answered {answer!r:.80}; it must be True or False."
+            )
+    first = next(iter(answers.values()))
+    return SuccessCheck(bool(answers.get("relaxed", first)), bool(answers.get("strict", first)))

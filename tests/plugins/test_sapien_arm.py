@@ -140,10 +140,9 @@ def lift(config: SapienArmConfig):
     return robot, width
 
 
-@pytest.mark.parametrize("gripper", ["own", "suction"])
-def test_it_keeps_a_robots_contract(make, gripper):
+def test_it_keeps_a_robots_contract(make):
     check_component(ARM)
-    check_robot(ARM.build(make() if gripper == "own" else make(gripper_joints=[], gripper=gripper)), Block())
+    check_robot(ARM.build(make()), Block())
 
 
 def test_an_arm_of_boxes_lifts_a_cube_with_its_own_fingers(make):
@@ -158,25 +157,14 @@ def test_an_arm_of_boxes_lifts_a_cube_with_its_own_fingers(make):
     assert frame.high[5] == pytest.approx(2 * np.pi - 0.01)
 
 
-@pytest.mark.parametrize(("gripper", "width"), [("parallel", 0.04), ("suction", 0.125)])
-def test_an_arm_without_fingers_gets_a_hand(make, gripper, width):
+def test_an_arm_without_fingers_gets_a_hand(make):
     bare = urdf().partition('<link name="hand">')[0] + "</robot>"
-    robot, measured = lift(make(bare, gripper_joints=[], tool_rpy=[0.0, 0.0, 0.3], gripper=gripper))
-    assert measured == pytest.approx(width, abs=0.002)
-    assert robot._cell.gripper.palm in ("gripper_palm", "suction_cup")
+    robot, measured = lift(make(bare, gripper_joints=[], tool_rpy=[0.0, 0.0, 0.3]))
+    assert measured == pytest.approx(0.04, abs=0.002)
 
 
 def test_joints_that_do_not_carry_the_tool_stay_where_they_are(make):
     assert make_cell(make(gripper_joints=[], tool_rpy=[0.0, 0.0, 1.5708])).arm.dof == 6
-
-
-def test_suction_that_meets_nothing_holds_nothing(make):
-    robot = ARM.build(make(gripper_joints=[], gripper="suction"))
-    robot.reset(None, 0)
-    over = tuple(robot.arm.forward(robot.arm.home)[:3, 3])
-    report = robot.execute(Trajectory((Waypoint(over, 0.0, "close"),)), Scene((), 0.0, robot.arm.workspace))
-    assert report.waypoints[-1].held is False
-    assert robot.observe().gripper_width == 0.0
 
 
 def test_home_is_found_clear_of_everything_and_the_same_each_time(make):
@@ -263,7 +251,6 @@ def test_forces_are_above_zero(make, option):
         (None, {"gripper_joints": ["finger_x"]}, r"gripper_joints=finger_x .*It has: j1, .*finger_b_joint"),
         (None, {"tool_link": "tool7"}, r"tool_link=tool7 is not in the URDF\. It has: base, link1.*flange"),
         (None, {"gripper_joints": ["j1", "j2"]}, r"two prismatic.*j1 \(revolute\).*This arm has .*finger_a_joint"),
-        (None, {"gripper_joints": [], "gripper": "claw"}, "gripper=claw cannot be mounted; parallel and suction can"),
         (None, {"tool_rpy": [0.0, 1.5708, 0.0]}, r"slide along.*z must point out.*robot\.tool_rpy"),
         (None, {"tool_link": "link3", "gripper_joints": [], "tool_rpy": [3.14159, 0, 0]}, "points down.*nowhere"),
         (None, {"tool_link": "link5"}, "link5 and the gripper's hand are not one rigid part"),
@@ -274,7 +261,6 @@ def test_forces_are_above_zero(make, option):
         (None, {"urdf": "nowhere.urdf"}, r"robot\.urdf=nowhere\.urdf is no file"),
         (None, {"urdf": "package://nobody/arm.urdf"}, "in no installed package"),
         (None, {"tool_link": "base", "gripper_joints": []}, "No joint of six.urdf moves the tool's link 'base'"),
-        (None, {"gripper": "suction"}, r"gripper=suction is mounted .* \['finger_a_joint'\]: add .*_joints=\[\]"),
         (urdf(extra=f'<link name="cap">{EMPTY}</link>'), {}, r"<geometry> of link cap in .*six\.urdf does not hold"),
         (None, {"urdf": "", "tool_link": ""}, r"needs robot\.urdf=\.\.\. and robot\.tool_link=.*your_arm\.md"),
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
@@ -73,30 +72,6 @@ def test_chains_start_at_rest_and_keep_their_names(panda):
     off = panda._world.body_pose("tip")[:3, 3] - (0.63, 0.0, 1.0)
     assert np.linalg.norm(off) < 0.02
     assert abs(panda._world.travel("hinge")) < 0.06
-
-
-@pytest.mark.parametrize(
-    ("bodies", "joints", "message"),
-    [
-        ([cube("a", (0.3, 0, 0.8)), cube("a", (0.5, 0, 0.8))], (), "two bodies of one name"),
-        ([cube("post", (0.3, 0, 0.8))], (hinge(),), "ties 'post' to 'arm'"),
-        ([cube("post", (0.3, 0, 0.8)), cube("arm", (0.5, 0, 0.8))], (hinge(), hinge()), "two joints"),
-        (
-            [cube("post", (0.3, 0, 0.8)), cube("arm", (0.5, 0, 0.8))],
-            (hinge(), Joint("back", "revolute", "arm", "post", np.eye(3)[0], np.zeros(3), (0, 1))),
-            "ring",
-        ),
-        (
-            [Body("ghost", (Primitive("box", (0.1,) * 3, (0, 0, 0), collides=False),), np.eye(4))],
-            (),
-            "nothing of it is solid",
-        ),
-    ],
-)
-def test_unsound_layouts_are_refused(panda, bodies, joints, message):
-    with pytest.raises(ConfigurationError, match=message):
-        panda.reset(Laid(*bodies, joints=joints), 0)
-    assert panda.reset(None, 0) is None
 
 
 def test_cylinders_stand_and_spheres_are_round(panda):
