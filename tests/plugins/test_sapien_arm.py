@@ -159,7 +159,7 @@ def test_an_arm_of_boxes_lifts_a_cube_with_its_own_fingers(make):
 
 def test_an_arm_without_fingers_gets_a_hand(make):
     bare = urdf().partition('<link name="hand">')[0] + "</robot>"
-    robot, measured = lift(make(bare, gripper_joints=[], tool_rpy=[0.0, 0.0, 0.3]))
+    _, measured = lift(make(bare, gripper_joints=[], tool_rpy=[0.0, 0.0, 0.3]))
     assert measured == pytest.approx(0.04, abs=0.002)
 
 

@@ -2,14 +2,13 @@
 
 import subprocess
 import sys
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from gvla2.geometry.transform import invert_rigid, rigid
 from gvla2.planning.arm import Attachment
-from gvla2.robot.motion import MotionFailure, MotionOptions, MotionPath, MotionPlanner, interpolate, shorten
+from gvla2.robot.motion import MotionFailure, MotionOptions, MotionPath, MotionPlanner, interpolate
 from gvla2.robot.timing import MotionLimits, time_path
 
 
@@ -155,18 +154,3 @@ def test_goal_joints_allow_the_straight_moves_that_follow(arm, scene_of, down):
         assert isinstance(found, MotionPath)
         down_there = planner.plan(found.joints[-1], grasp, scene_of(), motion="linear")
         assert isinstance(down_there, MotionPath), (k, down_there)
-
-
-def test_shortcuts_keep_ends_and_freedom():
-    corner = np.array([[0.0, 0.0], [0.0, 1.0], [0.5, 1.5], [1.0, 1.0], [1.0, 0.0]])
-
-    def outside(a, b):
-        points = interpolate(np.stack([a, b]), 0.01)
-        return not ((np.abs(points[:, 0] - 0.5) < 0.3) & (points[:, 1] < 0.8)).any()
-
-    short = shorten(corner, outside, seed=1, tries=60)
-    np.testing.assert_array_equal(short[[0, -1]], corner[[0, -1]])
-    assert all(outside(a, b) for a, b in pairwise(short))
-    assert np.linalg.norm(np.diff(short, axis=0), axis=1).sum() < 2.6
-    straight = shorten(corner, lambda a, b: True, seed=1)
-    assert len(straight) == 2
