@@ -163,57 +163,50 @@ class Piper:
                 return self._not_started(index, waypoint, why)
         return None
 
-    def _not_started(
-        self, index: int, waypoint: Waypoint, message: str, seconds: float = 0.0
-    ) -> WaypointReport:
-        """The report of a waypoint to which nothing moved, after ``seconds`` of planning."""
+    def _not_started(self, index: int, waypoint: Waypoint, message: str) -> WaypointReport:
+        """The report of a waypoint to which nothing moved."""
         state = self._state()
-        x, y, z = self._arm.forward(state.joints)[:3, 3].tolist()
+        at = self._arm.forward(state.joints)[:3, 3]
+        error, reached = float(np.linalg.norm(at - waypoint.xyz)), tuple(at.tolist())
+        width = state.gripper_width
         return WaypointReport(
-            index=index,
-            stage=waypoint.stage,
-            target=waypoint.xyz,
-            reached=(x, y, z),
-            error=float(np.linalg.norm(np.subtract((x, y, z), waypoint.xyz))),
-            gripper_width=state.gripper_width,
-            held=None,
+            index,
+            waypoint.stage,
+            waypoint.xyz,
+            reached,
+            error,
+            width,
+            None,
             abort="not_started",
             message=message,
-            planning_seconds=seconds,
         )
 
     def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
         driver = DryDriver(self._state(), self._guard)
         planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
-        failed = planned.abort
-        if failed is None:
+        if failed := planned.abort:
+            word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
+        else:
             seconds = sum(w.motion_seconds for w in planned.waypoints)
             ways = ", ".join(w.status for w in planned.waypoints)
             word = f"all {len(trajectory)} waypoints can be reached ({ways}) in {seconds:.1f} s"
-        else:
-            word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         message = f"Dry run: {word}. Nothing was sent; robot.armed=true moves the arm."
         planning = sum(w.planning_seconds for w in planned.waypoints)
-        report = self._not_started(0, trajectory.waypoints[0], message, planning)
+        report = self._not_started(0, trajectory.waypoints[0], message)
+        report = replace(report, planning_seconds=planning)
         listener.waypoint(report)
-        return ExecutionReport((report,), report.planning_seconds, planned.joint_path)
+        return ExecutionReport((report,), planning, planned.joint_path)
 
 
 def _workspace(config: PiperConfig) -> Box:
-    try:
-        low, high = (
-            np.array(config.workspace_low, dtype=np.float64),
-            np.array(config.workspace_high, dtype=np.float64),
-        )
-        base = np.array(config.base_position, dtype=np.float64)
-    except ValueError:
-        low = high = base = np.empty(0)
-    if not (low.shape == high.shape == base.shape == (3,)) or not (low < high).all():
+    low, high = config.workspace_low, config.workspace_high
+    lengths = {len(low), len(high), len(config.base_position)}
+    if lengths != {3} or not all(a < b for a, b in zip(low, high, strict=True)):
         raise ConfigurationError(
             "robot.workspace_low, workspace_high and base_position are three numbers each, low below high."
         )
-    return Box(low, high)
+    return Box(np.array(low, dtype=np.float64), np.array(high, dtype=np.float64))
 
 
 def _darkness() -> View:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -167,8 +168,8 @@ class Session:
                 self.log = CommandLog(
                     Path(config.log) if config.log else default_log(config.bus, config.channel)
                 )
-                self.log.session(
-                    bus=config.bus, channel=channel, percent=bounds.percent, effort=bounds.grip_effort
+                self.log.write(
+                    "session", pid=os.getpid(), bus=config.bus, channel=channel, percent=bounds.percent
                 )
             self._link = PiperLink(config.bus, channel, bounds, self.log)
             check_health(self.link)
@@ -188,7 +189,7 @@ class Session:
 
     def _arm(self, config: PiperConfig, link: PiperLink, log: CommandLog) -> None:
         seen = power_up(link)
-        log.event("armed", joints=seen.joints.tolist())
+        log.write("event", event="armed", joints=seen.joints.tolist())
         link.feedback.forget_trouble()
         watch = Watch(WatchLimits(tracking=config.tracking_limit))
         self.loop = ControlLoop(link, watch, log, PERIOD)

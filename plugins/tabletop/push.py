@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import planar
 from gvla2.robot.solids import Volume
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
-from gvla2_plugins.tabletop import LampOnConfig, PushBlockConfig
+from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, TabletopTask, box, lifted
+
+SIZE, MASS, TARGET, DISTANCE = 0.0563, 0.356, 0.10, (0.15, 0.30)
+"""Side of the block and of the target, metres; kilograms; distance of the block from the target's centre, metres."""
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""
@@ -20,7 +22,7 @@ ROOM_BEHIND = 0.08
 """How far behind the block, seen from the target, the hand must reach to push it, metres."""
 
 
-class PushBlock(TabletopTask[PushBlockConfig]):
+class PushBlock(TabletopTask[ScaledConfig]):
     """Push the block onto the target.
 
     relaxed: the block's centre is above the painted square and the block lies on the table. strict: the block
@@ -36,24 +38,13 @@ class PushBlock(TabletopTask[PushBlockConfig]):
         "without lifting it, push the {colour} block until it is on the {target} target",
     )
 
-    def check(self, config: PushBlockConfig) -> None:
-        """Sizes and distances must be positive."""
-        near, far = config.distance
-        if min(config.size, config.mass, config.target, near) <= 0 or near > far:
-            raise ConfigurationError(
-                "task=push_block needs positive size, mass, target and an increasing distance range, got "
-                f"size={config.size}, mass={config.mass}, target={config.target}, distance=({near}, {far})."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
-        size, side, table = self.scale * self.config.size, self.config.target, draw.site.table_height
+        size, table = self.scale * SIZE, draw.site.table_height
         start, spot = draw.until(lambda: self._poses(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
-        block = Body(
-            "block", (box([size] * 3, COLOURS[colour]),), start, self.config.mass, label=f"{colour} cube"
-        )
-        paint = box((side, side, PAINT), COLOURS[target_colour], collides=False)
+        block = Body("block", (box([size] * 3, COLOURS[colour]),), start, MASS, label=f"{colour} cube")
+        paint = box((TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
         target = Body("target", (paint,), spot, fixed=True, label=f"{target_colour} square")
         middle = rigid(spot[:3, :3], (spot[0, 3], spot[1, 3], table + CENTRE_VOLUME / 2))
         volume = Volume(middle, (CENTRE_VOLUME, CENTRE_VOLUME, CENTRE_VOLUME))
@@ -61,7 +52,7 @@ class PushBlock(TabletopTask[PushBlockConfig]):
         def relaxed(world: WorldState) -> bool:
             now = world.pose("block")[:3, 3]
             offset = transform_points(invert_rigid(spot), now)
-            return bool((np.abs(offset[:2]) <= side / 2).all() and now[2] < table + size)
+            return bool((np.abs(offset[:2]) <= TARGET / 2).all() and now[2] < table + size)
 
         return draw.instance(
             Layout((block, target)),
@@ -75,17 +66,17 @@ class PushBlock(TabletopTask[PushBlockConfig]):
 
     def _poses(self, draw: Draw, size: float) -> tuple[FloatArray, FloatArray] | None:
         """Poses (4, 4) of the block's and the paint's centre; None when one is out of place."""
-        root, side = draw.root(), self.config.target
-        distance = float(draw.rng.uniform(*self.config.distance))
+        root = draw.root()
+        distance = float(draw.rng.uniform(*DISTANCE))
         direction, block_yaw, target_yaw = draw.rng.uniform(-np.pi, np.pi, size=3)
         start = root[:2, 3]
         towards = np.array([np.cos(direction), np.sin(direction)])
         goal = start + distance * towards
-        free = distance - (size + side) / np.sqrt(2.0) > 0
+        free = distance - (size + TARGET) / np.sqrt(2.0) > 0
         if (
             not free
             or not draw.inside(start, size / np.sqrt(2.0))
-            or not draw.inside(goal, side / np.sqrt(2))
+            or not draw.inside(goal, TARGET / np.sqrt(2))
         ):
             return None
         if not all(draw.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
@@ -99,6 +90,9 @@ class PushBlock(TabletopTask[PushBlockConfig]):
 
 EASED_TRAVEL, STRICT_TRAVEL = 0.003, 0.0075
 """Travel of the button that counts, metres."""
+
+DIAMETER, HEIGHT, TRAVEL, STIFFNESS = 0.033, 0.024, 0.010, 400.0
+"""The button: its top above the table and its travel, metres; N/m."""
 
 BASE = (0.16, 0.08, 0.010)
 BUTTON_X, POST_X = -0.045, 0.045
@@ -116,7 +110,7 @@ PRELOAD = 0.002
 """How far beyond its stop the spring rests, metres: the button carries its own weight without sinking."""
 
 
-class LampOn(TabletopTask[LampOnConfig]):
+class LampOn(TabletopTask[ScaledConfig]):
     """Press the button of a lamp. Success is the largest travel of the button, since a spring brings it back.
 
     relaxed: more than 3 mm. strict: more than 7.5 mm, of 10 mm.
@@ -131,21 +125,12 @@ class LampOn(TabletopTask[LampOnConfig]):
         "press the lamp's button",
     )
 
-    def check(self, config: LampOnConfig) -> None:
-        """The button must be able to go down by its travel."""
-        if not 0 < config.travel < config.height - BASE[2] or config.diameter <= 0 or config.stiffness <= 0:
-            raise ConfigurationError(
-                f"task=lamp_on needs a button that stands out of its base ({BASE[2]} m) by more than its travel, "
-                f"got height={config.height}, travel={config.travel}, diameter={config.diameter}, "
-                f"stiffness={config.stiffness}."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A lamp and its button."""
         root = draw.until(lambda: self._root(draw), "a lamp")
         (colour,) = draw.colours(1, beside=(BASE_RGB, POST_RGB, SHADE_RGB))
-        travel, height = self.config.travel, self.config.height - BASE[2]
-        diameter, post_top = self.scale * self.config.diameter, BASE[2] + POST[2]
+        height = HEIGHT - BASE[2]
+        diameter, post_top = self.scale * DIAMETER, BASE[2] + POST[2]
         solids = (
             Primitive("box", BASE, BASE_RGB, lifted(BASE[2] / 2)),
             Primitive("cylinder", POST, POST_RGB, lifted(BASE[2] + POST[2] / 2, POST_X)),
@@ -156,8 +141,8 @@ class LampOn(TabletopTask[LampOnConfig]):
         plate = Primitive("cylinder", (diameter, diameter, height), COLOURS[colour])
         button = Body("button", (plate,), centre, mass=0.02, label=f"{colour} button")
         slide = Joint(
-            "press", "prismatic", "lamp", "button", axis=DOWN, origin=centre[:3, 3], limits=(0.0, travel),
-            rest=-PRELOAD, stiffness=self.config.stiffness, damping=4.0,
+            "press", "prismatic", "lamp", "button", axis=DOWN, origin=centre[:3, 3], limits=(0.0, TRAVEL),
+            rest=-PRELOAD, stiffness=STIFFNESS, damping=4.0,
         )  # fmt: skip
         return draw.instance(
             Layout((lamp, button), (slide,), (Glow("lamp", SHADE_SOLID, "press", STRICT_TRAVEL, LIT_RGB),)),
@@ -174,4 +159,4 @@ class LampOn(TabletopTask[LampOnConfig]):
         button = transform_points(root, (BUTTON_X, 0.0, 0.0))[:2]
         if not draw.inside(root[:2, 3], 0.5 * float(np.hypot(BASE[0], BASE[1]))):
             return None
-        return root if draw.in_reach(button, 0.01, self.config.height + 0.15) else None
+        return root if draw.in_reach(button, 0.01, HEIGHT + 0.15) else None

@@ -249,14 +249,14 @@ def test_the_log_is_appended_to_and_read_back(tmp_path):
     path = tmp_path / "deep" / "log.jsonl"
     for session in range(2):
         log = CommandLog(path)
-        log.session(bus="virtual", number=session)
-        log.frame(0x155, frames.pair(1, -2))
-        log.event("hold", why="tested")
+        log.write("session", number=session)
+        log.write("frame", id="155", data=frames.pair(1, -2).hex())
+        log.write("event", event="hold")
         log.close()
     assert [e["kind"] for e in read_log(path)] == ["session", "frame", "event"] * 2
     assert logged_frames(path)[0] == (0x155, frames.pair(1, -2))
     with pytest.raises(RobotError, match="is closed"):
-        log.event("late")
+        log.write("event", event="late")
     with pytest.raises(RobotError, match="can't be written"):
         CommandLog(tmp_path / "deep")
 

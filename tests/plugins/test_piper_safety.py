@@ -234,10 +234,10 @@ def test_a_log_that_cannot_be_written_means_nothing_is_sent(rig, monkeypatch):
     one = rig()
     one.robot.reset(None, 0)
 
-    def full(self, entry):
+    def full(self, kind, **fields):
         raise RobotError("the disk is full")
 
-    monkeypatch.setattr(CommandLog, "_write", full)
+    monkeypatch.setattr(CommandLog, "write", full)
     with pytest.raises(RobotError):
         one.go(waypoint())
     monkeypatch.undo()
