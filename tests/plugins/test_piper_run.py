@@ -12,7 +12,6 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.record.recorder import RunRecorder
-from gvla2.robot.backend import CameraFrames
 from gvla2_plugins.piper.arm import HOME
 from tests.plugins.piper_rig import DOWN, SWIFT, Rig
 from tests.plugins.synthetic_table import Scenery
@@ -120,19 +119,6 @@ def test_a_camera_unplugged_in_mid_run_ends_the_episode_with_the_arm_held(rig, p
     assert one.arm.enabled
 
 
-def test_without_a_camera_perception_says_that_it_sees_nothing(piper, parts):
-    class Blind:
-        def observe(self, base_from_tcp=None):
-            return CameraFrames((), ())
-
-        def close(self):
-            pass
-
-    robot = piper(camera=Blind(), bus="none")
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the red cube"))
-    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
-
-
 def test_a_task_without_words_is_refused(piper, parts, compose_run, registry):
     with pytest.raises(ConfigurationError, match="say what to do"):
         piper(bus="none").reset(object(), 0)
@@ -147,8 +133,3 @@ def test_views_are_placed_in_the_world_and_the_arm_is_masked(piper):
     assert 0.01 < seen.views[0].robot_mask.mean() < 0.5
     tool = (np.linalg.inv(base) @ seen.world_from_tcp)[:3, 3]
     assert tool[0] == pytest.approx(0.2924, abs=1e-3)
-
-
-def test_a_camera_frame_needs_a_timestamp_a_view():
-    with pytest.raises(RobotError, match="0 views and 1 timestamps"):
-        CameraFrames((), (1.0,))

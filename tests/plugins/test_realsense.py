@@ -1,19 +1,16 @@
 """The RealSense camera, by the real librealsense and a device of software: frames, refusals, trouble in mid-run."""
 
-import sys
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
+from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.calibration import Calibration, Intrinsics
-from gvla2.testing import check_component
 from gvla2.testing.robot import check_camera
-from gvla2_plugins import realsense
-from gvla2_plugins.realsense import RealsenseConfig, library
+from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.library import load
 from tests.plugins.software_camera import Optics, SoftwareCamera
@@ -77,12 +74,6 @@ def opened(calibrate):
     yield make
     for camera in made:
         camera.close()
-
-
-def test_the_plugin_offers_a_camera_that_answers_without_librealsense():
-    (component,) = realsense.gvla2_cameras()
-    check_component(component)
-    assert component.name == "realsense"
 
 
 def test_it_keeps_the_contract_of_cameras(device, opened):
@@ -207,11 +198,6 @@ def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
         camera.observe()
 
 
-def test_a_camera_that_never_sends_is_refused_at_the_start(device, opened):
-    with pytest.raises(RobotError, match=r"gave no picture at all within 0\.3 s"):
-        opened(device(sends=()), timeout=0.3)
-
-
 UNFIT = {
     "another camera": ({"serial": "f9999"}, "for camera 'f9999', but the camera in use is 'f0123'"),
     "another size": ({"optics": Optics(80, 60, 60.0)}, r"no colour of 80x60 at 60 a second; it has 64x48@60"),
@@ -249,22 +235,3 @@ def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, ca
     config = RealsenseConfig(calibration=str(calibrate(serial="")))
     with pytest.raises(RobotError, match="Webcam '' has no depth stream"):
         RealsenseCamera(config, lone)
-
-
-def test_which_camera_is_taken(rs):
-    one, two = SoftwareCamera(serial="a").device, SoftwareCamera(serial="b").device
-    assert library.choose(rs, [one]) is one
-    assert library.choose(rs, [one, two], "b") is two
-    with pytest.raises(RobotError, match=r"Several cameras.*'a'.*'b'.*camera\.serial"):
-        library.choose(rs, [one, two])
-    with pytest.raises(RobotError, match=r"No camera with the serial 'c' is plugged in; there is .*'a'"):
-        library.choose(rs, [one], "c")
-    webcam = SoftwareCamera(name="Platform Camera").device
-    with pytest.raises(RobotError, match=r"finds no camera.*pyrealsense2<2\.55"):
-        library.choose(rs, [webcam])
-
-
-def test_without_the_library_it_says_what_to_install(calibrate, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'gvla2\[realsense\]'"):
-        RealsenseCamera(RealsenseConfig(calibration=str(calibrate())))
