@@ -84,7 +84,7 @@ class RobotBackend(Protocol):
         """Bring the arm home; a simulator also sets up the episode for the seed.
 
         ``task`` is one that a plugin offers, the name of one that this robot offers, or None (``task=none``). Returns
-        the episode, of which only the instruction is required; None where there is no more than the caller's
+        the episode, in which only the instruction is required; None where there is no more than the caller's
         ``instruction``, as on a real robot. Raises :class:`ConfigurationError` for a task that it cannot set up.
         """
         ...
@@ -181,7 +181,7 @@ def judge(instance: TaskInstance, state: WorldState) -> SuccessCheck | None:
     """
     if not instance.succeeded:
         return None
-    answers = {profile: check(state) for profile, check in instance.succeeded.items()}
+    answers: dict[str, object] = {profile: check(state) for profile, check in instance.succeeded.items()}
     for profile, answer in answers.items():
         if not isinstance(answer, bool | np.bool_):
             raise PluginError(

@@ -23,7 +23,7 @@ from gvla2.robot.hand_eye import Mount, PosePair
 LARGEST_RMSE = 0.005
 """Metres; a calibration worse than that is refused."""
 ODD = 5.0
-"""A pair whose residual is so many times the median one is named."""
+"""A pair is named when its residual exceeds the median by this factor."""
 
 CONVENTION = "T_a_b maps points of b into a; metres; camera x right, y down, z forward, right-handed"
 

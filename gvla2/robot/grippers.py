@@ -106,7 +106,7 @@ def measured(
         limits = [(finger.closed, finger.opened) for finger in gripper.fingers]
         raise RobotError(
             f"The gripper cannot open: over the whole range {limits} m of the joints {names} their fingers stay as "
-            "far apart. Mend the joints' limits or axes in the URDF, or name other joints."
+            "far apart. Correct the joints' limits or axes in the URDF, or name other joints."
         )
     if apart[1] < apart[0]:
         flipped = tuple(Finger(f.joint, f.opened, f.closed) for f in gripper.fingers)

@@ -48,7 +48,7 @@ class MotionOptions:
     ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; if the start or the goal
     is nearer already, the pair keeps its distance there, less ``slack``. Perception is a few millimetres off, so a
     start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are ``fine_step`` radians apart.
-    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds one search, of which there are ``attempts``;
+    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds each of ``attempts`` searches;
     ``max_seconds`` is a safety net for each.
     """
 

@@ -253,6 +253,6 @@ class Task(Protocol):
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
-        success check looks at the objects that it names, if it can tell (a colour on the table).
+        success check applies to the objects that it names, if it names any (a colour on the table).
         """
         ...

@@ -167,13 +167,13 @@ class Piper:
         """The report of a waypoint to which nothing moved."""
         state = self._state()
         at = self._arm.forward(state.joints)[:3, 3]
-        error, reached = float(np.linalg.norm(at - waypoint.xyz)), tuple(at.tolist())
+        error, (x, y, z) = float(np.linalg.norm(at - waypoint.xyz)), at.tolist()
         width = state.gripper_width
         return WaypointReport(
             index,
             waypoint.stage,
             waypoint.xyz,
-            reached,
+            (x, y, z),
             error,
             width,
             None,

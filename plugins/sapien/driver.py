@@ -22,7 +22,7 @@ SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
 GRIP_SECONDS, STILL, STILL_SECONDS = 3.0, 1e-4, 0.1
 """Gripping is over when the width changed by less than this (metres) in this long, or after three seconds.
 
-The speed that the engine gives for a squeezed finger does not tell: it stays at centimetres a second.
+The engine's speed of a squeezed finger is no criterion: it stays at centimetres a second.
 """
 
 STOPPED_SHORT, PRESSING = 0.002, 0.2
@@ -31,7 +31,7 @@ STOPPED_SHORT, PRESSING = 0.002, 0.2
 BRAKE_SECONDS = 0.2
 
 FELT_STEPS = 4
-"""A guard feels the mean force of so many physics steps: a single step's knock does not count as a press."""
+"""Number of physics steps over which a guard averages the force: a knock in one step does not count as a press."""
 
 
 class SapienDriver:

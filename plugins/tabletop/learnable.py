@@ -225,7 +225,7 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
 """How the objects of each kind are made."""
 
 NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
-"""Options of a published task without which its objects may stand where the arm cannot do what is to be learnt."""
+"""Options of a published task that keep its objects where the arm can do what is to be learned."""
 
 NAMING = MappingProxyType(
     {

@@ -236,7 +236,7 @@ MASS, GAP, OVER, ASIDE = 0.1, 0.05, 0.10, 0.035
 """Metres, kilograms: an object is in a bin when its middle is within its walls, no higher than ``OVER``. Two objects of
 one colour fit ``ASIDE`` of the bin's middle, on either side."""
 
-TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
+TOGETHER, ONE_BY_ONE, RESTARTS = 1000, 200, 50
 """Number of draws of all five places together, of single places before starting over, and of restarts."""
 
 
@@ -300,7 +300,7 @@ class SortObject(TabletopTask[ScaledConfig]):
             roots = [draw.root() for _ in range(5)]
             if self._apart(draw, roots) and all(_reached(draw, i, roots[i]) for i in (2, 3, 4, 0, 1)):
                 return roots
-        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", AFRESH)
+        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", RESTARTS)
 
     def _one_by_one(self, draw: Draw) -> list[FloatArray] | None:
         """Each object beside those that lie already: for a small reach, where five together hardly ever fit."""

@@ -22,7 +22,7 @@ GAP = 0.03
 """Metres between objects, at least."""
 
 SPOTS = 60
-"""Places that are tried for an object, those before it lying where they lie, until all are drawn anew."""
+"""Number of places tried for an object beside those already placed, before all are drawn again."""
 
 LIFT = 0.20
 """Heights above the table that the hand must reach at an object's place, metres."""
