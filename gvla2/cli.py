@@ -6,10 +6,98 @@ import contextlib
 import gc
 import os
 import sys
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Callable, Mapping, Sequence
 
-from gvla2.commands import COMMANDS
+Argv = list[str]
+
+
+def _run(argv: Argv) -> int:
+    """Run one episode, or many: observe, plan, execute, verify, learn."""
+    from gvla2.commands.run import main
+
+    return main(argv)
+
+
+def _reconstruct(argv: Argv) -> int:
+    """Refine an object's geometry from a folder of calibrated views."""
+    from gvla2.commands.reconstruct import main
+
+    return main(argv)
+
+
+def _bench(argv: Argv) -> int:
+    """Measure a suite on a data set: ablation rows, baselines, drift, seeds."""
+    from gvla2.commands.bench import main
+
+    return main(argv)
+
+
+def _report(argv: Argv) -> int:
+    """Make tables of measured results: terminal, Markdown, LaTeX, HTML."""
+    from gvla2.commands.report import main
+
+    return main(argv)
+
+
+def _memory(argv: Argv) -> int:
+    """Search and list a memory bank, import, export, govern, forget."""
+    from gvla2.commands.memory import main
+
+    return main(argv)
+
+
+def _tasks(argv: Argv) -> int:
+    """List the tasks that a robot can be given."""
+    from gvla2.commands.tasks import main
+
+    return main(argv)
+
+
+def _calibrate(argv: Argv) -> int:
+    """Find where a camera stands beside a robot, from recorded pose pairs."""
+    from gvla2.commands.calibrate import main
+
+    return main(argv)
+
+
+def _export(argv: Argv) -> int:
+    """Write runs as a data set for training: LeRobot."""
+    from gvla2.commands.export import main
+
+    return main(argv)
+
+
+def _plugins(argv: Argv) -> int:
+    """List robots, planners, memories and everything else to choose from, with options."""
+    from gvla2.commands.plugins import main
+
+    return main(argv)
+
+
+def _doctor(argv: Argv) -> int:
+    """Check this installation, list data sets, and say how to get what is missing."""
+    from gvla2.commands.doctor import main
+
+    return main(argv)
+
+
+HYDRA: Mapping[str, Callable[[Argv], int]] = {
+    "run": _run,
+    "reconstruct": _reconstruct,
+    "bench": _bench,
+    "report": _report,
+    "calibrate": _calibrate,
+}
+"""The commands that Hydra configures."""
+COMMANDS: Mapping[str, Callable[[Argv], int]] = {
+    **HYDRA,
+    "memory": _memory,
+    "export": _export,
+    "plugins": _plugins,
+    "tasks": _tasks,
+    "doctor": _doctor,
+}
+"""All sub-commands; the first line of a docstring says what each does."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,22 +139,35 @@ def _dispatch(arguments: list[str]) -> int:
         print(f"gvla2 {__version__}")
         return 0
     if command in ("--shell-completion", "-sc"):
-        from gvla2.commands.hydra_job import complete
-
-        return complete(rest, COMMANDS)
+        return _complete(rest)
     if command not in COMMANDS:
         from gvla2.errors import did_you_mean
 
         hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
-    return int(import_module(f"gvla2.commands.{command}").main(rest))
+    return COMMANDS[command](rest)
+
+
+def _complete(arguments: list[str]) -> int:
+    """Hydra's ``--shell-completion``: ``install=SHELL``, ``uninstall=SHELL`` or ``query=SHELL``.
+
+    A query has the line so far in COMP_LINE. Its first word completes to a command here, overrides by Hydra.
+    """
+    name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
+    command, space, rest = rest.lstrip().partition(" ")
+    if command not in HYDRA and arguments[:1] != [] and arguments[0].startswith("query="):
+        print("" if space else "\n".join(each for each in COMMANDS if each.startswith(command)))
+        return 0
+    before, _, last = rest.rpartition(" ")
+    os.environ["COMP_LINE"] = " ".join([name, *(word for word in before.split() if "=" in word), last])
+    return HYDRA.get(command, _run)(["--shell-completion", *arguments])
 
 
 def usage() -> str:
     """The text of ``gvla2 --help``."""
     width = max(len(name) for name in COMMANDS)
-    commands = "\n".join(f"  {name:<{width}}  {what}" for name, what in COMMANDS.items())
+    commands = "\n".join(f"  {name:<{width}}  {command.__doc__}" for name, command in COMMANDS.items())
     return f"""\
 gvla2: geometry-aware, memory-guided robot planning, every component a plugin.
 
@@ -77,7 +178,7 @@ Commands:
 
 Options:
   -h, --help             this text; `gvla2 <command> --help` explains a command
-  -V, --version          the version (also: gvla2 version)
+  -V, --version          the version
   -sc install=bash|zsh|fish
                          print a completion script for your shell: eval "$(gvla2 -sc install=bash)"
 

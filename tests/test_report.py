@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.commands.hydra_job import launch
+from gvla2 import cli
 from gvla2.commands.report import ReportConfig, ResultsConfig, job
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results
@@ -89,9 +89,7 @@ def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
 
 def test_as_a_command(url, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder = Path("out")
-    status = launch("report", job, [f"results.url={url}", "formats=[markdown]", f"hydra.run.dir={folder}"])
-    assert status == 0
-    assert (folder / "report.md").is_file()
-    assert launch("report", job, ["results.url=sqlite:///gone.sqlite", f"hydra.run.dir={folder}"]) == 1
+    assert cli.main(["report", f"results.url={url}", "formats=[markdown]", "hydra.run.dir=out"]) == 0
+    assert Path("out/report.md").is_file()
+    assert cli.main(["report", "results.url=sqlite:///gone.sqlite", "hydra.run.dir=out"]) == 1
     assert "gone.sqlite. `gvla2 bench` makes one" in capsys.readouterr().err

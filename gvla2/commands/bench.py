@@ -63,9 +63,10 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
 
 def main(argv: list[str]) -> int:
     """Entry of ``gvla2 bench [suite] [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.hydra_job import launch, suite_schemas
+    from gvla2.evaluation.config import BenchConfig
 
-    return launch("bench", run_bench, as_overrides(argv))
+    return launch("bench", {"bench": BenchConfig, **suite_schemas()}, run_bench, as_overrides(argv))
 
 
 def as_overrides(argv: list[str]) -> list[str]:

@@ -152,7 +152,9 @@ def main(argv: list[str]) -> int:
     # To Hydra `suite=` is the group that `gvla2 bench` chooses from.
     suites = [word.removeprefix("suite=") for word in argv if word.startswith("suite=")]
     others = [_plain(word) for word in argv if not word.startswith("suite=")]
-    return launch("report", partial(job, suite=suites[-1] if suites else ""), others)
+    return launch(
+        "report", {"report": ReportConfig}, partial(job, suite=suites[-1] if suites else ""), others
+    )
 
 
 def _plain(override: str) -> str:
