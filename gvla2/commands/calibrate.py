@@ -82,4 +82,4 @@ def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("calibrate", job, argv)
+    return launch("calibrate", {"calibrate": CalibrateConfig}, job, argv)

@@ -212,7 +212,7 @@ def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
     readings = (upright, upright.with_vertices(to_z_up(upright.vertices)))
     scores = [symmetric_iou(reading.vertices, views, faces=reading.faces) for reading in readings]
     best = max(range(len(readings)), key=scores.__getitem__)
-    if scores[best] < AGREEMENT:
+    if not scores[best] >= AGREEMENT:
         log.warning(
             "%s does not agree with its views' masks (IoU %.3f): no Chamfer distance.", path, scores[best]
         )

@@ -227,8 +227,11 @@ def draw(
     first_face: int,
     depth: NDArray[np.float32],
     hits: NDArray[np.int64],
+    farthest: bool = False,
 ) -> None:
     """Where a face is nearer than ``depth`` (H, W), puts its depth and ``first_face`` plus its number in both images.
+
+    ``farthest``: where it is farther.
 
     ``corners`` (V, 3) are the vertices in the camera's frame times K: (u z, v z, z). A pixel centre (u, v, 1) lies in
     the triangle a, b, c where its products with b x c, c x a and a x b have one sign, also where the triangle reaches
@@ -275,6 +278,7 @@ def draw(
                 if total == 0.0:
                     continue
                 distance = volume / total
-                if 0.0 < distance < depth[row, column]:
+                before = depth[row, column]
+                if distance > 0.0 and (distance > before if farthest else distance < before):
                     depth[row, column] = distance
                     hits[row, column] = first_face + face

@@ -12,7 +12,6 @@ from typing import TypeVar
 
 from gvla2.errors import Gvla2Error, kept_alive
 from gvla2.memory.contracts import (
-    OUTCOMES,
     Evidence,
     Learned,
     Memory,
@@ -22,6 +21,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
+from gvla2.memory.records import OUTCOMES
 
 T = TypeVar("T")
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 
-from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
+from gvla2.memory.contracts import Lesson, MemoryEpisode, Verdict
+from gvla2.memory.records import RecordType
 from gvla2.memory.text import terms
 
 MAX_STEPS, MOST_ACTS = 8, 60

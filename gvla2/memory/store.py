@@ -14,7 +14,7 @@ from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.io.database_url import Closing, parsed
 from gvla2.memory.database import Database
 from gvla2.memory.events import BANK
-from gvla2.memory.forgetting import Transaction
+from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
 
 LONGEST_NAME = 200

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from gvla2.geometry.transform import FloatArray
-from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions, SkillOptions
-from gvla2.planning.effects import Bound, Effect
-from gvla2.planning.part_hierarchy import holders, rise, way_out
-from gvla2.planning.plan import Abstention, Plan
-from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+
+if TYPE_CHECKING:  # `gvla2 plugins` lists skills without numpy
+    from gvla2.geometry.transform import FloatArray
+    from gvla2.planning.arm import Hand
+    from gvla2.planning.effects import Bound, Effect
+    from gvla2.planning.plan import Abstention, Plan
+    from gvla2.planning.scene import Box, Scene, SceneObject
+    from gvla2.planning.trajectory import Trajectory, Waypoint
 
 TABLE_GAP = 0.004
 """Least height of the fingertips above the table, metres: about twice a depth camera's error."""
@@ -88,11 +87,15 @@ class Job:
     @cached_property
     def rise(self) -> float:
         """Height by which the theme must be lifted to leave what it stands in, metres."""
+        from gvla2.planning.part_hierarchy import rise
+
         return rise(self.theme, self.scene)
 
     @cached_property
     def way_out(self) -> FloatArray:
         """(3,) unit: the direction in which the theme leaves what it stands in."""
+        from gvla2.planning.part_hierarchy import way_out
+
         return way_out(self.theme, self.scene)
 
     @cached_property
@@ -109,6 +112,8 @@ class Job:
     @cached_property
     def resting(self) -> frozenset[str]:
         """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
+        from gvla2.planning.part_hierarchy import holders
+
         held = [self.scene.family(holder.id) for holder in holders(self.theme, self.scene)]
         return frozenset({"table"}).union(*held)
 
@@ -118,8 +123,11 @@ class Job:
 
     def outward(self) -> FloatArray:
         """(3,) level vector from the arm's foot, at the middle of the workspace's near side, to the theme."""
-        stands = np.array([self.workspace.low[0], 0.5 * (self.workspace.low[1] + self.workspace.high[1])])
-        return np.array([*(self.theme.centre[:2] - stands), 0.0])
+        outward = self.theme.centre.copy()
+        outward[0] -= self.workspace.low[0]
+        outward[1] -= 0.5 * (self.workspace.low[1] + self.workspace.high[1])
+        outward[2] = 0.0
+        return outward
 
     def ceiling(self) -> float:
         """The greatest height of the tool, metres."""
@@ -143,7 +151,7 @@ class Proposal:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The trajectory, written on first use."""
-        return self.way if isinstance(self.way, Trajectory) else self.way()
+        return self.way() if callable(self.way) else self.way
 
 
 @dataclass(frozen=True)
@@ -218,6 +226,8 @@ class Outcome:
 
     def changed(self, name: str, by: float, op: str = ">=") -> Bound | None:
         """The bound at ``by`` more (or less) than the used value of a parameter; None if the parameter was not used."""
+        from gvla2.planning.effects import Bound
+
         used = self.plan.parameters.get(name)
         if used is None:
             return None

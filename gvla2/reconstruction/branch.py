@@ -34,7 +34,7 @@ from gvla2.reconstruction.depth_evidence import DepthEvidence, gather
 from gvla2.reconstruction.inset import alpha_iou, inset, largest
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.silhouette import depth_maps, symmetric_iou
-from gvla2.reconstruction.support import object_centre, released_centre, soft_hull
+from gvla2.reconstruction.support import object_centre, soft_hull
 from gvla2.reconstruction.surfels import place
 from gvla2.reconstruction.view_set import (
     ViewSet,
@@ -84,7 +84,7 @@ def refine_geometry(
     else goes wrong becomes a typed status of a stage, and that stage's input is kept.
     """
     options = options or BranchOptions()
-    seen = ViewSet(views, options.compat)
+    seen = ViewSet(views)
     branch = _Branch(seen, parts, options)
     points_of(g0)
     obj = g0
@@ -136,11 +136,9 @@ class _Branch:
 
     def shrunk(self, obj: Reconstruction) -> Outcome:
         """The soft visual hull: points of low mask support move a little inwards."""
-        o = self._options
+        o, c = self._options, object_centre(points_of(obj))  # one centre for Gaussians and mesh alike
 
         def move(points: FloatArray) -> FloatArray:
-            # The released code takes a centre for each file, ours is one for Gaussians and mesh alike.
-            c = released_centre(points) if o.compat == "official" else object_centre(points_of(obj))
             return soft_hull(points, self._seen.support(points), c, o.tau, o.eta, o.lambda_max)
 
         return self._gated("soft_hull", obj, both_moved(obj, move))

@@ -35,7 +35,7 @@ _FILES_A_CHUNK = 1000
 @dataclass(frozen=True)
 class Demonstration:
     """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
-    ``robot`` by name, and ``source``, what else tells one arm or camera from another.
+    ``robot`` by name, and ``source``, what else distinguishes arms and cameras.
     """
 
     states: NDArray[np.float32]

@@ -27,12 +27,13 @@ class MoveResult:
     ``contacts`` are names of the robot's own links that touched something on the way, each once (never names of scene
     bodies; empty for a robot without such sensing). ``diverged`` is True when a measurement was not finite or
     physically impossible: the motion was aborted there. ``stopped`` is True when a guard ended it (see
-    :class:`GuardedDriver`).
+    :class:`GuardedDriver`). ``expired`` says why a world has ended the episode, "" while it goes on.
     """
 
     contacts: tuple[str, ...] = ()
     diverged: bool = False
     stopped: bool = False
+    expired: str = ""
 
 
 @dataclass(frozen=True)

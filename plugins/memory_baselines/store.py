@@ -30,13 +30,12 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.memory.forgetting import Transaction
 from gvla2.memory.records import Record, clean, dump
 from gvla2.memory.store import Store, check_bank, settled
+from gvla2.memory.transaction import Transaction
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 
 LONGEST = 100_000
-_SERVED = ("active", "summary")
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ class VectorStore:
         key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
         shortened = replace(lesson, content=clean(lesson.content, LONGEST))
         fresh = new_record(self.bank, Weighed(shortened, "active", key=key), episode, verdict, tx.now)
-        known = tx.by_keys([key]).get(key)
+        known = tx.by_key(key)
         if known is not None:
             return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
         home = dump({**fresh.provenance_json(), "entry": name, "place": place})
@@ -139,7 +138,7 @@ class VectorStore:
         for change in changes:
             self._vectors.pop(change.record.id, None)
             self._records.pop(change.record.id, None)
-            if change.record.state in _SERVED:
+            if change.record.state == "active":
                 self._records[change.record.id] = change.record
             rev = max(rev, change.record.rev)
         entries: dict[str, list[tuple[int, str, Record]]] = defaultdict(list)

@@ -13,7 +13,7 @@ from multiprocessing import get_context
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.errors import Gvla2Error
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
@@ -24,7 +24,7 @@ def run_task(job: tuple[str, int, list[str]]) -> list[dict]:
     """All seeds of one task in one process."""
     task_name, seeds, overrides = job
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=[f"task={task_name}", *overrides]))
     built = registry.build_all(config, ("robot", "task"))

@@ -48,9 +48,8 @@ def milliseconds(work: Callable[[], object], repeats: int) -> tuple[float, float
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=15)
-    parser.add_argument("--threads", type=int, default=0)
     arguments = parser.parse_args()
-    rasteriser = Rasteriser(threads=arguments.threads)
+    rasteriser = Rasteriser()
     print(f"{'Gaussians':>9}  {'work':<20}{'least':>8}{'median':>8}")
     for count in (10_000, 20_000, 100_000, 300_000):
         gaussians = surface(count)

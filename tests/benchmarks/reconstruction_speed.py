@@ -37,7 +37,8 @@ from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.view_set import judged
-from gvla2_plugins.axes.compensations import AxisOptions, compensate
+from gvla2_plugins.axes import ContoursConfig
+from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
@@ -200,8 +201,6 @@ def main(arguments: list[str]) -> None:
         class Constants:
             support_threshold, support_softness, max_shrink = 0.45, 0.12, 0.008
 
-        difference = np.abs(score() - mask_support(points, views, compat="official")).max()
-        note = f"compat=official differs by {difference:.1e}"
         theirs = milliseconds(score, min(repeats, 5))
         theirs_hull = milliseconds(lambda: peer.refine_points(single, score(), Constants), min(repeats, 5))
     show(
@@ -217,19 +216,21 @@ def main(arguments: list[str]) -> None:
     )
     scripts(count, views, mesh, peer, repeats)
     # The released axis refinement needs CUDA and a checkout of MV-SAM3D.
-    fit = compensate(drifted, views, centre)
+    contours, energy = Contours(ContoursConfig(name="contours")), MaskEnergy(10)
+    fit = contours.compensate(drifted, views, centre)
     left = np.linalg.norm(fit.apply(drifted) - points, axis=1).mean()
     was = np.linalg.norm(drifted - points, axis=1).mean()
     show(
         "axis compensation",
-        milliseconds(lambda: compensate(drifted, views, centre).apply(drifted), max(3, repeats // 4)),
+        milliseconds(
+            lambda: contours.compensate(drifted, views, centre).apply(drifted), max(3, repeats // 4)
+        ),
         None,
         f"planted drift {1e3 * was:.1f}e-3 -> {1e3 * left:.2f}e-3, {fit.iterations} iterations",
     )
-    paper = AxisOptions(mode="paper")
     show(
         "axis compensation, mode=paper",
-        milliseconds(lambda: compensate(drifted, views, centre, paper), 3),
+        milliseconds(lambda: energy.compensate(drifted, views, centre), 3),
         None,
     )
     for number in (30_000, count):

@@ -11,12 +11,9 @@ import pytest
 
 from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_components, run_episodes, success_rate
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
-from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
@@ -158,47 +155,6 @@ def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
     assert record.learned is None or not record.learned.added
 
 
-def broken_views(observation, change):
-    views = Views(tuple(replace(v, **change(v)) for v in observation.views))
-    return replace(observation, views=views)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda view: {"depth": np.full_like(view.depth, np.nan)},
-        lambda view: {"depth": None},
-        lambda view: {"depth": np.zeros_like(view.depth), "image": np.zeros_like(view.image)},
-    ],
-    ids=["NaN depth", "no depth", "black and empty"],
-)
-def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
-    parts = parts_of(*SEEN, "memory=none")
-    robot = Wrapped(parts.robot, observe=lambda: broken_views(parts.robot.observe(), change))
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1))
-    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
-    assert record.success_check is not None
-
-
-@pytest.mark.parametrize("answer", [None, "go left", Plan(trajectory=None)], ids=["None", "text", "nothing"])
-def test_rubbish_from_a_planner_is_named(parts_of, answer):
-    parts = parts_of("memory=none")
-    planner = Wrapped(parts.planner, plan=lambda request: answer)
-    record = run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1))
-    assert (record.failure.stage, record.failure.kind) == ("plan", "invalid_plan")
-
-
-def test_a_crashing_planner_is_recorded_and_raised(parts_of):
-    def crash(request):
-        raise ZeroDivisionError("the planner's own mistake")
-
-    parts, listener = parts_of("memory=none"), Listener()
-    broken = replace(parts, planner=Wrapped(parts.planner, plan=crash))
-    with pytest.raises(ZeroDivisionError):
-        run_episode(broken, EpisodeRequest(seed=1), listener)
-    assert listener.records["plan"].failure.kind == "crashed"
-
-
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
     parts = parts_of()
     effects = ({"kind": "bound", "parameter": "lift_height"}, Bound("lift_height", 0.3).to_json())
@@ -274,20 +230,6 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     assert record.failure is None
 
 
-def test_every_frame_of_a_wish_in_parts_has_its_moment(parts_of):
-    class Both(Listener):
-        moments = 0
-
-        def moment(self, moment):
-            self.moments += 1
-
-    listener = Both()
-    sentence = "put the blue cube on the green cube, then lift the purple cube"
-    record = run_episode(parts_of("memory=none"), EpisodeRequest(seed=0, instruction=sentence), listener)
-    assert record.parts, record.plan
-    assert listener.frames == listener.moments > 20
-
-
 def test_no_frame_is_drawn_for_nobody(parts_of, monkeypatch):
     from gvla2_plugins.sapien.cameras import CameraRig
 
@@ -300,18 +242,6 @@ def test_no_frame_is_drawn_for_nobody(parts_of, monkeypatch):
         drawn.append(len(looks))
     assert drawn[0] == 2, "what the robot itself sees, before and after"
     assert drawn[1] == 2 + listener.frames
-
-
-def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_path):
-    path = tmp_path / "broken.db"
-    path.write_bytes(b"this is no database" * 100)
-    parts = parts_of(f"memory.url=sqlite:///{path}")
-    record = run_episode(parts, EpisodeRequest(seed=1))
-    assert record.success_check.relaxed
-    assert record.recalled.degraded
-    assert record.learned.degraded
-    assert len(record.notes) == 2
-    assert path.read_bytes() == b"this is no database" * 100
 
 
 def crash(*_):

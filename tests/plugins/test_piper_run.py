@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_components
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
