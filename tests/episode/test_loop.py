@@ -11,8 +11,7 @@ import pytest
 
 from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_components, run_episodes, success_rate
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.effects import Bound
