@@ -84,14 +84,6 @@ class Job:
     done: Mapping[str, float] = field(default_factory=dict)
     grasp: GraspOptions = field(default_factory=GraspOptions)
 
-    def own(self) -> frozenset[str]:
-        """Ids of the theme and its parts, which a hand that grasps it may touch."""
-        return self._own
-
-    def resting(self) -> frozenset[str]:
-        """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
-        return self._resting
-
     @cached_property
     def rise(self) -> float:
         """Height by which the theme must be lifted to leave what it stands in, metres."""
@@ -109,15 +101,17 @@ class Job:
     @cached_property
     def highest(self) -> float:
         """Height of the highest object except the theme and its parts, or of the table, metres."""
-        return max((o.top for o in self.scene.obstacles(self._own)), default=self.scene.table_height)
+        return max((o.top for o in self.scene.obstacles(self.own)), default=self.scene.table_height)
 
     # Cached: dozens of proposals ask for the same.
     @cached_property
-    def _own(self) -> frozenset[str]:
+    def own(self) -> frozenset[str]:
+        """Ids of the theme and its parts, which a hand that grasps it may touch."""
         return self.scene.family(self.theme.id)
 
     @cached_property
-    def _resting(self) -> frozenset[str]:
+    def resting(self) -> frozenset[str]:
+        """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
         from gvla2.planning.part_hierarchy import holders
 
         held = [self.scene.family(holder.id) for holder in holders(self.theme, self.scene)]
@@ -318,15 +312,15 @@ def fault_of(offered: object) -> str:
             return f"'{name}' has {what}s that are not a sequence of {kind.__name__}: {value!r:.200}."
     if offered.role("theme") is None:
         return f"'{name}' has no role 'theme': every skill handles something."
-    for what in ("propose", "defaults"):
-        if not callable(getattr(offered, what)):
-            return f"'{name}' has a {what} that cannot be called."
+    if not callable(offered.propose) or not callable(offered.defaults):
+        return f"'{name}' has a propose or defaults that cannot be called."
     known = {p.name for p in offered.parameters}
-    strange = [
-        n for n in (*offered.key, *offered.scaled, *offered.lasting, offered.amount) if n and n not in known
-    ]
-    if strange:
-        return f"'{name}' refers to '{strange[0]}', which is not among its parameters: {', '.join(known) or 'none'}."
-    if not offered.description:
-        return f"'{name}' has no description, which is how planners learn of it."
-    return ""
+    for used in (
+        *offered.key,
+        *offered.scaled,
+        *offered.lasting,
+        *([offered.amount] if offered.amount else []),
+    ):
+        if used not in known:
+            return f"'{name}' refers to '{used}', which is not among its parameters: {', '.join(known) or 'none'}."
+    return "" if offered.description else f"'{name}' has no description, by which planners choose skills."
