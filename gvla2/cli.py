@@ -6,90 +6,49 @@ import contextlib
 import gc
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
-Argv = list[str]
-
-
-def _run(argv: Argv) -> int:
-    """Run one episode, or many: observe, plan, execute, verify, learn."""
-    from gvla2.commands.run import main
-
-    return main(argv)
-
-
-def _reconstruct(argv: Argv) -> int:
-    """Refine an object's geometry from a folder of calibrated views."""
-    from gvla2.commands.reconstruct import main
-
-    return main(argv)
-
-
-def _bench(argv: Argv) -> int:
-    """Measure a suite on a data set: ablation rows, baselines, drift, seeds."""
-    from gvla2.commands.bench import main
-
-    return main(argv)
-
-
-def _report(argv: Argv) -> int:
-    """Make tables of measured results: terminal, Markdown, LaTeX, HTML."""
-    from gvla2.commands.report import main
-
-    return main(argv)
-
-
-def _memory(argv: Argv) -> int:
-    """Search and list a memory bank, import, export, govern, forget."""
-    from gvla2.commands.memory import main
-
-    return main(argv)
-
-
-def _calibrate(argv: Argv) -> int:
-    """Find where a camera stands beside a robot, from recorded pose pairs."""
-    from gvla2.commands.calibrate import main
-
-    return main(argv)
-
-
-def _export(argv: Argv) -> int:
-    """Write runs as a data set for training: LeRobot."""
-    from gvla2.commands.export import main
-
-    return main(argv)
-
-
-def _plugins(argv: Argv) -> int:
-    """List robots, planners, memories and everything else to choose from, with options."""
-    from gvla2.commands.plugins import main
-
-    return main(argv)
-
-
-def _doctor(argv: Argv) -> int:
-    """Check this installation, list data sets, and say how to get what is missing."""
-    from gvla2.commands.doctor import main
-
-    return main(argv)
-
-
-HYDRA: Mapping[str, Callable[[Argv], int]] = {
-    "run": _run,
-    "reconstruct": _reconstruct,
-    "bench": _bench,
-    "report": _report,
-    "calibrate": _calibrate,
+COMMANDS = {
+    "run": "run one episode, or many: observe, plan, execute, verify, learn",
+    "reconstruct": "refine an object's geometry from a folder of calibrated views",
+    "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
+    "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
+    "memory": "search and list a memory bank, verify it, import, export, forget",
+    "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
+    "export": "write runs as a data set for training: LeRobot",
+    "tasks": "list the tasks that a robot can be given",
+    "plugins": "list robots, planners, memories and everything else to choose from, with options",
+    "doctor": "check this installation, list data sets, and say how to get what is missing",
 }
+"""Sub-commands and what they do."""
+HYDRA = ("run", "reconstruct", "bench", "report", "calibrate")
 """The commands that Hydra configures."""
-COMMANDS: Mapping[str, Callable[[Argv], int]] = {
-    **HYDRA,
-    "memory": _memory,
-    "export": _export,
-    "plugins": _plugins,
-    "doctor": _doctor,
-}
-"""All sub-commands; the first line of a docstring says what each does."""
+
+
+def run_command(command: str, argv: list[str]) -> int:
+    """Run one of :data:`COMMANDS`; only its own module is imported."""
+    match command:
+        case "run":
+            from gvla2.commands.run import main
+        case "reconstruct":
+            from gvla2.commands.reconstruct import main
+        case "bench":
+            from gvla2.commands.bench import main
+        case "report":
+            from gvla2.commands.report import main
+        case "memory":
+            from gvla2.commands.memory import main
+        case "calibrate":
+            from gvla2.commands.calibrate import main
+        case "export":
+            from gvla2.commands.export import main
+        case "tasks":
+            from gvla2.commands.tasks import main
+        case "plugins":
+            from gvla2.commands.plugins import main
+        case _:
+            from gvla2.commands.doctor import main
+    return main(argv)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -138,7 +97,7 @@ def _dispatch(arguments: list[str]) -> int:
         hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
-    return COMMANDS[command](rest)
+    return run_command(command, rest)
 
 
 def _complete(arguments: list[str]) -> int:
@@ -148,18 +107,18 @@ def _complete(arguments: list[str]) -> int:
     """
     name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
     command, space, rest = rest.lstrip().partition(" ")
-    if command not in HYDRA and arguments[:1] != [] and arguments[0].startswith("query="):
+    if command not in HYDRA and "".join(arguments).startswith("query="):
         print("" if space else "\n".join(each for each in COMMANDS if each.startswith(command)))
         return 0
     before, _, last = rest.rpartition(" ")
     os.environ["COMP_LINE"] = " ".join([name, *(word for word in before.split() if "=" in word), last])
-    return HYDRA.get(command, _run)(["--shell-completion", *arguments])
+    return run_command(command if command in HYDRA else "run", ["--shell-completion", *arguments])
 
 
 def usage() -> str:
     """The text of ``gvla2 --help``."""
     width = max(len(name) for name in COMMANDS)
-    commands = "\n".join(f"  {name:<{width}}  {command.__doc__}" for name, command in COMMANDS.items())
+    commands = "\n".join(f"  {name:<{width}}  {what}" for name, what in COMMANDS.items())
     return f"""\
 gvla2: geometry-aware, memory-guided robot planning, every component a plugin.
 

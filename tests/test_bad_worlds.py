@@ -15,8 +15,7 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components, run_episodes, success_rate
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.plugins.hydra_config import register
@@ -147,14 +146,6 @@ def test_what_slips_is_a_failure_with_its_signal(parts):
     assert record.verdict.outcome != "verified_success"
 
 
-def test_what_leaves_the_table_is_missed(parts):
-    shove = Meddler(parts.robot, 6, (0.0, 6.0, 1.0))
-    record = run(parts, listener=shove)
-    assert record.failure.kind in ("slipped", "not_achieved")
-    assert not record.success_check.strict  # the relaxed rule only asks that it left its place
-    assert shove.pose()[2, 3] < 0.7
-
-
 class Blinded:
     """A robot some of whose cameras see nothing."""
 
@@ -173,13 +164,6 @@ class Blinded:
             for v in seen.views
         )
         return replace(seen, views=Views(views))
-
-
-@pytest.mark.parametrize("dead", [("front",), ("left_shoulder", "right_shoulder", "wrist")])
-def test_cameras_gone_black_leave_the_others(parts, dead):
-    record = run(parts, robot=Blinded(parts.robot, dead))
-    assert record.scene is not None
-    assert outcome(record) in ("success", "nothing_matches", "not_achieved", "goal_not_reached", "slipped")
 
 
 def test_all_cameras_gone_black_is_a_failure_of_perception(parts):

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from omegaconf import OmegaConf
 
 from gvla2 import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
@@ -53,19 +52,6 @@ class Stand:
 
 def a_registry(**components: Component[Any]) -> Registry:
     return Registry({kind: {c.name: Offer(c, Plugin("p"))} for kind, c in components.items()}, [Plugin("p")])
-
-
-@pytest.mark.parametrize(
-    "root",
-    [
-        {"planner": {"name": "mine", "depth": 5, "inner": {"gain": 0.5}}},
-        OmegaConf.create({"planner": {"name": "mine", "depth": "5", "inner": {"gain": 0.5}}}),
-        {"planner": Options(name="mine", depth=5, inner=Nested(0.5))},
-    ],
-)
-def test_build_takes_any_form_of_configuration(root: object):
-    built = a_registry(planner=Component("mine", Options, Stand)).build(root, "planner")
-    assert built.config == Options(name="mine", depth=5, inner=Nested(0.5))
 
 
 def test_needs_are_built_first_and_shared():

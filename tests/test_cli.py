@@ -172,15 +172,3 @@ def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pyt
     assert "nowhere" in answer
     assert "unrecognized" not in answer
     assert list(tmp_path.glob("outputs/reconstruct/*/*-sweep"))
-
-
-def test_escape_bytes_of_a_plugin_are_not_printed(install, capsys: pytest.CaptureFixture[str]):
-    install(
-        "@hookimpl\ndef gvla2_planners():\n"
-        "    Config.__doc__ = 'Options\\x1b[31m of mine.'\n"
-        "    return [Component('mine', Config, Made, summary='red\\x1b[31m'), '\\x1b]0;title\\x07']"
-    )
-    assert cli.main(["plugins", "planner", "mine"]) == 0
-    captured = capsys.readouterr()
-    assert "red" in captured.out
-    assert not {"\x1b", "\x07"} & set(captured.out + captured.err)

@@ -21,7 +21,6 @@ from gvla2.geometry.gaussians import read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.view_folders import write_views
 from gvla2.geometry.view_formats import write_gso, write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.discovery import Plugin
@@ -30,8 +29,6 @@ from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.testing.inputs import RED
-from gvla2.testing.inputs import views as table_views
 from tests.composing import composition
 
 ELEPHANT = Path(__file__).parent / "data" / "gso30_elephant"
@@ -175,18 +172,6 @@ def test_a_planted_drift_is_undone_and_reported(folder: Path, tmp_path: Path, re
     assert "Refined" in (tmp_path / "index.html").read_text()
 
 
-def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
-    """RGB-D views of a table: the object is small in them, metres are metres, nothing is held out."""
-    write_views(tmp_path, table_views(160, masked=RED), "red cube")
-    record = reconstruct(composed(tmp_path, *BARE), registry, tmp_path / "out")
-    reported = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert reported["object"] == "red cube"
-    assert reported["metrics"]["held_out"] is None
-    assert reported["metrics"]["truth"] is None
-    centre = np.asarray(record.result.out.mesh.bounds).mean(axis=0)
-    np.testing.assert_allclose(centre, RED.world_from_block[:3, 3], atol=0.01)
-
-
 @pytest.mark.parametrize(("depth", "why"), [(None, "no depth in 000, 001"), (np.nan, "it gave no depth")])
 def test_a_prior_that_can_use_no_view_is_a_warning(
     tmp_path: Path, registry: Registry, capsys: pytest.CaptureFixture[str], depth: float | None, why: str
@@ -252,17 +237,6 @@ def test_bad_requests_are_one_message(
     assert not (tmp_path / "result.json").exists()
 
 
-def test_masks_that_show_nothing(tmp_path: Path, registry: Registry):
-    views = seen(mallet(), 3, 48)
-    empty = Views(tuple(replace(view, mask=np.zeros_like(view.mask)) for view in views))
-    write_views(tmp_path, empty)
-    with pytest.raises(GeometryError, match="all 3 masks are empty"):
-        reconstruct(composed(tmp_path), registry, tmp_path / "out")
-    write_views(tmp_path, Views(tuple(replace(view, mask=None) for view in views)))
-    with pytest.raises(GeometryError, match="have no mask"):
-        reconstruct(composed(tmp_path), registry, tmp_path / "out")
-
-
 def test_truth_in_another_frame_is_refused_early(folder: Path, tmp_path: Path, registry: Registry):
     solid = mallet()
     write_mesh(tmp_path / "far.obj", TriangleMesh(solid.vertices + 5.0, solid.faces))
@@ -295,8 +269,8 @@ def test_a_picture_that_fails_costs_no_geometry(folder: Path, tmp_path: Path, re
 @pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
 def test_the_branch_is_one_group_of_three_commands(registry: Registry, command: str):
     register(registry, schemas() | suite_schemas())
-    chosen = OmegaConf.to_object(composition(command, "branch=official", "branch.axis=false"))
-    assert chosen.branch == BranchOptions(mode="paper", compat="official", axis=False)
+    chosen = OmegaConf.to_object(composition(command, "branch=paper", "branch.axis=false"))
+    assert chosen.branch == BranchOptions(mode="paper", axis=False)
 
 
 @pytest.mark.parametrize(("word", "spec"), [("0-4", "0-4"), ("7", "7"), ("[0-4,7]", "0-4,7"), ("null", None)])

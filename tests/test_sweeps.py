@@ -204,15 +204,3 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
     assert sweeps.done_before(tmp_path, digest) is None, "its memory was not there"
     (tmp_path / sweeps.JOB).write_text("{half")
     assert sweeps.done_before(tmp_path, digest) is None
-
-
-def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
-    from gvla2.commands.run import bank_line
-
-    config = compose_run()
-    memory = registry.build(config, "memory")
-    output = bank_line(config, memory)
-    memory.close()
-    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", output)
-    nothing = compose_run("memory=none")
-    assert bank_line(nothing, registry.build(nothing, "memory")) == "memory none keeps no bank"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from functools import partial
@@ -56,7 +56,7 @@ class FolderRecorder:
         write_text(folder / "config.yaml", config)
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
+        """Return ``make()``; a failure becomes a note and a warning, never an error, and None is returned."""
         try:
             return make()
         except Exception as error:
@@ -107,33 +107,27 @@ def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
     return {**attempt.attempted(), **made, "parts": [attempt_json(part) for part in attempt.parts]}
 
 
-Writer = Callable[[EpisodeRecord], Any]
+def _made(value: Any, write: Callable[[Any], Any] = plain) -> Any:
+    """The value as JSON; None while it is empty."""
+    return None if value is None or value == () else write(value)
 
 
-def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
-    """The field of the record of that name ("plan.trajectory") as JSON; None while it is empty."""
-
-    def content(record: EpisodeRecord) -> Any:
-        made: Any = record
-        for part in name.split("."):
-            made = getattr(made, part, None)
-        return write(made) if made is not None and made != () else None
-
-    return content
+def _attempts_json(records: Sequence[EpisodeRecord]) -> list[Any]:
+    return [attempt_json(record) for record in records]
 
 
-STAGE_FILES: Mapping[str, Writer] = {
-    "scene.json": _of("scene", scene_json),
-    "recalled.json": _of("recalled"),
-    "plan.json": _of("plan", plan_json),
-    "trajectory.json": _of("plan.trajectory", trajectory_json),
-    "checks.json": _of("checks", lambda checks: checks.to_json()),
-    "report.json": _of("report", lambda report: report.to_json()),
-    "scene_after.json": _of("after_scene", scene_json),
-    "attempts.json": _of("attempts", lambda records: list(map(attempt_json, records))),
-    "parts.json": _of("parts", lambda records: list(map(attempt_json, records))),
-    "verdict.json": _of("verdict"),
-    "learned.json": _of("learned"),
+STAGE_FILES: Mapping[str, Callable[[EpisodeRecord], Any]] = {
+    "scene.json": lambda r: _made(r.scene, scene_json),
+    "recalled.json": lambda r: _made(r.recalled),
+    "plan.json": lambda r: _made(r.plan, plan_json),
+    "trajectory.json": lambda r: _made(r.plan and r.plan.trajectory, trajectory_json),
+    "checks.json": lambda r: _made(r.checks, lambda checks: checks.to_json()),
+    "report.json": lambda r: _made(r.report, lambda report: report.to_json()),
+    "scene_after.json": lambda r: _made(r.after_scene, scene_json),
+    "attempts.json": lambda r: _made(r.attempts, _attempts_json),
+    "parts.json": lambda r: _made(r.parts, _attempts_json),
+    "verdict.json": lambda r: _made(r.verdict),
+    "learned.json": lambda r: _made(r.learned),
 }
 """The content of each file, None while the record lacks it, in the order of the loop."""
 

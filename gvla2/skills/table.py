@@ -151,7 +151,7 @@ _SKILLS = (
         lasting=("turn",),
     ),
     _standard(
-        "insert", defaults=parameters.of_insert,
+        "insert", defaults=parameters.of_insert, diagnosed=False,
         description="lower an object with a hole over a post",
         roles=(Role("theme", "the object with the hole"), Role("goal", "the post", relations=("on", "in", "to"))),
         parameters=_numbers(*_GRASP, *_CARRY, "insert_depth"),
@@ -168,7 +168,7 @@ _SKILLS = (
         key=("open_angle", "lip_depth", "standoff"),
     ),
     _standard(
-        "close", defaults=parameters.of_close,
+        "close", defaults=parameters.of_close, diagnosed=False,
         description="swing an open lid shut",
         roles=(Role("theme", "the box, or its lid"),),
         parameters=_numbers("standoff", "hook_depth", "let_go_angle"),

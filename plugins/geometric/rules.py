@@ -9,7 +9,7 @@ import numpy as np
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
+from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle
 from gvla2_plugins.geometric.case import (
     Case,
     InconclusiveError,
@@ -173,8 +173,8 @@ def closed(case: Case) -> Score:
     was = opening_angle(lid, body)
     if later is not None:
         angle = opening_angle(later, box or body)
-        if angle >= FLAT:
-            score = _short(was - angle, max(was, FLAT))
+        if angle >= CLOSED:
+            score = _short(was - angle, max(was, CLOSED))
             return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
         if box is None and body is None:
             return Score(0.7, f"{lid.label} lies flat.")

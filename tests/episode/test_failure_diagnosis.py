@@ -220,7 +220,7 @@ def test_an_approach_is_forbidden_when_another_one_is_left() -> None:
     ):
         record = episode("pick", CUBE, None, PLACE[:3], {}, changes=stuck, candidates=candidates)
         (signal,) = diagnose(record)
-        assert (signal.effect.approach if signal.effect else None) == expected
+        assert (signal.effect.parameter if signal.effect else None) == expected
 
 
 def test_what_the_mechanism_held_back_is_no_slip() -> None:

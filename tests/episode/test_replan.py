@@ -8,8 +8,7 @@ import pytest
 
 from gvla2.commands.run import build_components
 from gvla2.episode.advice import advice_for
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.episode.replan import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan

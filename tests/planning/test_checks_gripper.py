@@ -94,15 +94,6 @@ def test_what_was_put_down_is_grasped_where_it_is_now():
     assert kinds(*there, *grasp_at(0.3, 0.0, carries="cube")) == ["grasp_misses"]
 
 
-def test_what_was_shoved_may_be_pushed_on_from_where_nobody_saw_it():
-    shove = (at(0.22, 0.0, 0.02, 0.7), at(0.42, 0.0, 0.02, 0.7, touching=CUBE), at(0.4, 0.0, 0.2, 0.7))
-    again = (
-        at(0.45, 0.15, 0.2, 0.0), at(0.45, 0.15, 0.02, 0.0, touching=CUBE),
-        at(0.45, -0.1, 0.02, 0.0, touching=CUBE), at(0.45, -0.1, 0.2, 0.0),
-    )  # fmt: skip
-    assert kinds(*shove, *again) == []
-
-
 def test_waypoints_without_numbers_are_the_schema_checks_and_break_nothing():
     broken = at(float("nan"), 0.0, 0.02, 0.0)
     assert kinds(*grasp_at(0.3, 0.0)[:2], broken, at(0.3, 0.0, 0.3, 0.0, carries="cube")) == []

@@ -146,18 +146,3 @@ def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: py
     assert "1 in several attempts" in printed
     assert cli.main(["export", "lerobot", str(runs), f"to={tmp_path / 'all'}", "only=all"]) == 0
     assert capsys.readouterr().out.startswith("3 episodes")
-
-
-@pytest.mark.parametrize(
-    ("words", "status", "said"),
-    [
-        (["lerobt", "x", "to=y"], 2, "lerobot"),
-        (["lerobot", "x"], 2, "to=FOLDER"),
-        (["lerobot", "no_such", "to=y"], 1, "There is no folder 'no_such'"),
-        (["lerobot", ".", "to=y"], 1, "Nothing to export"),
-    ],
-)
-def test_wrong_usage_of_the_command(words, status, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["export", *words]) == status
-    assert said in capsys.readouterr().err

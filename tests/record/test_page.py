@@ -100,14 +100,6 @@ def test_a_run_that_failed_says_where(failed_at: Callable[[str], EpisodeRecord],
     assert state(record, "success_check") == "skipped"
 
 
-def test_every_part_of_a_record_may_be_missing(episode: Episode) -> None:
-    full = episode()
-    optional = [name for name, value in vars(EpisodeRecord).items() if value is None and name != "failure"]
-    assert len(optional) >= 11
-    for name in optional:
-        read(replace(full, **{name: None}))
-
-
 def test_foreign_text_never_becomes_markup(episode: Episode) -> None:
     full = episode()
     bad_object = replace(full.scene.objects[0], label=HOSTILE, colour=HOSTILE, parent=HOSTILE)

@@ -165,12 +165,6 @@ def test_a_bad_frame_never_stops_the_robot(tmp_path: Path, failed_at: Callable[[
     assert (tmp_path / "index.html").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_refused_at_once(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(OutputError, match="taken"):
-        RunRecorder(tmp_path / "taken" / "run", "")
-
-
 def test_a_disk_that_fills_up_raises(
     tmp_path: Path, episode: Callable[..., EpisodeRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
