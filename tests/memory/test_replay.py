@@ -143,7 +143,10 @@ def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: O
     (first,) = bank.learn(learnt("run/1", PULLED), verdicts["success"]).added
     (second,) = bank.learn(learnt("run/2", other), verdicts["uncertain"]).provisional
     bank.replay(Judge(verdicts["success"]))
-    assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [(True, "active"), (True, "archive")]
+    assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [
+        (True, "active"),
+        (True, "archive"),
+    ]
     assert bank.verify() == []
 
 
