@@ -1,8 +1,8 @@
 """The parameters theta of a motion: defaults from the gripper's and the object's geometry, SI units.
 
 They are targets. A motion stops short if it must: the fingertips stay 4 mm above the table whatever ``grasp_depth``
-says, and a press ends above what the button stands on (:func:`limited`). None is tuned to a task. Memory changes them by
-:func:`gvla2.planning.effects.apply_effects`: it stores those that scale with a side of the object as shares of that
+says, and a press ends above what the button stands on (:func:`limited`). None is tuned to a task. Memory changes them
+by :func:`gvla2.planning.effects.apply_effects`: it stores those that scale with a side of the object as shares of that
 side, and all others in SI units. Meanings and units are in :mod:`gvla2.skills.table`.
 """
 

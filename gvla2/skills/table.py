@@ -47,7 +47,9 @@ _PARAMETERS: Mapping[str, tuple[str, str, float, float]] = {
     "speed": ("m/s", "of the tool in the open", *OPTION_RANGES["speed"][:2]),
     "contact_speed": ("m/s", "of the tool where it touches", *OPTION_RANGES["contact_speed"][:2]),
 }  # fmt: skip
-PARAMETERS: Mapping[str, Parameter] = MappingProxyType({n: Parameter(n, *about) for n, about in _PARAMETERS.items()})
+PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
+    {n: Parameter(n, *about) for n, about in _PARAMETERS.items()}
+)
 """All parameters of the standard skills, by name."""
 
 _GRASP = ("standoff", "approach_tilt", "grasp_depth", "grasp_fraction")

@@ -291,11 +291,8 @@ def test_a_closed_hand_may_press_push_and_hook():
         hand_at(0.35, 0.0, 0.02, 0.0, touching=CUBE), hand_at(0.35, 0.0, 0.2, 0.0),
     )  # fmt: skip
     assert grip_kinds(*push) == []
-    feel = (
-        hand_at(0.5, -0.2, 0.2, 0.0),
-        hand_at(0.5, -0.2, 0.1, 0.0, guard=Guard(force=5.0)),
-        hand_at(0.5, -0.2, 0.2, 0.0),
-    )
+    over = hand_at(0.5, -0.2, 0.2, 0.0)
+    feel = (over, hand_at(0.5, -0.2, 0.1, 0.0, guard=Guard(force=5.0)), over)
     assert grip_kinds(*feel) == []
 
 
