@@ -2,7 +2,7 @@
 
 A calibration is one JSON object: ``T_base_camera`` (4, 4) (or ``T_tcp_camera`` for a camera on the hand),
 ``intrinsics`` (fx, fy, cx, cy, width, height), ``serial``, ``date``, ``n``, ``rmse`` (metres), ``residuals`` (metres
-per pair), ``method`` and ``convention``.
+per pair) and ``convention``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gvla2.robot.hand_eye import Mount, PosePair
 LARGEST_RMSE = 0.005
 """Metres; a calibration worse than that is refused."""
 ODD = 5.0
-"""A pair whose residual is so many times the median one is named."""
+"""A pair is named when its residual exceeds the median by this factor."""
 
 CONVENTION = "T_a_b maps points of b into a; metres; camera x right, y down, z forward, right-handed"
 
@@ -60,7 +60,6 @@ class Calibration:
     n: int
     rmse: float
     residuals: tuple[float, ...] = ()
-    method: str = ""
     mount: Mount = "eye_to_hand"
     date: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
@@ -88,7 +87,6 @@ class Calibration:
             "n": self.n,
             "rmse": self.rmse,
             "residuals": list(self.residuals),
-            "method": self.method,
             "convention": CONVENTION,
         }
         write_whole(path, (json.dumps(body, indent=2) + "\n").encode())
@@ -114,7 +112,6 @@ class Calibration:
                 n=int(body["n"]),
                 rmse=float(body["rmse"]),
                 residuals=tuple(float(v) for v in body["residuals"]),
-                method=str(body.get("method", "")),
                 mount=mount,
                 date=str(body["date"]),
             )

@@ -1,18 +1,13 @@
-"""A task of a plugin, untrusted: its episodes and its success checks are checked, and their faults name it."""
+"""Checks of an episode that a plugin's task sampled; faults name the plugin."""
 
 from __future__ import annotations
-
-from collections.abc import Callable, Collection
-from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from gvla2.errors import ConformanceError, PluginError
 from gvla2.geometry.exchange import require, require_rigid, require_type
 from gvla2.robot.scan import Scan
-from gvla2.robot.task import Body, Joint, Layout, Primitive, Task, TaskInstance, TaskSite, Thread, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 
 
 class CheckedTask:
@@ -24,45 +19,14 @@ class CheckedTask:
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
-        """The task's episode; raises :class:`PluginError` for one that cannot be laid out.
-
-        So do its success checks, for an answer other than True or False and for an object that the layout lacks.
-        """
+        """The task's episode; raises :class:`PluginError` for one that cannot be laid out."""
         made = self.__wrapped__.sample(rng, site, instruction)
         try:
             check_instance(made)
             require(instruction is not None or made.instruction.strip(), "Its instruction is empty.")
         except ConformanceError as error:
             raise PluginError(f"{self._who} gave no valid episode. {error}") from error
-        parts: list[Body | Joint | Thread] = [*made.layout.bodies, *made.layout.joints, *made.layout.threads]
-        names = [part.name for part in parts]
-        checks = {name: partial(self._answer, name, check, names) for name, check in made.succeeded.items()}
-        return replace(made, succeeded=checks)
-
-    def _answer(
-        self, profile: str, check: Callable[[Any], object], names: Collection[str], state: WorldState
-    ) -> bool:
-        who = f"{self._who}: its success check '{profile}'"
-        answer = check(_Named(state, names, who))
-        if not isinstance(answer, bool | np.bool_):
-            raise PluginError(f"{who} answered {answer!r:.80}; it must be True or False.")
-        return bool(answer)
-
-
-class _Named:
-    """A :class:`gvla2.robot.task.WorldState` that is asked only about objects of these names."""
-
-    def __init__(self, state: WorldState, names: Collection[str], who: str) -> None:
-        self._state, self._names, self._who = state, names, who
-
-    def __getattr__(self, question: str) -> Callable[[str], Any]:
-        def asked(name: str) -> Any:
-            if name not in self._names:
-                has = ", ".join(self._names)
-                raise PluginError(f"{self._who} asks for '{name}', which its layout lacks; it has {has}.")
-            return getattr(self._state, question)(name)
-
-        return asked
+        return made
 
 
 def check_instance(instance: object) -> None:
@@ -75,21 +39,47 @@ def check_instance(instance: object) -> None:
     require(all(names) and len(set(names)) == len(names), f"Bodies need unique names, got {names}.")
     for body in instance.layout.bodies:
         _check_body(body)
-    for joint in instance.layout.joints:
-        require(
-            {joint.parent, joint.child} <= set(names),
-            f"Joint '{joint.name}' joins bodies that are not there: '{joint.parent}', '{joint.child}'.",
-        )
-        require(
-            joint.limits[0] < joint.limits[1],
-            f"Joint '{joint.name}': its limits {joint.limits} are not a range.",
-        )
-        length = float(np.linalg.norm(joint.axis))
-        require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
+    _check_joints(instance.layout, names)
     require(
         set(instance.succeeded) <= {"relaxed", "strict"} and all(map(callable, instance.succeeded.values())),
         f"The success profiles are 'relaxed' and 'strict', each a function, got {instance.succeeded!r:.200}.",
     )
+
+
+def _check_joints(layout: Layout, names: list[str]) -> None:
+    ties = [*layout.joints, *layout.threads]
+    for tie in ties:
+        require(
+            {tie.parent, tie.child} <= set(names),
+            f"'{tie.name}' ties '{tie.parent}' to '{tie.child}'; the bodies are {sorted(names)}.",
+        )
+        require(tie.limits[0] < tie.limits[1], f"'{tie.name}': its limits {tie.limits} are not a range.")
+        length = float(np.linalg.norm(tie.axis))
+        require(abs(length - 1) < 1e-6, f"'{tie.name}': its axis has length {length:.4f}, not 1.")
+    children = [tie.child for tie in ties]
+    require(len(set(children)) == len(children), f"A body hangs on two joints: {sorted(children)}.")
+    parents = {tie.child: tie.parent for tie in ties}
+    for child in children:
+        above = parents[child]
+        while above in parents and above != child:
+            above = parents[above]
+        require(above != child, f"The joints form a ring through '{child}'.")
+    for thread in layout.threads:
+        require(
+            not layout[thread.child].fixed and 0 < thread.release < 2 * np.pi,
+            f"Thread '{thread.name}' needs a child that is not fixed and a release in (0, 2 pi), got {thread.release}.",
+        )
+    joints = {joint.name for joint in layout.joints}
+    for catch in layout.catches:
+        require(
+            {catch.joint, catch.key} <= joints and catch.joint != catch.key,
+            f"A catch holds '{catch.joint}' until '{catch.key}' has moved; the joints are {sorted(joints)}.",
+        )
+    for body in layout.bodies:
+        require(
+            (body.fixed and body.name not in parents) or any(solid.collides for solid in body.solids),
+            f"Body '{body.name}' can move, but nothing of it is solid.",
+        )
 
 
 def _check_body(body: Body) -> None:

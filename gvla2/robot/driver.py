@@ -41,7 +41,7 @@ class GripResult:
     """The result of opening or closing.
 
     ``width`` between the fingers at the end, metres; ``held`` True when something stopped the fingers before their
-    target, None when the robot cannot tell; ``contacts`` as in :class:`MoveResult` (fingers included).
+    target, None when the robot does not measure it; ``contacts`` as in :class:`MoveResult` (fingers included).
     """
 
     width: float

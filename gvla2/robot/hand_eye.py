@@ -2,8 +2,8 @@
 
 Eye to hand (the target is held by the hand): ``tcp_from_target = inv(base_from_tcp) base_from_camera
 camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): the constant is
-``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed-form solvers find the unknown;
-the best answer is then refined by least squares over the unknown and the constant together.
+``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed form (Park and Martin
+1994) finds the unknown, refined by least squares over the unknown and the constant together.
 """
 
 from __future__ import annotations
@@ -26,9 +26,6 @@ FEWEST_PAIRS = 8
 SMALLEST_TURN = np.radians(15.0)
 """The hand must be turned at least this far about two axes: shifts alone leave a calibration undetermined."""
 
-SOLVERS = ("tsai", "park", "horaud", "andreff", "daniilidis")
-"""OpenCV's ``CALIB_HAND_EYE_*`` methods."""
-
 _LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
 
 
@@ -48,13 +45,12 @@ class PosePair:
 
 @dataclass(frozen=True)
 class Solution:
-    """One solver's result. ``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
+    """``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
 
     ``shifts`` (N,) metres and ``turns`` (N,) radians are each pair's deviations from the mean constant; ``rmse`` is the
     root mean square of the shifts, metres.
     """
 
-    method: str
     transform: FloatArray
     shifts: FloatArray
     turns: FloatArray
@@ -65,11 +61,8 @@ class Solution:
         return float(np.sqrt(np.mean(self.shifts**2)))
 
 
-def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solution]:
-    """All solvers' answers and the refined one, best first (smallest ``rmse``).
-
-    Raises :class:`RobotError` for too few pairs, for poses that are too similar, and when no solver finds a solution.
-    """
+def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> Solution:
+    """Where the camera stands; raises :class:`RobotError` for too few pairs, and for poses that are too similar."""
     if len(pairs) < FEWEST_PAIRS:
         raise RobotError(f"Hand-eye calibration needs at least {FEWEST_PAIRS} pose pairs, got {len(pairs)}.")
     _check_variety([pair.base_from_tcp[:3, :3] for pair in pairs], "hand")
@@ -77,22 +70,16 @@ def solve(pairs: Sequence[PosePair], mount: Mount = "eye_to_hand") -> list[Solut
     # An eye to hand is an eye in a hand that moves the other way round.
     hands = [p.base_from_tcp if mount == "eye_in_hand" else invert_rigid(p.base_from_tcp) for p in pairs]
     targets = [p.camera_from_target for p in pairs]
-    found = []
-    for name in SOLVERS:
-        transform = _closed_form(name, hands, targets)
-        if np.isfinite(transform).all():
-            found.append(_measure(name, transform, hands, targets))
-    if not found:
-        raise RobotError(
-            "None of the solvers found a transform: are the poses of hand and target of the same moments?"
-        )
-    best = min(found, key=lambda solution: solution.rmse)
-    found.append(_measure("refined", _refine(best.transform, hands, targets), hands, targets))
-    return sorted(found, key=lambda solution: solution.rmse)
+    transform = _refine(_closed_form(hands, targets), hands, targets)
+    constants = [hand @ transform @ target for hand, target in zip(hands, targets, strict=True)]
+    mean = _mean(constants)
+    shifts = np.array([np.linalg.norm(c[:3, 3] - mean[:3, 3]) for c in constants])
+    turns = np.array([Rotation.from_matrix(mean[:3, :3].T @ c[:3, :3]).magnitude() for c in constants])
+    return Solution(transform, shifts, turns)
 
 
-def _closed_form(method: str, hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
-    """The unknown (4, 4) with ``hand unknown target`` constant by one of :data:`SOLVERS`; may hold NaN."""
+def _closed_form(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """The unknown (4, 4) with ``hand unknown target`` constant."""
     import cv2
 
     rotation, shift = cv2.calibrateHandEye(
@@ -100,12 +87,11 @@ def _closed_form(method: str, hands: Sequence[FloatArray], targets: Sequence[Flo
         [h[:3, 3] for h in hands],
         [t[:3, :3] for t in targets],
         [t[:3, 3] for t in targets],
-        method=getattr(cv2, f"CALIB_HAND_EYE_{method.upper()}"),
+        method=cv2.CALIB_HAND_EYE_PARK,
     )
     if not np.isfinite(rotation).all():
-        return np.full((4, 4), np.nan)
-    u, _, vt = np.linalg.svd(rotation)  # Andreff's answer is only nearly a rotation
-    return rigid(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt, np.ravel(shift))
+        raise RobotError("No transform was found: are the poses of hand and target of the same moments?")
+    return rigid(rotation, np.ravel(shift))
 
 
 def _check_variety(rotations: Sequence[FloatArray], what: str) -> None:
@@ -138,16 +124,6 @@ def _refine(start: FloatArray, hands: Sequence[FloatArray], targets: Sequence[Fl
         return np.concatenate(parts)
 
     return unpack(least_squares(residuals, np.zeros(12), method="lm").x)[0]
-
-
-def _measure(
-    method: str, transform: FloatArray, hands: Sequence[FloatArray], targets: Sequence[FloatArray]
-) -> Solution:
-    constants = [hand @ transform @ target for hand, target in zip(hands, targets, strict=True)]
-    mean = _mean(constants)
-    shifts = np.array([np.linalg.norm(c[:3, 3] - mean[:3, 3]) for c in constants])
-    turns = np.array([Rotation.from_matrix(mean[:3, :3].T @ c[:3, :3]).magnitude() for c in constants])
-    return Solution(method, transform, shifts, turns)
 
 
 def _mean(poses: Sequence[FloatArray]) -> FloatArray:

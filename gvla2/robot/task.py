@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.arm import Arm
-from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.scan import Scan
 
 
@@ -202,9 +200,6 @@ class WorldState(Protocol):
 
 Profile = Literal["relaxed", "strict"]
 
-Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
-"""Scripted waypoints, computed from true state: stretch by stretch, the state read again before each."""
-
 
 @dataclass(frozen=True)
 class TaskInstance:
@@ -212,10 +207,8 @@ class TaskInstance:
 
     ``succeeded`` has a predicate for each success profile; a single one counts for both. A robot with a world of its
     own leaves both empty and answers ``success_check`` itself. ``goal`` is the criterion in words, for the run's page.
-    ``image_size`` is the least image side in pixels that shows what matters, 0 for any. ``solution`` shows that the
-    episode is solvable with this arm's physics (:mod:`gvla2.robot.backend`); no perceiver, planner or memory ever sees
-    it. ``keep_clear`` are circles (x, y, radius) on the table that the task needs free, world metres, besides its
-    bodies' places.
+    ``image_size`` is the least image side in pixels that shows what matters, 0 for any. ``keep_clear`` are circles (x,
+    y, radius) on the table that the task needs free, world metres, besides its bodies' places.
     """
 
     instruction: str
@@ -223,7 +216,6 @@ class TaskInstance:
     succeeded: Mapping[Profile, Callable[[WorldState], bool]] = field(default_factory=dict)
     goal: str = ""
     image_size: int = 0
-    solution: Solution | None = field(default=None, repr=False)
     keep_clear: tuple[tuple[float, float, float], ...] = ()
 
 
@@ -261,6 +253,6 @@ class Task(Protocol):
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
-        success check looks at the objects that it names, if it can tell (a colour on the table).
+        success check applies to the objects that it names, if it names any (a colour on the table).
         """
         ...

@@ -67,7 +67,7 @@ def read_urdf(path: Path) -> ET.Element:
     names = {link.get("name") for link in robot.iterfind("link")}
     named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
     for element, key in named:
-        if element.get(key) in names:  # pinocchio can't tell the two apart
+        if element.get(key) in names:  # pinocchio does not distinguish the two
             element.set(key, f"{element.get(key)}_joint")
     for joint in robot.iterfind("joint[@type='continuous']"):
         joint.set("type", "revolute")

@@ -47,9 +47,8 @@ class RealsenseCamera:
         if config.serial and config.serial != self.serial:
             raise RobotError(f"camera.serial is '{config.serial}', the camera in use is '{self.serial}'.")
         size = (calibration.intrinsics.width, calibration.intrinsics.height)
-        depth_size = (config.depth_width, config.depth_height)
         self._timeout = config.timeout
-        self._stream = Stream(rs, device, size, depth_size, config.fps, config.filters)
+        self._stream = Stream(rs, device, size, config.fps)
         try:
             self.intrinsics = pinhole(self._stream.intrinsics)
             _agree(self.intrinsics, calibration, path)
@@ -103,13 +102,6 @@ def _check(config: RealsenseConfig) -> None:
         raise ConfigurationError(
             f"camera.fps={config.fps} and camera.timeout={config.timeout} must be above 0, and "
             f"camera.warm_up={config.warm_up} not below."
-        )
-    if (config.depth_width > 0) != (config.depth_height > 0) or min(
-        config.depth_width, config.depth_height
-    ) < 0:
-        raise ConfigurationError(
-            f"camera.depth_width={config.depth_width} and depth_height={config.depth_height} go together; "
-            "both 0 for the size nearest to the colour's."
         )
 
 

@@ -86,11 +86,5 @@ def name_of(rs: Any, device: Any) -> str:
     return _info(device, rs.camera_info.name) or "a camera without a name"
 
 
-def link_note(rs: Any, device: Any) -> str:
-    """A sentence for a camera on a slow port, which offers fewer sizes; "" otherwise."""
-    usb = _info(device, rs.camera_info.usb_type_descriptor)
-    return f" It is connected by USB {usb}; a USB 3 port offers more." if usb.startswith("2") else ""
-
-
 def _info(device: Any, what: Any) -> str:
     return str(device.get_info(what)) if device.supports(what) else ""

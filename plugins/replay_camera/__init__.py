@@ -13,7 +13,6 @@ Depth is measured along the camera's z and aligned to the colour picture; 0 and 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
@@ -22,26 +21,17 @@ if TYPE_CHECKING:
     from gvla2.robot.backend import DepthCamera
 
 
-class AtEnd(Enum):
-    """What comes after the last frame: the last again, the first again, or an error."""
-
-    stay = "stay"
-    again = "again"
-    stop = "stop"
-
-
 @dataclass
 class ReplayConfig(ComponentConfig):
     """Options of ``replay``.
 
-    ``path`` is a folder of pictures, a run's folder, or a ``views.npz``. Each observation shows the next frame;
-    ``at_end`` says what comes after the last. ``serial`` refuses recordings of another camera, "" takes any. The
+    ``path`` is a folder of pictures, a run's folder, or a ``views.npz``. Each observation shows the next frame, and
+    the last again at the end. ``serial`` refuses recordings of another camera, "" takes any. The
     views of a run are in its world: the robot's base stood there at ``base_position`` (metres), turned by ``base_yaw``
     (radians); give the robot's own options of these names.
     """
 
     path: str = ""
-    at_end: AtEnd = AtEnd.stay
     serial: str = ""
     base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     base_yaw: float = 0.0

@@ -7,7 +7,7 @@ import math
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from gvla2.geometry.view_folders import ARCHIVE, read_archive
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration
-from gvla2_plugins.replay_camera import AtEnd, ReplayConfig
+from gvla2_plugins.replay_camera import ReplayConfig
 
 CAMERA = "camera.json"
 MILLIMETRE = 0.001
@@ -31,20 +31,13 @@ FARTHEST = 100.0
 """Metres; a picture with a larger median depth was stored in other units."""
 
 _NUMBER = re.compile(r"(\d+)\.(rgb\.png|depth\.png|depth\.npy)")
-_DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I")
-
-
-@dataclass(frozen=True)
-class Pair:
-    """The two files of one moment."""
-
-    colour: Path
-    depth: Path
 
 
 class FrameFolder:
-    """One camera's recording. Raises :class:`RobotError`, naming the file, for everything that could make :meth:`view`
-    fail except damaged pixels: no frames, half a frame, mixed sizes, depth of 8 bits, a calibration that is refused.
+    """One camera's recording, read once to check it.
+
+    Raises :class:`RobotError`, naming the file: no frames, half a frame, mixed sizes, depth of 8 bits, damaged pixels,
+    a calibration that is refused.
     """
 
     def __init__(self, folder: Path, name: str, serial: str = "") -> None:
@@ -52,9 +45,8 @@ class FrameFolder:
         self.calibration = Calibration.load(folder / CAMERA, serial)
         self._scale = _depth_scale(folder / CAMERA)
         self._pairs = _pairs(folder)
-        for pair in self._pairs:
-            for path in (pair.colour, pair.depth):
-                self._check_size(path, _size(path))
+        for index in range(len(self)):
+            self.view(index, np.eye(4))
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -67,23 +59,23 @@ class FrameFolder:
                 raise RobotError(f"{self.folder} was recorded from the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
         camera = Camera(intrinsics.K, pose, intrinsics.width, intrinsics.height, self.name)
-        pair = self._pairs[index]
-        return View(camera, _colour(pair.colour), self._depth(pair.depth))
-
-    def _check_size(self, path: Path, size: tuple[int, int]) -> None:
-        wanted = (self.calibration.intrinsics.width, self.calibration.intrinsics.height)
-        if size != wanted:
-            raise RobotError(
-                f"{path} has {size[0]}x{size[1]} pixels, the camera of {path.with_name(CAMERA)} {wanted[0]}x"
-                f"{wanted[1]}. All frames of a folder have the calibration's size."
-            )
+        colour, depth = self._pairs[index]
+        shown = {colour: _picture(colour, "RGB"), depth: self._depth(depth)}
+        for path, image in shown.items():
+            if image.shape[:2] != (camera.height, camera.width):
+                raise RobotError(
+                    f"{path} has {image.shape[1]}x{image.shape[0]} pixels, the camera of {path.with_name(CAMERA)} "
+                    f"{camera.width}x{camera.height}. All frames of a folder have the calibration's size."
+                )
+        return View(camera, shown[colour], shown[depth])
 
     def _depth(self, path: Path) -> NDArray[np.float32]:
-        if path.suffix == ".npy":
-            raw = _array(path)
-            scale = 1.0 if raw.dtype.kind == "f" else self._scale
-        else:
-            raw, scale = np.asarray(_loaded(path)), self._scale
+        raw = _array(path) if path.suffix == ".npy" else _picture(path)
+        if raw.ndim != 2 or raw.dtype.kind not in "fiu" or raw.dtype.itemsize < 2:
+            raise RobotError(
+                f"{path} must be a depth map (H, W) of numbers of 16 bits or more; it is {raw.shape}, {raw.dtype}."
+            )
+        scale = 1.0 if raw.dtype.kind == "f" else self._scale
         metres = raw.astype(np.float64) * scale
         metres[~(np.isfinite(metres) & (metres > 0))] = np.nan
         known = metres[np.isfinite(metres)]
@@ -95,8 +87,8 @@ class FrameFolder:
         return metres.astype(np.float32)
 
 
-def _pairs(folder: Path) -> list[Pair]:
-    """The frames by number; each has a colour file and one depth file."""
+def _pairs(folder: Path) -> list[tuple[Path, Path]]:
+    """The frames by number: the colour file and the depth file of each."""
     found: dict[int, dict[str, Path]] = {}
     for path in sorted(folder.iterdir()):
         if match := _NUMBER.fullmatch(path.name):
@@ -112,7 +104,7 @@ def _pairs(folder: Path) -> list[Pair]:
             kind, path = next(iter(frame.items()))
             other = "depth.png or .npy" if kind == "rgb" else "rgb.png"
             raise RobotError(f"{path} is half a frame: there is no {path.name.partition('.')[0]}.{other}.")
-    return [Pair(frame["rgb"], frame["depth"]) for _, frame in sorted(found.items())]
+    return [(frame["rgb"], frame["depth"]) for _, frame in sorted(found.items())]
 
 
 def _depth_scale(path: Path) -> float:
@@ -124,29 +116,9 @@ def _depth_scale(path: Path) -> float:
     return float(given)
 
 
-def _size(path: Path) -> tuple[int, int]:
-    """Width and height by the file's head, and whether it is a kind of picture that can be shown."""
-    if path.suffix == ".npy":
-        array = _array(path)
-        if array.ndim != 2 or array.dtype.kind not in "fiu":
-            raise RobotError(
-                f"{path} must be a depth map (H, W) of numbers; it is {array.shape}, {array.dtype}."
-            )
-        return array.shape[1], array.shape[0]
-    try:
-        with Image.open(path) as picture:
-            if ".depth." in path.name and picture.mode not in _DEPTH_MODES:
-                raise RobotError(
-                    f"{path} is a picture of mode {picture.mode}; depth is stored in one channel of 16 bits."
-                )
-            return picture.size
-    except OSError as error:
-        raise RobotError(f"{path} is not a readable picture: {error}.") from error
-
-
 def _array(path: Path) -> NDArray[Any]:
     try:
-        loaded = np.load(path, mmap_mode="r", allow_pickle=False)
+        loaded = np.load(path, allow_pickle=False)
         if not isinstance(loaded, np.ndarray):
             raise ValueError("it is an archive")
     except (OSError, ValueError, EOFError) as error:
@@ -154,17 +126,14 @@ def _array(path: Path) -> NDArray[Any]:
     return loaded
 
 
-def _colour(path: Path) -> NDArray[np.uint8]:
-    return np.array(_loaded(path, "RGB"))
-
-
-def _loaded(path: Path, mode: str | None = None) -> Image.Image:
+def _picture(path: Path, mode: str | None = None) -> NDArray[Any]:
+    """The pixels (H, W) or (H, W, 3) of a picture."""
     try:
         with Image.open(path) as picture:
             picture.load()
-            return picture.convert(mode) if mode else picture.copy()
+            return np.array(picture.convert(mode) if mode else picture)
     except (OSError, SyntaxError) as error:  # the latter is what Pillow makes of a broken chunk
-        raise RobotError(f"{path} is damaged: {error}.") from error
+        raise RobotError(f"{path} is not a readable picture: {error}.") from error
 
 
 Moment = Callable[[int, FloatArray | None], tuple[View, ...]]
@@ -185,7 +154,6 @@ class ReplayCamera:
         self._path = Path(config.path).expanduser()
         if not self._path.exists():
             raise ConfigurationError(f"camera.path: there is nothing at '{self._path}'.")
-        self._at_end = config.at_end
         self._count, self._moment = self._open(config)
         self._next = 0
         self._closed = False
@@ -196,18 +164,11 @@ class ReplayCamera:
         return False
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
-        """The next frame of every camera. Raises :class:`RobotError` after the last with ``at_end=stop``."""
+        """The next frame of every camera, and the last again at the end."""
         if self._closed:
             raise RobotError(f"The recording {self._path} is closed.")
-        if self._next >= self._count:
-            if self._at_end is AtEnd.stop:
-                raise RobotError(
-                    f"The recording {self._path} is at its end, after {self._count} frames. camera.at_end=stay "
-                    f"continues with the last, again with the first."
-                )
-            self._next = self._count - 1 if self._at_end is AtEnd.stay else 0
         views = self._moment(self._next, base_from_tcp)
-        self._next += 1
+        self._next = min(self._next + 1, self._count - 1)
         return CameraFrames(views, (time.time(),) * len(views))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The true state, scene and masks of the simulated world: for success checks, demonstrations and measurements."""
+"""The true state, scene and masks of the simulated world: for success checks and measurements."""
 
 from __future__ import annotations
 

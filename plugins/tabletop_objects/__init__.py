@@ -33,9 +33,7 @@ class ObjectsConfig:
 
 @dataclass
 class TabletopObjectsConfig(TaskConfig):
-    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift, put_in, left_of, sort, or any of them
-    that the objects allow.
-    """
+    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift, put_in or left_of."""
 
     required: ClassVar[tuple[str, ...]] = ("objects.root",)
 
@@ -44,7 +42,7 @@ class TabletopObjectsConfig(TaskConfig):
 
 
 def _build(config: TabletopObjectsConfig) -> Task:
-    """Lift, place or sort scanned objects, called by their names."""
+    """Lift or place scanned objects, called by their names."""
     from gvla2_plugins.tabletop_objects.task import TabletopObjects
 
     return TabletopObjects(config)

@@ -1,16 +1,12 @@
-"""A Piper made of frames: it answers the SDK on any python-can bus, with first-order joints.
-
-Start one for other programs with ``python -m gvla2_plugins.piper.virtual_arm --channel 239.74.163.2``.
-"""
+"""A Piper made of frames, for tests: it answers the SDK on any python-can bus, with first-order joints."""
 
 from __future__ import annotations
 
-import argparse
 import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -20,7 +16,6 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
-from gvla2_plugins.piper.lock import be_urgent
 
 PARKED = (0.0, 0.02, -0.02, 0.0, 0.15, 0.0)
 RATE = 200.0
@@ -208,25 +203,3 @@ class VirtualArm:
 
     def _say(self, arbitration_id: int, data: bytes, now: float) -> None:
         self._outbox.append((now + self.faults.delay, arbitration_id, data))
-
-
-def main(argv: Sequence[str] | None = None, wait: Callable[[], object] | None = None) -> int:
-    """Run a virtual arm until it is interrupted."""
-    parser = argparse.ArgumentParser(prog="python -m gvla2_plugins.piper.virtual_arm", description=__doc__)
-    parser.add_argument(
-        "--bus", default="udp_multicast", help="a python-can interface that other programs share"
-    )
-    parser.add_argument("--channel", default="239.74.163.2")
-    options = parser.parse_args(argv)
-    be_urgent()  # threads started from here on inherit it: a real arm has a clock of its own
-    with VirtualArm(options.bus, options.channel):
-        print(f"A virtual Piper is on {options.bus} '{options.channel}'. Ctrl-C ends it.", flush=True)
-        try:
-            (wait or threading.Event().wait)()
-        except KeyboardInterrupt:
-            print("The virtual Piper is gone.", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
