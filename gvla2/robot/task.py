@@ -209,8 +209,7 @@ class TaskInstance:
 
     ``succeeded`` has a predicate for each success profile; a single one counts for both. A robot with a world of its
     own leaves both empty and answers ``success_check`` itself. ``goal`` is the criterion in words, for the run's page.
-    ``image_size`` is the least image side in pixels that shows what matters, 0 for any. ``keep_clear`` are circles (x,
-    y, radius) on the table that the task needs free, world metres, besides its bodies' places.
+    ``image_size`` is the least image side in pixels that shows what matters, 0 for any.
     """
 
     instruction: str
@@ -218,7 +217,6 @@ class TaskInstance:
     succeeded: Mapping[Profile, Callable[[WorldState], bool]] = field(default_factory=dict)
     goal: str = ""
     image_size: int = 0
-    keep_clear: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)
