@@ -132,7 +132,9 @@ def test_the_commands_of_the_page_name_what_there_is(name: str, registry: Regist
 
 def _check_choices(registry: Registry, command: str, words: str) -> None:
     """Every component, option and key of a command line exists; of a sweep's values the last is looked at."""
-    given = [word.partition("=")[::2] for word in shlex.split(words) if re.match(r"\w[\w.]*=", word)]
+    given = [
+        word.partition("=")[::2] for word in shlex.split(words) if re.match(r"\w[\w.]*=(?![A-Z]{2})", word)
+    ]
     chosen = {key: value.rpartition(",")[2] for key, value in given if key in registry.groups}
     for group, name in chosen.items():
         assert name in registry.components(SLOTS.get(group, group)), (command, words)

@@ -269,8 +269,8 @@ def test_a_picture_that_fails_costs_no_geometry(folder: Path, tmp_path: Path, re
 @pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
 def test_the_branch_is_one_group_of_three_commands(registry: Registry, command: str):
     register(registry, schemas() | suite_schemas())
-    chosen = OmegaConf.to_object(composition(command, "branch=official", "branch.axis=false"))
-    assert chosen.branch == BranchOptions(mode="paper", compat="official", axis=False)
+    chosen = OmegaConf.to_object(composition(command, "branch=paper", "branch.axis=false"))
+    assert chosen.branch == BranchOptions(mode="paper", axis=False)
 
 
 @pytest.mark.parametrize(("word", "spec"), [("0-4", "0-4"), ("7", "7"), ("[0-4,7]", "0-4,7"), ("null", None)])

@@ -78,7 +78,7 @@ def installed(distribution: str) -> str:
 
 
 def packages() -> Iterator[Check]:
-    """What gvla2 requires, and which extras are complete."""
+    """Check gvla2's own requirements, and list the complete extras."""
     needed = [Requirement(text) for text in requires("gvla2") or ()]
     lacking: dict[str, list[str]] = {}
     for extra in ("", *(metadata("gvla2").get_all("Provides-Extra") or ())):
@@ -109,7 +109,7 @@ def _lacks(requirement: Requirement) -> bool:
 
 
 def configuration(registry: Registry) -> Iterator[Check]:
-    """Whether the default run composes and its memory opens."""
+    """Check that the default run composes and its memory opens."""
     from gvla2.commands.hydra_job import composed, explain
     from gvla2.memory.contracts import MemoryTask
 
@@ -134,7 +134,7 @@ def configuration(registry: Registry) -> Iterator[Check]:
 
 
 def plugins(registry: Registry) -> Iterator[Check]:
-    """How many plugins there are, and the broken ones."""
+    """Count the plugins, and list the broken ones."""
     count = sum(len(registry.components(kind)) for kind in registry.kinds)
     yield Check("plugins", "ok", f"{len(registry.plugins)} plugins offer {count} components")
     for problem in registry.problems:
@@ -144,7 +144,7 @@ def plugins(registry: Registry) -> Iterator[Check]:
 
 
 def opencv() -> Check:
-    """Which distributions own the module cv2: those of different versions overwrite each other's files."""
+    """Check that one version of OpenCV owns cv2: distributions of it overwrite each other's files."""
     names = [f"opencv{kind}-python{head}" for kind in ("", "-contrib") for head in ("", "-headless")]
     found = {name: installed(name) for name in names if installed(name)}
     owners = " and ".join(f"{name} {version}" for name, version in found.items()) or "not installed"
@@ -155,7 +155,7 @@ def opencv() -> Check:
 
 
 def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
-    """Whether the simulator's modules can be imported."""
+    """Check that the simulator's modules can be imported."""
     advice = "pip install 'gvla2[sim]'; a shared library that is missing comes from a package of the system"
     try:
         command = [sys.executable, "-W", "ignore", "-c", f"import {', '.join(modules)}"]
@@ -169,7 +169,7 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
 
 
 def data() -> Iterator[Check]:
-    """The data sets and weights of the benches: where they are, or how to get them."""
+    """Locate the data sets and weights of the benches, or say how to get them."""
     from gvla2.evaluation.datasets import SOURCES, find_items, roots
     from gvla2.evaluation.lpips import FETCH, LICENCE, weights_path
 

@@ -76,7 +76,7 @@ class HydraTask:
         self.function = function
         self.registry = registry
         self.error: Exception | None = None
-        """What a single job raised: Hydra would print a line of its own about it."""
+        """The error of a single job: raised again after Hydra, which would print a line of its own about it."""
 
     def __getstate__(self) -> dict[str, object]:
         return {"function": self.function, "registry": None, "error": None}
@@ -163,7 +163,8 @@ def print_help(command: str, schema: type, registry: Registry, chosen: str) -> N
     for entry in read(chosen).defaults:
         if isinstance(entry, DictConfig):
             defaults |= {str(key).lstrip("/"): str(name) for key, name in entry.items()}
-    out.print(f"{words.header}\n\n{inspect.getdoc(schema)}", markup=False)
+    about = (inspect.getdoc(schema) or "").replace("``", "`")
+    out.print(f"{words.header}\n\n{about}", markup=False)
     listing = table("option", "type", "default")
     for option in options(schema):
         if not option.name.endswith(".name"):

@@ -121,7 +121,7 @@ def _print_tasks(overrides: Sequence[str]) -> int:
 
 
 def find_offers(registry: Registry, kind: str, name: str = "") -> dict[str, list[Offer]]:
-    """What is offered by kind: of all, or of one ("skill" is none), or what is called so.
+    """The offers by kind: all of them, those of one kind (none for "skill"), or the one of that name.
 
     Raises :class:`ConfigurationError` with the names that exist.
     """

@@ -276,7 +276,7 @@ def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | 
 
 
 def _gso_model(folder: Path) -> Path | None:
-    """Where the numbered views lie when the folder is read as an object of a GSO-30 tree."""
+    """The folder of the numbered views if this is an object of a GSO-30 tree, else None."""
     from gvla2.geometry.view_folders import ARCHIVE
     from gvla2.geometry.view_formats import find_cameras, find_model_folder
 

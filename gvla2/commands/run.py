@@ -93,53 +93,41 @@ class RunConfig(EveryKind):
             )
 
 
-@dataclass
 class EpisodeReporter:
-    """Passes an episode's events to its recorder and the terminal, if any; keeps the latest record."""
+    """Passes an episode's events to its recorder and the terminal; keeps the latest record."""
 
-    recorder: RunRecorder | None = None
-    progress: Progress | None = None
-    latest: EpisodeRecord | None = None
-
-    @property
-    def wants_frames(self) -> bool:
-        """Whether a recorder keeps them."""
-        return self.recorder is not None
+    def __init__(self, recorder: RunRecorder, progress: Progress) -> None:
+        self._recorder, self._progress = recorder, progress
+        self.latest: EpisodeRecord | None = None
 
     def begin(self, stage: Stage) -> None:
         """A stage begins."""
-        if self.progress is not None:
-            self.progress.begin(stage)
+        self._progress.begin(stage)
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """A stage ended, successfully or not."""
         self.latest = record
-        if self.recorder is not None:
-            self.recorder.stage(record, stage)
-        if self.progress is not None:
-            log.info("%s: %s", stage, record.failure or f"{record.timings.get(stage, 0.0):.2f} s")
-            self.progress.stage(record, stage)
+        self._recorder.stage(record, stage)
+        log.info("%s: %s", stage, record.failure or f"{record.timings.get(stage, 0.0):.2f} s")
+        self._progress.stage(record, stage)
 
     def moment(self, moment: Moment) -> None:
         """The robot's state at the next frame."""
-        if self.recorder is not None:
-            self.recorder.moment(moment)
+        self._recorder.moment(moment)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """A frame of the moving robot."""
-        if self.recorder is not None:
-            self.recorder.frame(image)
+        self._recorder.frame(image)
 
     def finish(self) -> None:
         """Write the page, even if Ctrl-C comes meanwhile; a second one cancels it."""
-        if self.progress is not None:
-            self.progress.close()
-        if self.recorder is None or self.latest is None:
+        self._progress.close()
+        if self.latest is None:
             return
         try:
-            self.recorder.finish(self.latest)
+            self._recorder.finish(self.latest)
         except KeyboardInterrupt:
-            self.recorder.finish(self.latest)
+            self._recorder.finish(self.latest)
             raise
 
 
@@ -264,7 +252,7 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
 
 
 def crashed_component(components: Components, stage: Stage) -> str:
-    """Whose code a stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
+    """Name the component whose code the stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
     kinds = [kind for kind in AUTHORS[stage] if components.choices.get(kind, NONE) != NONE]
     return f"{' or '.join(map(components.named, kinds))} crashed"
 

@@ -151,7 +151,7 @@ def _job() -> dict[str, Any]:
 
 
 def _setting(config: RunConfig) -> dict[str, str]:
-    """What a job ran with, for the table's title; a bank's address is the job's own."""
+    """The components and options of a job, for the table's title, without the bank's address."""
     chosen = {kind: getattr(config, kind) for kind in _SHOWN}
     setting = {
         kind: described(one, only={field.name for field in fields(one)} - {"url"})

@@ -1,4 +1,4 @@
-"""What went wrong in an episode, from measured signals: the basis for constraints.
+"""Diagnosis of failed episodes from measured signals: the basis for constraints.
 
 A failure without a diagnosed signal yields text only, since a bound would be a guess.
 """
@@ -23,7 +23,7 @@ from gvla2.skills.table import STANDARD
 CLEARANCE_MARGIN = 0.03
 """Metres added to the clearance at which something was touched."""
 DEPTH_MARGIN = 0.005
-"""Least metres to grasp deeper after a slip; a tenth of the object's height if that is more."""
+"""Minimum increase of the grasp depth after a slip, metres; a tenth of the object's height if that is more."""
 DROP = 0.03
 """Metres lower that count as putting down rather than as play of the stop; and sideways, as the same place."""
 

@@ -87,7 +87,7 @@ class Components:
 
 @dataclass(frozen=True)
 class EpisodeRequest:
-    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run.
+    """One episode to run. Without ``instruction`` the task words its own by the seed; ``source`` identifies the run.
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
@@ -127,7 +127,7 @@ class SilentListener(EpisodeListener):
 
     @property
     def wants_frames(self) -> bool:
-        """Whether a subclass looks at them."""
+        """Whether a subclass uses them."""
         return type(self).frame is not SilentListener.frame
 
     def begin(self, stage: Stage) -> None:
@@ -313,13 +313,13 @@ def _moving(
 
 
 def _look(components: Components, request: EpisodeRequest, number: int) -> Observation:
-    """What the robot sees, with the noise of this look."""
+    """The robot's observation, with the noise of this look."""
     noise = np.random.default_rng([request.seed, number])
     return read_only(apply_noise(components.robot.observe(), request.depth_noise, noise, request.seed))
 
 
 def _looks(record: EpisodeRecord) -> int:
-    """How many times the robot has looked and moved before this attempt's present part."""
+    """The number of looks and motions before this attempt's present part."""
     return sum(len(each.whole) for each in record.attempts) + len(record.parts)
 
 

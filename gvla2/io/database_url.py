@@ -1,4 +1,4 @@
-"""What the memory and results databases share: addresses (messages never show a password) and closing."""
+"""Addresses of the memory and results databases (messages never show a password), and closing."""
 
 from __future__ import annotations
 

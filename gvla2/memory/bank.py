@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +48,6 @@ from gvla2.memory.store import Store, settled
 if TYPE_CHECKING:  # a recall does not wait for the modules that decide
     from gvla2.memory.audit import Problem
     from gvla2.memory.contradiction import Judged
-    from gvla2.memory.governance import Governed
     from gvla2.memory.replay import Replayed
     from gvla2.memory.transfer import Exported, Imported
 
@@ -148,7 +147,7 @@ class KnowledgeBank(OpenBank, Closing):
         id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
         was given, one doubtful earlier episode is verified again.
         """
-        from gvla2.memory import contradiction, learning
+        from gvla2.memory import learning
 
         if not isinstance(episode, MemoryEpisode):
             given = tuple(map(_lesson, lessons))
@@ -161,10 +160,10 @@ class KnowledgeBank(OpenBank, Closing):
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
             learned = learning.learn(self, episode, verdict)
-            if self._judge is not None and self.options.governance:
-                contradiction.judge(self, self._judge, about=learned.added, limit=JUDGED)
+            if self._judge is not None:
+                self.judge(self._judge, about=learned.added, limit=JUDGED)
             if self._verifier is not None and self.options.replay_per_episode:
-                self.replay(limit=self.options.replay_per_episode, but=episode.source)
+                self.replay(self._verifier, limit=self.options.replay_per_episode, but=episode.source)
             return learned
 
     # By hand ------------------------------------------------------------------------------------------------------
@@ -204,51 +203,33 @@ class KnowledgeBank(OpenBank, Closing):
         with self._lock:
             return admit(self, brought)
 
-    def govern(self) -> Governed:
-        """A pass over the whole bank: retire, resolve, archive; nothing is deleted.
+    def judge(
+        self, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
+    ) -> Judged:
+        """Let ``judge`` decide which similar lessons in words contradict each other.
 
-        If a judge was given, it first decides on all similar lessons in words.
-        """
-        from gvla2.memory import governance
-
-        done = governance.Governed()
-        if not self.options.governance or self.options.frozen:
-            return done
-        with self._lock:
-            if self._judge is not None:
-                done.replaced += self.judge().archived
-            return governance.govern(self, done)
-
-    def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
-        """Let ``judge``, or the bank's own, decide which similar lessons in words contradict each other.
-
-        At most ``limit`` pairs. Of two that do, the less trusted, else the one with less evidence, is archived.
+        At most ``limit`` pairs, of which one is in ``about`` (all by default). Of two that do, the less trusted, else
+        the one with less evidence, is archived. Without governance nothing is judged.
         """
         from gvla2.memory import contradiction
 
-        chosen = judge or self._judge
-        if chosen is None or not self.options.governance or self.options.frozen:
-            off = "Governance is switched off." if chosen else "The bank has no judge."
-            return contradiction.Judged(notes=[off])
+        if not self.options.governance or self.options.frozen:
+            return contradiction.Judged()
         with self._lock:
-            return contradiction.judge(self, chosen, limit=limit)
+            return contradiction.judge(self, judge, about=about, limit=limit)
 
-    def replay(
-        self, verifier: Verifier | None = None, *, limit: int | None = None, but: str = ""
-    ) -> Replayed:
-        """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
+    def replay(self, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
+        """Verify doubtful episodes again, and promote or demote their lessons accordingly.
 
         At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
         unavailable changes nothing.
         """
         from gvla2.memory import replay
 
-        chosen = verifier or self._verifier
-        if chosen is None or not self.options.replay or self.options.frozen:
-            off = "Replay is switched off." if chosen else "The bank has no verifier."
-            return replay.Replayed(notes=[off])
+        if not self.options.replay or self.options.frozen:
+            return replay.Replayed()
         with self._lock:
-            return replay.replay(self, chosen, limit=limit, but=but)
+            return replay.replay(self, verifier, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""

@@ -30,7 +30,7 @@ from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode
 from gvla2.memory.contradiction import conflict_of, same_lesson
 from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.governance import govern_changes
+from gvla2.memory.governance import govern
 from gvla2.memory.index import STATES
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import Ledger, OpenBank, deciding
@@ -187,7 +187,7 @@ def _bring_in(
             known = ledger.transaction.episodes([one.episode.source]).get(one.episode.source)
             ledger.transaction.save_episode(_kept(known, one, learning.touched, ledger.now))
     if bank.options.governance:
-        govern_changes(bank, ledger)
+        govern(bank, ledger)
 
 
 def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:

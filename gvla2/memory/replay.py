@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gvla2.memory.admission import credible, pooled_quality, weigh
+from gvla2.memory.admission import credible, pooled_quality, standing, weigh
 from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
+from gvla2.memory.contradiction import conflict_of
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.ledger import OpenBank, deciding
+from gvla2.memory.ledger import Ledger, OpenBank, deciding
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
 
@@ -70,9 +71,22 @@ def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> No
             if not action or source not in record.sources():
                 continue
             ledger.put(changed, action, why)
+            if action == "PROMOTE":
+                _settle(ledger, changed)
             listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
             listed[action].append(record.id)
         ledger.transaction.save_episode(replace(episode, judged=episode.judged + 1))
+
+
+def _settle(ledger: Ledger, promoted: Record) -> None:
+    """Archive what contradicts a promoted record, or that itself if it is outweighed."""
+    for rival in ledger.held("active"):
+        if rival.id != promoted.id and rival.type == promoted.type and (why := conflict_of(promoted, rival)):
+            winner, loser = sorted((promoted, rival), key=standing)
+            ledger.archive(loser, "REPLACED", f"replaced by {winner.id}")
+            ledger.transaction.link(winner.id, "conflict", loser.id, why)
+            if loser.id == promoted.id:
+                return
 
 
 def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) -> tuple[str, Record, str]:

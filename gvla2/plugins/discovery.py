@@ -40,7 +40,7 @@ class Plugin:
 
 @dataclass(frozen=True)
 class PluginProblem:
-    """What is wrong with a plugin. ``hook`` is "" when the plugin could not be loaded at all."""
+    """A fault of a plugin. ``hook`` is "" when the plugin could not be loaded at all."""
 
     plugin: str
     hook: str
@@ -108,5 +108,5 @@ def describe(error: BaseException) -> str:
 
 
 def stdout_kept_clean() -> contextlib.AbstractContextManager[object]:
-    """What a plugin prints while loading goes to stderr: stdout may be somebody's JSON."""
+    """Send a plugin's prints while it loads to stderr: stdout may be somebody's JSON."""
     return contextlib.redirect_stdout(sys.stderr)

@@ -21,7 +21,7 @@ from gvla2.plugins.validation import fault_of_item, fault_of_kind
 
 @dataclass
 class Collected:
-    """What plugins offer, each item with its plugin, in the order of pluggy's calls."""
+    """All offers of plugins, each item with its plugin, in the order of pluggy's calls."""
 
     kinds: Mapping[str, Kind]
     plugins: list[Plugin] = field(default_factory=list)

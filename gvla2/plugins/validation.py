@@ -1,4 +1,4 @@
-"""What plugins offer, checked: components and kinds that could not be chosen on the command line are reported."""
+"""Checks of what plugins offer: components and kinds that could not be chosen on the command line are reported."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
 
 
 def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool = False) -> str:
-    """What is wrong with an item that the hook returned, "" for nothing.
+    """The fault of an item that the hook returned, "" for none.
 
     The options of gvla2's ``own`` components are typed when they are used.
     """
@@ -61,7 +61,7 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool 
 
 
 def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
-    """What is wrong with a new kind, given the existing ones; "" for nothing."""
+    """The fault of a new kind, given the existing ones; "" for none."""
     hooks = {other.hook for other in kinds.values()} | {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK}
     if kind.name in kinds or kind.name in SLOTS:
         return f"there is a kind '{kind.name}' already. Rename this one."

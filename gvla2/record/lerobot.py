@@ -160,7 +160,7 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
-    """Least, largest, mean, deviation and count; for pictures per channel, in [0, 1]."""
+    """Minimum, maximum, mean, standard deviation and count; of pictures by channel, in [0, 1]."""
     rows = {
         "observation.state": np.concatenate([episode.states for episode in episodes]),
         "action": np.concatenate([episode.actions for episode in episodes]),

@@ -28,7 +28,7 @@ Film = Generator[None, bytes | None, None]
 FILM, STATES = "episode.mp4", "motion.npz"
 DEFAULT_FPS = 5.0
 SMALLEST = 16
-"""Least side of a film in pixels: encoders refuse smaller ones."""
+"""Minimum side of a film in pixels: encoders refuse smaller ones."""
 AHEAD = 30
 """Frames that may wait for the encoder."""
 

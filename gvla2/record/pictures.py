@@ -273,7 +273,7 @@ def plan_pictures(
 
 
 class Shown(NamedTuple):
-    """What of :class:`Pictures` is made during a run: its name in notes, and ``make``, called with ``inputs``.
+    """A field of :class:`Pictures` that is made during a run: its name in notes, and ``make``, called with ``inputs``.
 
     It waits until none of the inputs is None. ``file`` in the run's folder also holds it, "" for none.
     """

@@ -1,4 +1,4 @@
-"""How well a reconstruction explains its input views, held-out views and a true mesh, before and after the branch."""
+"""The fit of a reconstruction to its input views, held-out views and a true mesh, before and after the branch."""
 
 from __future__ import annotations
 

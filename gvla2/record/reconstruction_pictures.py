@@ -53,7 +53,7 @@ def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width
 
 
 MOST_VIEWS = 12
-"""Most views on the page, spread over all."""
+"""Maximum number of views on the page, spread over all."""
 TURNTABLE_SIZE = 288
 SECONDS_A_TURN = 4.0
 FIELD_OF_VIEW, ELEVATION = np.deg2rad(30.0), np.deg2rad(22.0)

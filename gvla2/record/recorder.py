@@ -56,7 +56,7 @@ class FolderRecorder:
         write_text(folder / "config.yaml", config)
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
+        """Return ``make()``; a failure becomes a note and a warning, never an error, and None is returned."""
         try:
             return make()
         except Exception as error:

@@ -139,7 +139,7 @@ def details(record: EpisodeRecord) -> list[str]:
 
 @dataclass(frozen=True)
 class _Report:
-    """What a stage made, by the record, and the stage's state when that is not well."""
+    """The output of a stage, from the record, and the stage's state if that output is not well."""
 
     made: Callable[[EpisodeRecord], Any]
     well: Callable[[Any], bool] = lambda made: True

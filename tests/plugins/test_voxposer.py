@@ -89,15 +89,6 @@ def test_a_gripper_map_says_where_the_hand_closes():
     assert [s.gripper for s in constant][-1] == 0.0
 
 
-def test_reasons_go_back_to_the_model():
-    answers = iter(['move("grasp", affordance=at(green_cube), gripper=0)', LIFT])
-    with LocalModel(lambda _: said(next(answers))) as model:
-        plan = planner(model).plan(REQUEST)
-        last = model.requests[-1]["messages"]
-    assert "no object 'green_cube'; there are red_cube, blue_cube" in last[-1]["content"]
-    passes(plan)
-
-
 @pytest.mark.parametrize(
     ("program", "said_"),
     [
