@@ -33,7 +33,7 @@ class ObjectsConfig:
 
 @dataclass
 class TabletopObjectsConfig(TaskConfig):
-    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift, put_in or left_of."""
+    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift or put_in."""
 
     required: ClassVar[tuple[str, ...]] = ("objects.root",)
 

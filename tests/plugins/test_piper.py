@@ -35,7 +35,7 @@ WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm(np.eye(4), WORKSPACE)[0]
+    return make_arm(WORKSPACE).arm
 
 
 def test_forward_kinematics_are_the_sdks(arm):

@@ -11,8 +11,7 @@ from gvla2.commands.calibrate import CalibrateConfig, job
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import invert_rigid, look_along, rigid
 from gvla2.plugins.registry import load_plugins
-from gvla2.robot.calibration import Calibration, Intrinsics, load_recording
-from gvla2.robot.hand_eye import PosePair, solve
+from gvla2.robot.calibration import Calibration, Intrinsics, PosePair, load_recording, solve
 
 INTRINSICS = Intrinsics(600.0, 601.0, 320.5, 240.25, 640, 480)
 BASE_FROM_CAMERA = look_along([0.8, -0.3, 0.6], [-0.6, 0.3, -0.5])
