@@ -63,9 +63,8 @@ def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, An
 
 @pytest.mark.parametrize(
     "damage",
-    ["", "{", "[]", "[" * 100_000, '{"answer": {}}', '{"answer": {"choices": []}, "without": []}',
-     '{"answer": 3, "without": 4}', 7, b"\xff"],
-    ids=range(9),
+    ["", "{", "[]", "[" * 100_000, '{"choices": []}', '{"choices": 3}', 7, b"\xff"],
+    ids=range(8),
 )  # fmt: skip
 def test_damaged_entries_are_asked_for_anew_and_rewritten(tmp_path: Path, damage: object):
     with LocalModel(counting()) as model:
