@@ -26,7 +26,7 @@ HOLDING_FORCE = 0.2
 """Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
 
 RESTING_SPEED = 0.02
-"""Metres a second below which a body lies still."""
+"""Metres per second below which a body lies still."""
 
 
 class TrueState:
@@ -117,7 +117,7 @@ def cast_masks(
     world_from_body: Mapping[str, FloatArray],
     scenery: Body,
 ) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
-    """The names of bodies and their named parts, and one image (H, W) a camera of indices into the names.
+    """The names of bodies and their named parts, and one image (H, W) per camera of indices into the names.
 
     -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
     what is behind them. ``bodies`` and their poses (4, 4) go by name; a part is called ``body/label``, as in
