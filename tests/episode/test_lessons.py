@@ -23,7 +23,7 @@ from tests.picking import (
     episode,
     kinds,
     scene,
-    thing,
+    scene_object,
 )
 
 
@@ -111,7 +111,7 @@ PUSH = (
     ],
 )
 def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list[Any]) -> None:
-    after = scene(thing("z", 0.3, -0.2, "blue"), thing("y", x, 0.12, "red"))
+    after = scene(scene_object("z", 0.3, -0.2, "blue"), scene_object("y", x, 0.12, "red"))
     record = episode(skill="push", waypoints=PUSH, roles={"theme": "a", "goal": "goal"},
                      theta={"push_overshoot": 0.02}, after_scene=after)  # fmt: skip
     assert bounds(record) == expected
@@ -133,7 +133,7 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     for words in ("Pick up the red cube", "a: red cube", "grasp_depth 0.025", "contact of panda_hand",
                   "STOPPED (slipped)", "Ended at execute"):  # fmt: skip
         assert words in text
-    crowd = scene(*(thing(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
+    crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
 

@@ -64,7 +64,7 @@ def test_variables_are_worked_out_once():
         ("__import__('os').system('true')", "neither move"),
         ("x = 3\nmove('a', affordance=x)", "'x' has a meaning already"),
         ("move('a')", "a move has a name, an affordance"),
-        ("move('a', affordance=z, force=3)", "and of affordance, avoidance, rotation, gripper, speed"),
+        ("move('a', affordance=z, force=3)", "and of affordance, avoidance, gripper"),
         ("move('a', affordance=z)\n" * (MOST_STAGES + 1), f"write 1 to {MOST_STAGES}"),
         ("move('a', affordance=" + "-" * 900 + "z)", "too long"),
         ("(" * 3000, "cannot be read"),
