@@ -251,7 +251,7 @@ def _first_of_each_name(
 
 def _checked(task: Any, config: ComponentConfig, who: str) -> Any:
     """The task, its episodes checked, among the distractors that its options ask for."""
-    from gvla2.robot.checked_task import CheckedTask
     from gvla2.robot.clutter import cluttered
+    from gvla2.robot.task import CheckedTask
 
     return cluttered(CheckedTask(task, who), config)
