@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, GeometryError, OutputError
+from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.view_folders import (
     parse_view_spec,
     read_views,
@@ -206,14 +206,6 @@ def test_a_broken_archive(views, tmp_path):
     np.savez(path, names=["a"])
     with pytest.raises(GeometryError, match=r"views\.npz"):
         read_views(tmp_path)
-
-
-def test_a_folder_that_cannot_be_written(views, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError):
-        write_views(tmp_path / "nowhere", views)
-    with pytest.raises(OutputError):
-        write_plain(tmp_path / "file", views)
 
 
 @pytest.mark.parametrize(
