@@ -129,9 +129,7 @@ def _corrected(
         log = np.log(depth[s][known])
         design = look.basis.at(look.camera.pixel_centres()[known], log)
         corrected[s][known] = np.exp(log + design @ theta)
-        columns, values = design.columns, design.values
-        of_rows = covariance[columns[:, :, None], columns[:, None]]
-        std[s][known] = np.sqrt(np.einsum("na,nab,nb->n", values, of_rows, values) + sigma**2)
+        std[s][known] = np.sqrt(_variances(design.columns, design.values, covariance) + sigma**2)
     return Aligned(corrected, std)
 
 
@@ -221,6 +219,17 @@ def _gather(
             slope[i] += value * pull[n]
             for b in range(columns.shape[1]):
                 curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
+
+
+@compiled
+def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(N,) variances of rows (N, K) of unknowns with a covariance (P, P)."""
+    found = np.zeros(len(columns))
+    for n in range(len(columns)):
+        for a in range(columns.shape[1]):
+            for b in range(columns.shape[1]):
+                found[n] += values[n, a] * covariance[columns[n, a], columns[n, b]] * values[n, b]
+    return found
 
 
 @compiled
