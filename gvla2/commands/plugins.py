@@ -8,7 +8,8 @@ import inspect
 import json
 import sys
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from contextlib import closing
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -20,7 +21,6 @@ from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry, load_plugins
-from gvla2.plugins.validation import structured
 from gvla2.record.text import printable
 
 SKILL = "skill"
@@ -31,6 +31,7 @@ EPILOG = f"""\
   gvla2 plugins planner         the planners with their options
   gvla2 plugins planner skill   one of them
   gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and parameters
+  gvla2 plugins task robot=NAME the tasks that this robot offers itself
 
 Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
@@ -54,10 +55,13 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("kind", nargs="?", default="", metavar="KIND")
     parser.add_argument("name", nargs="?", default="", metavar="NAME")
     parser.add_argument("--json", action="store_true", help="the same for programs")
-    asked = parser.parse_args(argv)
+    overrides = [word for word in argv if word.startswith(("robot=", "robot."))]
+    asked = parser.parse_args([word for word in argv if word not in overrides])
+    if overrides and asked.kind == "task":
+        return _print_tasks(overrides)
     registry = load_plugins()
     try:
-        offers = {kind: find_offers(registry, kind, asked.name) for kind in _kinds(registry, asked.kind)}
+        offers = find_offers(registry, asked.kind, asked.name)
         skills = find_skills(registry, asked.name) if asked.kind in ("", SKILL) else []
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
@@ -96,18 +100,37 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _kinds(registry: Registry, kind: str) -> Iterable[str]:
-    """The kinds to list: all, one, or none for skills alone."""
-    if not kind:
-        return registry.kinds
-    return [] if kind == SKILL else [registry.kind_of(kind).name]
+def _print_tasks(overrides: Sequence[str]) -> int:
+    """List the tasks that a robot offers itself, with their sentences; 1 for an error."""
+    from gvla2.commands.hydra_job import composed, report
+    from gvla2.robot.backend import OffersTasks
+
+    try:
+        config, registry = composed("run", [*overrides, "task=none"])
+        with closing(registry.build(config, "robot")) as robot:
+            offered = dict(robot.tasks()) if isinstance(robot, OffersTasks) else {}
+    except Exception as error:
+        return report(error)
+    listing = table("task", "instruction")
+    for name, sentence in offered.items():
+        row(listing, name, sentence)
+    console().print(
+        listing if offered else "This robot offers no tasks: it lays out those of `gvla2 plugins task`."
+    )
+    return 0
 
 
-def find_offers(registry: Registry, kind: str, name: str = "") -> list[Offer]:
-    """What is offered of a kind, or the one of that name; raises :class:`UnknownComponentError`."""
-    if name:
+def find_offers(registry: Registry, kind: str, name: str = "") -> dict[str, list[Offer]]:
+    """The offers by kind: all of them, those of one kind (none for "skill"), or the one of that name.
+
+    Raises :class:`ConfigurationError` with the names that exist.
+    """
+    kinds = [] if kind == SKILL else [registry.kind_of(kind).name] if kind else list(registry.kinds)
+    if name and kinds:
         registry.get(kind, name)
-    return [offer for found, offer in registry.offers(kind).items() if name in ("", found)]
+    return {
+        own: [offer for found, offer in registry.offers(own).items() if name in ("", found)] for own in kinds
+    }
 
 
 def find_skills(registry: Registry, name: str = "") -> list[Skill]:
@@ -185,7 +208,6 @@ def _offer_json(offer: Offer) -> dict[str, Any]:
         "plugin": dataclasses.asdict(offer.plugin),
         "needs": list(component.needs),
         "options": [dataclasses.asdict(option) for option in options(component.config)],
-        "defaults": OmegaConf.to_container(structured(component), resolve=False, enum_to_str=True),
     }
 
 

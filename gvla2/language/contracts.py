@@ -24,15 +24,12 @@ class LanguageModelError(Gvla2Error):
 class ModelUnavailableError(LanguageModelError):
     """No answer was received: no network, a time-out, too many requests after all retries, an error of the server.
 
-    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response; ``reached`` is False if
-    nothing was listening at the address.
+    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response.
     """
 
-    def __init__(
-        self, message: str, *, transient: bool = True, status: int = 0, reached: bool = True
-    ) -> None:
+    def __init__(self, message: str, *, transient: bool = True, status: int = 0) -> None:
         super().__init__(message)
-        self.transient, self.status, self.reached = transient, status, reached
+        self.transient, self.status = transient, status
 
 
 class ModelRefusedError(LanguageModelError):

@@ -14,7 +14,7 @@ from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
 from sqlalchemy.exc import SQLAlchemyError
-from sqlalchemy.pool import NullPool, QueuePool
+from sqlalchemy.pool import QueuePool
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.events import META, METADATA, SCHEMA_VERSION
@@ -105,9 +105,9 @@ def _ended(connection: Connection) -> Iterator[None]:
         raise
 
 
-def engine_of(url: URL, *, pooled: bool = True, **options: Any) -> Engine:
+def engine_of(url: URL, **options: Any) -> Engine:
     """An engine that leaves transactions to explicit BEGINs."""
-    pool: dict[str, Any] = {"poolclass": QueuePool, "max_overflow": -1} if pooled else {"poolclass": NullPool}
+    pool: dict[str, Any] = {"poolclass": QueuePool, "max_overflow": -1}
     return create_engine(url, isolation_level="AUTOCOMMIT", skip_autocommit_rollback=True, **pool, **options)
 
 
@@ -119,15 +119,8 @@ def create_tables(connection: Connection) -> None:
 
 def refuse_version(name: str, stated: str) -> None:
     """Raises :class:`MemoryStoreError` for tables of a different version than ours."""
-    if not stated.isdigit() or stated == "0":
-        raise MemoryStoreError(f"The memory {name} is damaged: its schema version is missing.")
-    if int(stated) > SCHEMA_VERSION:
+    if stated != str(SCHEMA_VERSION):
         raise MemoryStoreError(
-            f"The memory {name} has schema {stated}, this gvla2 knows {SCHEMA_VERSION}: update gvla2, or choose "
-            "another database."
-        )
-    if int(stated) < SCHEMA_VERSION:
-        raise MemoryStoreError(
-            f"The memory {name} has schema {stated} of an earlier gvla2, this one has {SCHEMA_VERSION} and does not "
-            "convert it. It was left unchanged: open it with the gvla2 that wrote it, or choose another database."
+            f"The memory {name} has schema {stated}, and this gvla2 reads {SCHEMA_VERSION} only. It is unchanged: "
+            "open it with the gvla2 that wrote it, or choose another database."
         )

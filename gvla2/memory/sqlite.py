@@ -6,7 +6,6 @@ and named in the error.
 
 from __future__ import annotations
 
-import os
 import random
 import re
 import sqlite3
@@ -26,9 +25,6 @@ from gvla2.memory.database import Database, create_tables, engine_of, refuse_ver
 if sys.platform != "win32":
     import fcntl
 
-BESIDE = ("-wal", "-shm", "-journal")
-"""Suffixes of SQLite's companion files."""
-_READ_ONLY = "The memory {} is read-only. Make it writable, or choose another file."
 _HINTS = {
     "locked|busy": "Another process holds it: wait for it, or choose another file.",
     "readonly|unable to open|Permission": "It, or its folder, is gone or not writable: choose another file.",
@@ -42,8 +38,7 @@ _HINTS = {
 class SqliteDatabase(Database):
     """One file at ``path`` (created if ``create``).
 
-    Waits for other processes at most ``busy_seconds`` at a time. A read-only file can be read. Connections never
-    recreate a deleted file.
+    Waits for other processes at most ``busy_seconds`` at a time. Connections never recreate a deleted file.
     """
 
     begin_reading = "BEGIN"
@@ -52,7 +47,7 @@ class SqliteDatabase(Database):
         self._path, self._busy_seconds = path, busy_seconds
         try:
             self._prepare(create)
-            self._identity = _identity(path)
+            self._identity = self._inode()
         except MemoryStoreError:
             raise
         except Exception as error:
@@ -65,7 +60,6 @@ class SqliteDatabase(Database):
         SQLite's own waiting sleeps ever longer, so the last to come is served first. Here the pauses get shorter the
         longer a process has waited: none starves.
         """
-        self._refuse_read_only()
         raw: Any = connection.connection.dbapi_connection
         began = time.monotonic()
         raw.execute("PRAGMA busy_timeout=0")
@@ -84,7 +78,7 @@ class SqliteDatabase(Database):
 
     def check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""
-        if _identity(self._path) != self._identity:
+        if self._inode() != self._identity:
             raise MemoryStoreError(
                 f"The memory {self._path} was deleted or replaced while it was open, and the change was not stored: "
                 f"restore it, and open it again."
@@ -92,7 +86,6 @@ class SqliteDatabase(Database):
 
     def compact(self) -> None:
         """Rewrite the file without deleted data, and empty the write-ahead log."""
-        self._refuse_read_only()
         with self.connection() as connection:
             raw: Any = connection.connection.dbapi_connection
             raw.execute("PRAGMA secure_delete=ON")
@@ -117,40 +110,29 @@ class SqliteDatabase(Database):
         hint = next((f" {hint}" for words, hint in _HINTS.items() if re.search(words, said)), "")
         return MemoryStoreError(f"The memory {self._path} cannot be used: {said}.{hint}")
 
-    def _refuse_read_only(self) -> None:
-        if not self._writable:
-            raise MemoryStoreError(_READ_ONLY.format(self._path))
-
-    def _address(self, mode: str = "") -> str:
-        """How to open the file: without creating it, and without changing a read-only one.
-
-        Without a log beside it, which cannot be created then, there is no writer at the moment: this is checked each
-        time.
-        """
-        if not mode and not self._writable:
-            beside = [self._path.with_name(self._path.name + suffix) for suffix in BESIDE]
-            mode = "mode=ro" if any(path.exists() for path in beside) else "immutable=1"
-        return f"file:{quote(str(self._path))}?{mode or 'mode=rw'}"
-
-    def _opened(self, mode: str = "", **options: Any) -> sqlite3.Connection:
-        address, wait = self._address(mode), self._busy_seconds
+    def _opened(self, mode: str = "rw", **options: Any) -> sqlite3.Connection:
+        """A connection that creates no file unless ``mode`` is rwc."""
+        address, wait = f"file:{quote(str(self._path))}?mode={mode}", self._busy_seconds
         opened: sqlite3.Connection = sqlite3.connect(address, uri=True, timeout=wait, **options)
         return opened
 
-    def _engine(self, mode: str = "") -> Engine:
-        """Connections to the file; read-only ones are not kept."""
-
+    def _engine(self, mode: str = "rw") -> Engine:
         def connect() -> sqlite3.Connection:
             raw = self._opened(mode, isolation_level=None, check_same_thread=False, cached_statements=256)
             # One damaged text must not hide the others: invalid UTF-8 stays bytes, which no text column may hold.
             raw.text_factory = _text_or_bytes
-            if self._writable:
-                raw.execute("PRAGMA journal_mode=WAL")
+            raw.execute("PRAGMA journal_mode=WAL")
             raw.execute("PRAGMA synchronous=FULL")
             return raw
 
-        url = URL.create("sqlite", database=str(self._path))
-        return engine_of(url, pooled=self._writable, creator=connect)
+        return engine_of(URL.create("sqlite", database=str(self._path)), creator=connect)
+
+    def _inode(self) -> tuple[int, int]:
+        try:
+            found = self._path.stat()
+        except FileNotFoundError:
+            return (0, 0)
+        return (found.st_dev, found.st_ino)
 
     # The file -----------------------------------------------------------------------------------------------------
 
@@ -166,21 +148,15 @@ class SqliteDatabase(Database):
             raise MemoryStoreError(
                 f"The memory {path} cannot be used: it is {what}. Give the path of a file."
             )
-        # A file without write bits is read-only, even for root.
-        self._writable = not path.exists() or bool(
-            path.stat().st_mode & 0o222 and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
-        )
         if self._usable():
             return
-        what = "empty" if path.exists() else "absent"
         if not create:
+            what = "empty" if path.exists() else "absent"
             raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
-        if not self._writable:
-            raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is {what}.")
         path.parent.mkdir(parents=True, exist_ok=True)
         with self._creation_lock():
             if not self._usable():
-                engine = self._engine("mode=rwc")
+                engine = self._engine("rwc")
                 with engine.connect() as connection:
                     connection.exec_driver_sql("BEGIN IMMEDIATE")
                     create_tables(connection)
@@ -209,21 +185,9 @@ class SqliteDatabase(Database):
     @contextmanager
     def _creation_lock(self) -> Iterator[None]:
         """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
-        if sys.platform == "win32":
-            yield  # only SQLite's own locks
-            return
         with self._path.with_name(f".{self._path.name}.lock").open("a") as handle:
-            deadline = time.monotonic() + self._busy_seconds
-            while True:
-                try:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except BlockingIOError as error:
-                    if time.monotonic() > deadline:
-                        raise MemoryStoreError(
-                            f"The memory {self._path} is being created by another process."
-                        ) from error
-                    time.sleep(0.01)
+            if sys.platform != "win32":  # where there are only SQLite's own locks
+                fcntl.flock(handle, fcntl.LOCK_EX)
             yield  # closing the file releases the lock
 
 
@@ -232,11 +196,3 @@ def _text_or_bytes(stored: bytes) -> str | bytes:
         return stored.decode()
     except UnicodeDecodeError:
         return stored
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except FileNotFoundError:
-        return (0, 0)
-    return (found.st_dev, found.st_ino)

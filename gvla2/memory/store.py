@@ -14,7 +14,7 @@ from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.io.database_url import Closing, parsed
 from gvla2.memory.database import Database
 from gvla2.memory.events import BANK
-from gvla2.memory.forgetting import Transaction
+from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
 
 LONGEST_NAME = 200
@@ -131,13 +131,8 @@ def wrong_bank_name(name: str) -> str:
     equal-looking names are equal. Spaces, quotes, control characters and direction marks would be misread in a shell, a
     message or a file name.
     """
-    if (
-        name
-        and len(name) <= LONGEST_NAME
-        and name[0].isalnum()
-        and all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name)
-        and unicodedata.is_normalized("NFC", name)
-    ):
+    letters = all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name) and name[:1].isalnum()
+    if letters and len(name) <= LONGEST_NAME and unicodedata.is_normalized("NFC", name):
         return ""
     printed = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in name[:LONGEST_NAME])
     return (

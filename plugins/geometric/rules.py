@@ -10,7 +10,7 @@ import numpy as np
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mechanisms import FLAT, hinged, opening_angle
+from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle
 from gvla2_plugins.geometric.case import (
     Case,
     InconclusiveError,
@@ -177,8 +177,8 @@ def closed(case: Case) -> Score:
         score, how = (0.1, "still") if shown else (0.8, "no longer")
         return Score(score, f"{lid.label} was not seen again, and {body.label} {how} shows its inside.")
     was, angle = opening_angle(lid, body), opening_angle(later, under)
-    if angle >= FLAT:
-        score = _short(was - angle, max(was, FLAT))
+    if angle >= CLOSED:
+        score = _short(was - angle, max(was, CLOSED))
         return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
     if under is None:
         return Score(0.7, f"{lid.label} lies flat.")

@@ -8,6 +8,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
+from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, Scene
 from gvla2.robot.backend import RobotBackend, Truthful
 
@@ -37,7 +38,15 @@ class OraclePerceiver:
         inside = [o for o in scene.objects if _over(workspace, o.centre)]
         ordered = sorted(inside, key=lambda o: tuple(np.round(o.centre, 3)))
         ids = {obj.id: f"o{k + 1}" for k, obj in enumerate(ordered)}
-        objects = tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered)
+        objects = tuple(
+            replace(
+                o,
+                id=ids[o.id],
+                parent=ids.get(o.parent, ""),
+                colour=o.colour or nearest_colours(o.rgb, 1)[0][0],
+            )
+            for o in ordered
+        )
         return Scene(objects, scene.table_height, workspace, "oracle", (NOTE,))
 
 

@@ -12,7 +12,7 @@ from gvla2.record.tracker import TrackedRun
 if TYPE_CHECKING:
     from gvla2_plugins.trackers import MLflowConfig, TensorBoardConfig, WandbConfig
 
-SENT = ("index.html", "result.json", "config.yaml", "after.png", "episode.gif", "episode.mp4")
+SENT = ("index.html", "result.json", "config.yaml", "after.png", "episode.mp4")
 """Files of an episode that are sent to a service."""
 
 LONGEST = 500

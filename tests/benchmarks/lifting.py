@@ -28,7 +28,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 from PIL import Image, ImageDraw
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
@@ -78,7 +78,7 @@ def main() -> None:
     logging.disable(logging.WARNING)
     registry = load_plugins()
     library = chosen(mesh_library(options.folder), options.names.split(",") if options.names else [])
-    register(registry, PRIMARY)
+    register(registry, schemas())
     narrow = {name: min(read_scan(path).size) for name, path in library.items()}
     groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]
     cases = [

@@ -109,7 +109,7 @@ def test_broken_files_are_named_and_explained(tmp_path: Path) -> None:
         (ascii_, "ASCII"),
         (whole[:-10], "end-of-file"),
         (b"hello", "expected 'ply'"),
-        (b"", "Cannot read"),
+        (b"", "expected 'ply'"),
         (whole.replace(b"element vertex", b"element points"), "no element 'vertex'"),
         (whole.replace(b" opacity", b" opaqueness"), "lack opacity"),
         (whole[: -5 * 17 * 4] + b"\0\0\xc0\x7f" + whole[4 - 5 * 17 * 4 :], "1 of 5 centres"),

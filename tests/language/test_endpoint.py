@@ -141,19 +141,17 @@ def test_a_connection_that_breaks_off_is_tried_again(soon: None):
     with LocalModel(replying(Reply(said("yes"), cut=20), said("yes"))) as model:
         assert ask(endpoint(model)).text == "yes"
     with LocalModel(replying(Reply(said("yes"), cut=20))) as model:
-        with pytest.raises(ModelUnavailableError, match="broke off") as caught:
+        with pytest.raises(ModelUnavailableError, match="broke off"):
             ask(endpoint(model))
         assert len(model.requests) == 3
-    assert caught.value.reached
 
 
 def test_nobody_there():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{taken.getsockname()[1]}/v1"
-        with pytest.raises(ModelUnavailableError, match="Is a server running there") as caught:
+        with pytest.raises(ModelUnavailableError, match="Is a server running there"):
             ask(Endpoint(EndpointOptions(base_url=url, retries=0)))
-    assert not caught.value.reached
 
 
 def test_the_bound_on_concurrency_holds_over_threads():

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.admission import pooled_effects
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.writing import Writing
+from gvla2.memory.transaction import Transaction
 from tests.memory.picking_lessons import AVOID, TOOL, lesson, prior
 
 Open = Callable[..., Any]
@@ -57,14 +57,14 @@ def test_interrupting_a_transaction_stores_nothing_of_it(
     context = bank.recall(MemoryTask("Pick up the red cube"))
     before = bank.records()
     calls = []
-    finish = Writing.finish
+    finish = Transaction.finish
 
-    def stop_when_written(self: Writing) -> None:
+    def stop_when_written(self: Transaction) -> None:
         finish(self)
         calls.append(1)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Writing, "finish", stop_when_written)
+    monkeypatch.setattr(Transaction, "finish", stop_when_written)
     with pytest.raises(KeyboardInterrupt):
         bank.learn(
             episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]

@@ -11,9 +11,7 @@ from gvla2.memory.retrieval import scene_distance, score_terms
 from gvla2.testing.memory import candidates
 
 
-def terms(
-    relevance: float = 0.5, distance: float = math.nan, filled: float = math.nan, **changed: Any
-) -> dict[str, float]:
+def terms(relevance: float = 0.5, distance: float = math.nan, **changed: Any) -> dict[str, float]:
     bank = candidates(
         ["lift it"], **{name: [value] for name, value in ({"confidence": 0.8} | changed).items()}
     )
@@ -23,7 +21,6 @@ def terms(
         np.array([0]),
         relevance=np.array([relevance]),
         distance=np.array([distance]),
-        filled=np.array([filled]),
     )
     return {name: float(term[0]) for name, term in found.items()}
 
@@ -43,7 +40,7 @@ def test_a_fresh_success() -> None:
     ],
 )
 def test_success(outcome: str, type_: str, bonus: float) -> None:
-    assert terms(outcomes=outcome, types=type_)["success"] == bonus
+    assert terms(outcome=outcome, type=type_)["success"] == bonus
 
 
 @pytest.mark.parametrize(("age", "bonus"), [(0, 0.25), (9, 0.15), (22.5, 0.0), (400, 0.0), (-3, 0.25)])
@@ -72,7 +69,7 @@ def test_conflict(conflicts: int, penalty: float) -> None:
     ],
 )
 def test_stale(type_: str, age: float, usage: int, penalty: float) -> None:
-    assert terms(types=type_, ages=age, usage=usage)["stale"] == pytest.approx(penalty)
+    assert terms(type=type_, ages=age, usage=usage)["stale"] == pytest.approx(penalty)
 
 
 def test_applicability_rewards_the_same_scene_and_counts_against_another() -> None:
@@ -81,14 +78,9 @@ def test_applicability_rewards_the_same_scene_and_counts_against_another() -> No
     assert terms(distance=2.0)["applicability"] == pytest.approx(-0.25, abs=0.01)
 
 
-@pytest.mark.parametrize(("filled", "bonus"), [(1.0, 0.25), (0.5, 0.0), (0.0, -0.25), (math.nan, 0.0)])
-def test_a_program_counts_by_the_roles_that_can_be_filled(filled: float, bonus: float) -> None:
-    assert terms(filled=filled)["program"] == pytest.approx(bonus)
-
-
 def test_scenes_are_compared_by_the_numbers_that_both_have() -> None:
     scenes = [{"w": 0.05, "h": 1.0}, {"w": 0.1}, {}, {"h": 2.0}]
-    bank = candidates(["lift it"] * len(scenes), signatures=scenes)
+    bank = candidates(["lift it"] * len(scenes), signature=scenes)
     for asked, expected in (
         ({"w": 0.05}, [0.0, 0.5, math.nan, math.nan]),
         ({"w": 0.05, "h": 2.0}, [0.25, 0.5, math.nan, 0.0]),

@@ -130,11 +130,9 @@ def test_of_one_source_nothing_becomes_active_or_is_shown(bank: KnowledgeBank) -
         task, text = parts(line)[:2]
         for i in range(10):
             bank.admit(hint(text), GOOD, task=task, source=("friend", f"friend/{i}", f"Friend#{i}")[i % 3])
-    assert not bank.records(["active", "summary"])
+    assert not bank.records(["active"])
     for line in ORDERS + LESSONS:
         assert not bank.recall(parts(line)[0]).items
-    bank.govern()
-    assert not bank.records(["active", "summary"])
 
 
 def test_a_verifier_that_is_fooled_again_wins_nothing(open_bank: Open) -> None:
@@ -147,8 +145,8 @@ def test_a_verifier_that_is_fooled_again_wins_nothing(open_bank: Open) -> None:
         task, text = parts(line)
         bank.admit(hint(text), GOOD, task=task, source="friend")
     for _ in range(10):
-        bank.replay(limit=50)
-    assert not bank.records(["active", "summary"])
+        bank.replay(Fooled(), limit=50)
+    assert not bank.records(["active"])
 
 
 def test_what_another_source_bears_out_becomes_active(bank: KnowledgeBank) -> None:
@@ -241,6 +239,6 @@ def test_what_a_model_writes_about_our_own_acts_is_believed(url: str) -> None:
 
 def test_without_admission_what_is_foreign_is_foreign_still(open_bank: Open) -> None:
     bank = open_bank(admission=False)
-    orders = [Lesson("procedural_hint", parts(line)[1]) for line in ORDERS]
-    bank.admit(orders, GOOD, task="lift the cup", source="blog")
+    for line in ORDERS:
+        bank.admit(hint(parts(line)[1]), GOOD, task="lift the cup", source="blog")
     assert {(r.state, r.trust) for r in bank.records()} == {("provisional", "foreign")}
