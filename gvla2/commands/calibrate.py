@@ -34,8 +34,7 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     """
     import numpy as np
 
-    from gvla2.robot.calibration import Calibration, load_recording
-    from gvla2.robot.hand_eye import solve
+    from gvla2.robot.calibration import Calibration, load_recording, solve
 
     if not config.pairs:
         raise ConfigurationError("Name the file of recorded pose pairs: gvla2 calibrate pairs=FILE.")

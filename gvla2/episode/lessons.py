@@ -209,7 +209,7 @@ def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     approach = approach_of(plan)
     described = " ".join(part for part in (_size_class(theme), _look(record).split(ON)[0], shape) if part)
     whole = _look(record).partition(ON)[2]
-    described += f" of an object {whole}" if whole else ""
+    described += f" of the {whole} object" if whole else ""
     return f"{words} a {described}" + (f" from the {approach}" if approach else "")
 
 

@@ -151,7 +151,10 @@ class Proposal:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The trajectory, written on first use."""
-        return self.way() if callable(self.way) else self.way
+        if callable(self.way):
+            made: Trajectory = self.way()
+            return made
+        return self.way
 
 
 @dataclass(frozen=True)
@@ -236,7 +239,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Skill:
-    """An action of the hand, called by planners and learnt about by memory.
+    """An action of the hand, called by planners; memory learns about it.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
     proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand

@@ -55,7 +55,7 @@ class Cluttered:
         """
         own = rng.spawn(1)[0]  # before the task draws: its number of draws may depend on the sentence
         instance = self.__wrapped__.sample(rng, site, instruction)
-        taken = [*_circles(instance.layout), *instance.keep_clear]
+        taken = _circles(instance.layout)
         added: list[Body] = []
         for number in range(self._config.distractors):
             body = self._distractor(own, f"distractor_{number}", instance, site)

@@ -7,7 +7,7 @@ hollow object, with one finger inside. Anything else (a nozzle, a neck, a handle
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -164,7 +164,7 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
     if not any(inside(job.theme, holder) for holder in holders(job.theme, job.scene)):
-        found = by_what_is_there(job, found)
+        found = _agreeing(job, found)
     if found:
         return found
     width = 1000 * min(h.width for h in whole(job.theme, job.hand))
@@ -181,54 +181,35 @@ SQUARE = 0.9
 hand, and corners of a box, would squeeze it out. Plates are exempt: their boxes say little about their outlines."""
 
 
-def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
-    """The box's grasps that agree with the object's surface. Irregular objects, and those for which none agrees, also
-    have grasps by their surface.
+def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
+    """The box's grasps that agree with the object's surface: some of it between the fingers, none in their way.
+
+    Irregular objects, and those for which none agrees, also have grasps by their surface.
     """
-    found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
-    if irregular:
-        return [*found, *by_surface(job)]
-    return found or by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
-
-
-def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
-    """The box's grasps with some of the object's surface between the fingers and none in their way."""
-    skin = skin_of(job.theme)
-    if skin is None:
-        return found
+    skin, hand = skin_of(job.theme), job.hand
 
     def fits(grasp: Grasp) -> bool:
-        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * job.hand.max_width
-        return held_between(skin, rotation, grasp.centre, opening, job.hand)
+        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * hand.max_width
+        return skin is None or held_between(skin, rotation, grasp.centre, opening, hand)
 
-    return [grasp for grasp in found if fits(grasp)]
+    found = [grasp for grasp in boxed if fits(grasp)]
+    if job.theme.shape in ("other", "bar"):
+        return [*found, *_by_surface(job)]
+    return found or _by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
 
 
-def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
+def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     """Grasps by the object's surface, either way round, whose sides face the fingers by this cosine at least."""
-    hand, found = job.hand, []
-    for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward(), job.grasp.facing):
-        if grasp.facing < square:
-            continue
-        size = 1000 * grasp.width
-        at = ", ".join(f"{1000 * v:.0f}" for v in (grasp.centre - job.theme.centre)[:2])
-        closing = grasp.rotation[:, 1]
+    hand, found = job.hand, list[Grasp]()
+    facing = max(square, job.grasp.facing)
+    for seen in antipodal(job.theme, hand, job.scene.table_height, job.outward(), facing):
+        at = ", ".join(f"{1000 * v:.0f}" for v in (seen.centre - job.theme.centre)[:2])
+        _, closing, approach = seen.rotation.T
         yaw = np.degrees(np.arctan2(closing[1], closing[0]))
-        how = f"grasp {WHENCE[grasp.family]}, {size:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
-        approach, opening = grasp.rotation[:, 2], min(1.0, grasp.opening / hand.max_width)
-        found += [
-            Grasp(
-                how + flip,
-                grasp.family,
-                sign * closing,
-                approach,
-                grasp.centre,
-                opening,
-                grasp.worth,
-                grasp.back,
-            )
-            for sign, flip in EITHER_WAY
-        ]
+        how = f"grasp {WHENCE[seen.family]}, {1000 * seen.width:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
+        opening = min(1.0, seen.opening / hand.max_width)
+        one = Grasp(how, seen.family, closing, approach, seen.centre, opening, seen.worth, seen.back)
+        found += [one, replace(one, description=f"{how} turned round", closing=-closing)]
     return found
 
 

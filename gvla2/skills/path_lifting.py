@@ -10,7 +10,7 @@ which order, is up to the planner.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -68,10 +68,9 @@ class PathPoint:
     at: str = ""
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(v) for v in (*self.xyz, self.gripper)):
-            raise ValueError(
-                f"A point of the path has a number that is not finite: {self.xyz}, {self.gripper}."
-            )
+        numbers = (*self.xyz, self.gripper)
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f"A point of the path has a number that is not finite: {numbers}.")
 
     @property
     def closed(self) -> bool:
@@ -115,9 +114,10 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
                     f"The hand closes again, at {in_millimetres(point, scene)}: a path handles one object only."
                 )
     name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
-    depth = theme.top - points[take].xyz[2]
-    job, notes = _job(name, theme, goal, {"grasp_depth": depth}, request, options)
-    return _answer(job, carried(job, points, take, opened), notes, request, options)
+    depth = {"grasp_depth": max(SHALLOWEST, theme.top - points[take].xyz[2])}
+    return _followed(
+        name, theme, goal, depth, lambda job: carried(job, points, take, opened), request, options
+    )
 
 
 def in_millimetres(point: PathPoint, scene: Scene) -> str:
@@ -128,67 +128,51 @@ def in_millimetres(point: PathPoint, scene: Scene) -> str:
 
 def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions) -> Plan:
     """The plan of a path without a grasp: the closed hand pushes or presses."""
-    scene = request.scene
-    moves = [(b.array - a.array, k) for k, (a, b) in enumerate(pairwise(points))]
-    low = min(points, key=lambda p: p.xyz[2])
-    level = [(float(np.linalg.norm(m[:2])), k) for m, k in moves if abs(m[2]) < LEVEL]
-    length, k = max(level, default=(0.0, 0))
-    struck = _struck(points[k], points[k + 1], scene) if length > LEVEL else None
+    scene, hand = request.scene, request.arm.hand
+    level = [(a, b) for a, b in pairwise(points) if abs(b.xyz[2] - a.xyz[2]) < LEVEL]
+    a, b = max(level, key=lambda move: math.dist(move[0].xyz[:2], move[1].xyz[:2]), default=points[:1] * 2)
+    shift = (b.array - a.array) * [1.0, 1.0, 0.0]
+    length = float(np.linalg.norm(shift))
+    struck = _struck(a, b, scene) if length > LEVEL else None
     if struck is not None:
-        goal = _goal_at(points[k + 1], scene, frozenset({struck.id}))
-        job, notes = _job("push", struck, goal, {}, request, options)
-        way = (points[k + 1].array - points[k].array) * [1.0, 1.0, 0.0]
-        way /= np.linalg.norm(way)
-        before = struck.half_along(way) + 0.5 * request.arm.hand.finger_breadth
-        job = replace(
-            job, target=(points[k + 1].array + before * way)[:2]
-        )  # the hand stops at the path's end
-        return _answer(job, propose_push(job), notes, request, options)
+        reach = struck.half_along(shift / length) + 0.5 * hand.finger_breadth
+        target = (b.array + reach * shift / length)[:2]  # the hand stops at the path's end
+        goal = _goal_at(b, scene, frozenset({struck.id}))
+        return _followed(
+            "push", struck, goal, {}, lambda job: propose_push(replace(job, target=target)), request, options
+        )
+    low = min(points, key=lambda p: p.xyz[2])
     obj = _object_at(low, scene)
     button = button_of(obj, scene) if obj is not None else None
     if button is None:
-        raise PlanningError(
-            f"The closed hand touches nothing: its lowest point is {in_millimetres(low, scene)}."
-        )
-    depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
-    job, notes = _job("press", button, None, {"press_depth": depth}, request, options)
-    return _answer(job, propose_press(job), notes, request, options)
+        lowest = in_millimetres(low, scene)
+        raise PlanningError(f"The closed hand touches nothing: its lowest point is {lowest}.")
+    depth = {"press_depth": max(0.0, button.top + hand.tip_beyond_tcp - low.xyz[2])}
+    return _followed("press", button, None, depth, propose_press, request, options)
 
 
-def _job(
+def _followed(
     name: str,
     theme: SceneObject,
     goal: SceneObject | None,
     meant: Mapping[str, float],
-    request: PlanRequest,
-    options: SkillOptions,
-) -> tuple[Job, list[str]]:
-    """The path's job, with the path's own numbers limited by memory's bounds, and a note for each limit."""
-    skill = {**STANDARD, **request.skills}[name]
-    theta = dict(skill.defaults(theme, request.arm.hand, options))
-    most = {p.name: p.most for p in skill.parameters}
-    for parameter, value in meant.items():
-        least = SHALLOWEST if parameter == "grasp_depth" else 0.0
-        theta[parameter] = float(np.clip(value, least, most.get(parameter, value)))
-    bounds = [e for e in request.advice.effects if isinstance(e, Bound)]
-    theta, notes = apply_effects(theta, bounds, skill.name, lengths=sides_of(theme))
-    theta, limits = limited(theta, theme, request.scene)
-    hand, workspace = request.arm.hand, request.arm.workspace
-    job = Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
-    return job, [*notes, *limits]
-
-
-def _answer(
-    job: Job,
-    found: Sequence[Proposal] | Abstention,
-    notes: Sequence[str],
+    propose: Callable[[Job], Sequence[Proposal] | Abstention],
     request: PlanRequest,
     options: SkillOptions,
 ) -> Plan:
-    refusal = f"The path to {job.skill} the {job.theme.label} cannot be followed"
+    """The plan by the path's proposals, with the numbers ``meant`` by the path limited by memory's bounds."""
+    skill, hand = {**STANDARD, **request.skills}[name], request.arm.hand
+    most = {p.name: p.most for p in skill.parameters}
+    theta = dict(skill.defaults(theme, hand, options))
+    theta |= {parameter: float(min(value, most.get(parameter, value))) for parameter, value in meant.items()}
+    bounds = [e for e in request.advice.effects if isinstance(e, Bound)]
+    theta, notes = apply_effects(theta, bounds, name, lengths=sides_of(theme))
+    theta, limits = limited(theta, theme, request.scene)
+    workspace = request.arm.workspace
+    job = Job(name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
+    refusal = f"The path to {name} the {theme.label} cannot be followed"
     request = replace(request, rejections=())  # a path has no alternatives
-    skill = {**STANDARD, **request.skills}[job.skill]
-    return answer(job, skill, found, request, options, refusal, notes)
+    return answer(job, skill, propose(job), request, options, refusal, [*notes, *limits])
 
 
 def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:

@@ -11,10 +11,9 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, RobotBackend, SuccessCheck
-from gvla2.robot.checked_task import CheckedTask
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
-from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.task import CheckedTask, Layout, Task, TaskInstance, TaskSite
 from gvla2.testing.conformance import (
     ConformanceError,
     allowed,

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
-from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.geometry.transform import invert_rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
@@ -55,9 +54,8 @@ class Piper:
                 f"synthetic pictures. Choose a live camera, or robot.armed=false."
             )
         self._config, self._camera, self._ask = config, camera, ask
-        turn = Rotation.from_euler("z", config.base_yaw).as_matrix()
-        self._world_from_base = rigid(turn, config.base_position)
-        self._arm, self._looks = make_arm(self._world_from_base, self._workspace, config.tcp_offset)
+        self._made = make_arm(self._workspace, config.base_position, config.base_yaw, config.tcp_offset)
+        self._arm, self._world_from_base = self._made.arm, self._made.world_from_base
         self.planner = MotionPlanner(self._arm)
         self._guard = PathGuard(self._arm, self._workspace, config.table_height, config.table_margin)
         self._options = ExecutorOptions(
@@ -100,7 +98,7 @@ class Piper:
         frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
         views = tuple(self._placed(view) for view in frames.views) or (_darkness(),)
         opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
-        views = self._looks.mark(views, self._arm.kinematics.link_poses(state.joints, opening), EXPLAINED)
+        views = self._made.mask(views, state.joints, state.gripper_width, EXPLAINED)
         return Observation(Views(views), world_from_tcp, state.joints, opening, state.gripper_width)
 
     def execute(

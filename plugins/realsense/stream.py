@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import RobotError
-from gvla2_plugins.realsense.library import name_of, serial_of
 
 
 @dataclass(frozen=True)
@@ -226,3 +225,17 @@ def _lacking(seen: set[str]) -> str:
     if len(seen) == 1:
         return f"gave {next(iter(seen))} pictures, and no {'depth' if 'colour' in seen else 'colour'},"
     return "is frozen: it gave no new pair of colour and depth"
+
+
+def serial_of(rs: Any, device: Any) -> str:
+    """The device's serial number, "" for a device that has none."""
+    return _info(device, rs.camera_info.serial_number)
+
+
+def name_of(rs: Any, device: Any) -> str:
+    """The maker's name for it."""
+    return _info(device, rs.camera_info.name) or "a camera without a name"
+
+
+def _info(device: Any, what: Any) -> str:
+    return str(device.get_info(what)) if device.supports(what) else ""

@@ -57,7 +57,7 @@ class BuiltBodies:
 
 
 def build_bodies(scene: Any, layout: Layout) -> BuiltBodies:
-    """Put all bodies and joints of a layout, which :mod:`gvla2.robot.checked_task` has checked, into the scene."""
+    """Put all bodies and joints of a layout, which :mod:`gvla2.robot.task` has checked, into the scene."""
     by_name = {body.name: body for body in layout.bodies}
     jointed = {joint.parent for joint in layout.joints} | {joint.child for joint in layout.joints}
     built = BuiltBodies({}, {})

@@ -303,11 +303,10 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
         amount=next(map(_metres, _of(adverbs, "amount")), None),
         direction=next(map(_way, _of(adverbs, "direction")), None),
     )  # fmt: skip
-    ways = list(_of(adverbs, "direction"))
-    if len(ways) > 1 or (ways and goal) or ("back" in ways and skill != "push"):
-        raise UnreadableError(f"'{' '.join(ways)}' cannot be read here")
-    if len(list(_of(adverbs, "amount"))) > 1:
-        raise UnreadableError("several lengths cannot be read")
+    ways, amounts = list(_of(adverbs, "direction")), list(_of(adverbs, "amount"))
+    several = len(ways) > 1 or len(amounts) > 1
+    if several or (ways and goal) or ("back" in ways and skill != "push"):
+        raise UnreadableError(f"'{' '.join([*ways, *amounts])}' cannot be read here")
     for kept in (t for t in adverbs if t.data == "except"):
         if len(themes) > 1 or themes[0].number != "all":
             raise UnreadableError("something is excepted from what is one")

@@ -15,9 +15,6 @@ from gvla2.robot.task import Body, Profile, WorldState
 LIFTED, LIFTED_WELL = 0.03, 0.08
 """Metres between a lifted object's lowest point and the table: relaxed and strict."""
 
-BESIDE, IN_LINE = 0.40, 0.15
-"""Largest distance, metres, of an object to the left of another, and largest offset to the front or back."""
-
 WORDINGS = {
     "lift": (
         "lift the {x}",
@@ -31,12 +28,6 @@ WORDINGS = {
         "place the {x} into the {y}",
         "pick up the {x} and put it in the {y}",
         "drop the {x} into the {y}, please",
-    ),
-    "left_of": (
-        "put the {x} left of the {y}",
-        "place the {x} to the left of the {y}",
-        "move the {x} to the left of the {y}",
-        "pick up the {x} and set it down left of the {y}",
     ),
 }
 """Templates of each kind; ``{x}`` is the object, ``{y}`` the other object."""
@@ -63,8 +54,6 @@ def interpret(sentence: str, labels: dict[str, str], own: Request) -> tuple[Requ
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
     named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
-    if len(named) >= 2 and re.search(r"\bleft (side )?of\b", said):
-        return Request("left_of", named[0], named[1]), ""
     if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
         return Request("put_in", named[0], named[1]), ""
     if len(named) == 1:
@@ -87,11 +76,6 @@ def success_check(asked: Request, bodies: Sequence[Body], table: float) -> tuple
             f"strict: than {LIFTED_WELL} m, and the fingers hold it"
         )
     goal = by_name[asked.goal]
-    if asked.kind == "left_of":
-        return _left_of(theme, goal), (
-            f"relaxed: the {theme.label} lies left (+y) of the {goal.label}, apart from it, at most {BESIDE} m away; "
-            "strict: at rest there, let go of, and not before or behind it"
-        )
     return _inside(theme, goal), (
         f"relaxed: the {theme.label} is over the {goal.label} and lower than its rim; strict: at rest there, let go "
         f"of, and the {goal.label} still stands"
@@ -109,21 +93,6 @@ def _lifting(body: Body, table: float) -> Checks:
         "relaxed": lambda world: clearance(world) > LIFTED,
         "strict": lambda world: clearance(world) > LIFTED_WELL and world.held(body.name),
     }
-
-
-def _left_of(body: Body, goal: Body) -> Checks:
-    def away(world: WorldState) -> FloatArray:
-        """(3,) from the goal's middle to the object's."""
-        return _middle(_corners(body, world)) - _middle(_corners(goal, world))
-
-    def relaxed(world: WorldState) -> bool:
-        apart = _corners(body, world)[:, 1].min() > _corners(goal, world)[:, 1].max() - 0.01
-        return bool(apart and away(world)[1] < BESIDE and not world.held(body.name))
-
-    def strict(world: WorldState) -> bool:
-        return relaxed(world) and bool(abs(away(world)[0]) < IN_LINE) and world.resting(body.name)
-
-    return {"relaxed": relaxed, "strict": strict}
 
 
 def _inside(body: Body, goal: Body) -> Checks:

@@ -28,7 +28,7 @@ LIFT = 0.20
 """Heights above the table that the hand must reach at an object's place, metres."""
 
 DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
-"""Kilograms a cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
+"""Kilograms per cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
 
 DROP = 0.001
 """Metres above the table from which objects settle."""
@@ -92,7 +92,6 @@ class TabletopObjects:
             Layout(tuple(bodies)),
             succeeded,
             f"{goal}{aside}{''.join(notes)}",
-            keep_clear=_beside(asked, bodies),
         )
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
@@ -109,39 +108,15 @@ class TabletopObjects:
 
     def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Request:
         """A request for some of these objects."""
-        ask = self._config.ask
-        if ask == "lift":
-            offered = [Request(ask, body.name) for body in bodies]
-        elif ask == "put_in":
-            offered = _put_in(bodies)
-        else:
-            offered = [Request(ask, a.name, b.name) for a, b in permutations(bodies, 2)]
+        lift = [Request("lift", body.name) for body in bodies]
+        offered = lift if self._config.ask == "lift" else _put_in(bodies)
         if offered:
             return offered[int(rng.integers(len(offered)))]
-        needs = (
-            "two objects"
-            if ask == "left_of"
-            else "one that is open at its top, and another that fits into it"
-        )
+        there = ", ".join(body.label for body in bodies)
         raise ConfigurationError(
-            f"task.ask={ask} needs {needs}; there are only {', '.join(body.label for body in bodies)}. Choose other "
-            "names or a larger task.objects.count."
+            f"task.ask={self._config.ask} needs an object that is open at its top, and another that fits into it; "
+            f"there are only {there}. Choose other names or a larger task.objects.count."
         )
-
-    def _undone(self, asked: Request, objects: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
-        """Whether there is still something to do: an object to put left lies on the right."""
-        if asked.kind != "left_of":
-            return True
-        place = {body.name: root[:2, 3] for body, root in zip(objects, roots, strict=True)}
-        theme, goal = place[asked.theme], place[asked.goal]
-        wide = sum(_radius(body) for body in objects if body.name in (asked.theme, asked.goal))
-        beside = goal + np.array([0.0, wide + GAP])
-        room = all(
-            np.linalg.norm(root[:2, 3] - beside) > _radius(body) + 0.5 * wide
-            for body, root in zip(objects, roots, strict=True)
-            if body.name not in (asked.theme, asked.goal)
-        )
-        return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
 
     def _placed(
         self, objects: list[Body], asked: Request, rng: np.random.Generator, site: TaskSite
@@ -167,21 +142,10 @@ class TabletopObjects:
                 if root is None:
                     return None
                 roots[k] = root
-            placed = [roots[k] for k in range(len(objects))]
-            return placed if self._undone(asked, objects, placed, site) else None
+            return [roots[k] for k in range(len(objects))]
 
         roots = sample_until(draw, f"{len(objects)} objects", tries=150)
         return [_set_down(body, root, site) for body, root in zip(objects, roots, strict=True)]
-
-
-def _beside(asked: Request, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
-    """The target circle on the table to the left of an object."""
-    if asked.kind != "left_of":
-        return ()
-    near = {body.name: body for body in bodies}
-    theme, goal = near[asked.theme], near[asked.goal]
-    x, y = goal.world_from_body[:2, 3].tolist()
-    return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
 
 
 def _put_in(bodies: list[Body]) -> list[Request]:

@@ -93,12 +93,6 @@ def test_a_bound_goes_with_the_objects_size_where_the_plan_says_so() -> None:
     assert (signal.effect.scale, signal.effect.value) == ("height", pytest.approx(0.5))
 
 
-def test_a_hand_that_feels_no_hold_tells_a_slip_by_its_gap() -> None:
-    lost = episode("open", box(0.0), None, SWING, {"lip_depth": 0.006}, held=False, width=0.01,
-                   changes={3: {"gripper_width": 0.0}}, roles={"theme": "l"})  # fmt: skip
-    assert told(lost) == [("slip", "lip_depth", ">=", 0.011)]
-
-
 def test_letting_go_before_putting_down_teaches_the_order() -> None:
     wrong = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.5, 0, 0.02), 1.0))
     (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
@@ -198,13 +192,6 @@ def test_what_was_turned_of_a_cap_that_stayed_on_is_told_to_the_next_attempt() -
                         roles={"theme": "k"})  # fmt: skip
         advice = advice_for(replace(tried, attempts=(tried,)))
         assert advice.done == tuple(done)
-
-
-def test_what_stopped_on_the_way_is_not_measured() -> None:
-    stopped = {3: {"abort": "collision", "message": "hit"}}
-    record = episode("open", box(0.0), box(0.4), SWING, {"open_angle": 1.3}, changes=stopped, roles={"theme": "l"},
-                     held=False)  # fmt: skip
-    assert told(record) == []
 
 
 def test_an_approach_is_forbidden_when_another_one_is_left() -> None:

@@ -103,13 +103,6 @@ def test_a_rejected_planner_gets_its_plan_back_and_then_the_fallback_plans(parts
     assert record.success_check.relaxed
 
 
-def test_one_rejection_is_the_planners_own_to_mend(parts):
-    planner = Answering(sunk(parts.fallback), parts.fallback.plan)
-    record = run(parts, planner)
-    assert record.plan.fallback == ""
-    assert record.success_check.relaxed
-
-
 def test_where_both_fail_both_are_named(parts):
     broken = replace(parts, fallback=Answering(MalformedAnswerError("prose")))
     record = run(broken, Answering(ModelUnavailableError("nobody there")))

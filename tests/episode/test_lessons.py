@@ -10,7 +10,6 @@ from gvla2.episode.lessons import memory_episode, memory_task, transcript
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound, effect_from_json
-from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Waypoint
 from tests.picking import (
     DOWN,
@@ -24,7 +23,7 @@ from tests.picking import (
     episode,
     kinds,
     scene,
-    thing,
+    scene_object,
 )
 
 
@@ -112,7 +111,7 @@ PUSH = (
     ],
 )
 def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list[Any]) -> None:
-    after = scene(thing("z", 0.3, -0.2, "blue"), thing("y", x, 0.12, "red"))
+    after = scene(scene_object("z", 0.3, -0.2, "blue"), scene_object("y", x, 0.12, "red"))
     record = episode(skill="push", waypoints=PUSH, roles={"theme": "a", "goal": "goal"},
                      theta={"push_overshoot": 0.02}, after_scene=after)  # fmt: skip
     assert bounds(record) == expected
@@ -127,23 +126,6 @@ def test_an_undiagnosed_failure_teaches_words_alone() -> None:
     assert "stopped at 'grasp' (tracking)" in lesson.content
 
 
-def test_nothing_executed_teaches_no_motion() -> None:
-    abstained = replace(
-        episode(),
-        plan=Plan(None, abstention=Abstention("ambiguous", "two red cubes")),
-        checks=None,
-        report=None,
-    )
-    findings = (Finding("kinematics", False, 1, "unreachable", "too far"),)
-    rejected = replace(episode(), checks=CheckReport(findings), report=None)
-    for record, words in ((abstained, "ambiguous"), (rejected, "unreachable")):
-        (lesson,) = memory_episode(record, UNCERTAIN).lessons
-        assert lesson.type == "tool_usage"
-        assert words in lesson.content
-        assert lesson.effect is None
-    assert memory_episode(replace(episode(), plan=None, report=None), UNCERTAIN).lessons == ()
-
-
 def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     record = episode({4: {"abort": "slipped", "message": "lost", "contacts": ("panda_hand",)}},
                      failure=Failure("execute", "slipped", "lost"), after_scene=SCENE)  # fmt: skip
@@ -151,18 +133,9 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     for words in ("Pick up the red cube", "a: red cube", "grasp_depth 0.025", "contact of panda_hand",
                   "STOPPED (slipped)", "Ended at execute"):  # fmt: skip
         assert words in text
-    crowd = scene(*(thing(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
+    crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
-
-
-def test_words_do_not_settle_which_part_of_a_thing_is_meant() -> None:
-    lamp = replace(thing("lamp", 0.4, 0.0, "blue", size=0.12), label="lamp")
-    button = replace(thing("button", 0.4, 0.0, "red", "disc", 0.03), label="red button", parent="lamp")
-    record = EpisodeRecord("run/1", "turn on the lamp", "", 0, {}, scene=scene(lamp, button))
-    assert "theme_length" not in memory_task(record).signature
-    pressed = memory_task(replace(record, instruction="press the red button"))
-    assert pressed.signature["theme_length"] == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize(

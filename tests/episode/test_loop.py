@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.hydra_job import explain
-from gvla2.commands.run import build_components, run_episodes, success_rate
+from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
@@ -196,19 +196,6 @@ def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatc
     assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {told}"
 
 
-def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
-    out = tmp_path / "out"
-    share = success_rate(
-        run_episodes(compose_run("episodes=2", "instruction=sing a song", *QUICK), registry, out)
-    )
-    told = json.loads((out / "result.json").read_text())
-    assert (told["episodes"], told["success_share"]) == (2, share)
-    assert [row["seed"] for row in told["rows"]] == [0, 1]
-    assert [row["failure"]["kind"] for row in told["rows"]] == ["unknown_skill"] * 2
-    assert all((out / row["folder"] / "result.json").exists() for row in told["rows"])
-    assert (out / "config.yaml").read_text() == (out / "episode_000" / "config.yaml").read_text()
-
-
 def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     class Impatient(Listener):
         moments = 0
@@ -228,20 +215,6 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     record = run_episode(parts, EpisodeRequest(seed=1))
     assert not record.recalled.items
     assert record.failure is None
-
-
-def test_no_frame_is_drawn_for_nobody(parts_of, monkeypatch):
-    from gvla2_plugins.sapien.cameras import CameraRig
-
-    looks, look = [], CameraRig.look
-    monkeypatch.setattr(CameraRig, "look", lambda *a, **k: looks.append(1) or look(*a, **k))
-    parts, drawn = parts_of("memory=none"), []
-    for listener in (SilentListener(), Listener()):
-        looks.clear()
-        assert run_episode(parts, EpisodeRequest(seed=1), listener).success_check.relaxed
-        drawn.append(len(looks))
-    assert drawn[0] == 2, "what the robot itself sees, before and after"
-    assert drawn[1] == 2 + listener.frames
 
 
 def crash(*_):
@@ -290,14 +263,9 @@ def test_nobody_writes_into_what_others_see(parts_of):
             lambda evidence: None,
             "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
         ),
-        (lambda evidence: True, "returned bool, not a Verdict."),
         (lambda evidence: sys.exit(4), "crashed: RuntimeError: SystemExit(4) would have ended"),
-        (
-            lambda evidence: Verdict("well", 1.0, 1.0),
-            "returned a verdict with outcome 'well', which is not one of",
-        ),
     ],
-    ids=["crash", "nan", "none", "true", "exit", "outcome"],
+    ids=["crash", "nan", "none", "exit"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, told):
     parts, listener = parts_of(), Listener()

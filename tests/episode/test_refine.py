@@ -10,7 +10,6 @@ from gvla2.episode.refine import (
     objects_of_interest,
     refine_scene,
 )
-from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
@@ -67,11 +66,6 @@ class Watched:
         return carve(views).to_reconstruction()
 
 
-class Failing:
-    def reconstruct(self, views):
-        raise GeometryError("the masks are empty")
-
-
 def parts(reconstructor):
     return GeometryComponents(
         reconstructor,
@@ -112,13 +106,6 @@ def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
         records = run_episodes(config, registry, tmp_path / name)
         extents.append(np.array([each.extents for each in records[0].scene.objects]))
     assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()
-
-
-def test_a_failed_reconstruction_is_told_and_the_object_left_as_perceived(observation):
-    before = scene_of(SIZE)
-    after, sentence = refine_scene(before, observation, "lift it", parts(Failing()))
-    assert after is before
-    assert "left as perceived (the masks are empty)" in sentence
 
 
 def test_the_objects_of_interest_are_those_that_are_named():

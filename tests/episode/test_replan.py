@@ -9,7 +9,6 @@ import pytest
 from gvla2.commands.run import build_components
 from gvla2.episode.advice import advice_for
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.episode.replan import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Prior
@@ -144,19 +143,3 @@ def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
     assert any("attempt 1" in note for note in record.plan.notes)
     assert record.verdict.outcome == "verified_success"
     assert record.success_check.relaxed
-
-
-def test_a_push_that_starts_from_where_a_thing_stood_is_not_repeated(parts_of):
-    parts = parts_of("memory=none")
-    sentence = "push the {} cube 10 cm to the left"
-    colour = parts.robot.reset(parts.task, 1).instruction
-    from gvla2.planning.colours import colours_in
-
-    (name,) = colours_in(colour)
-    clumsy = Clumsy(parts.planner, off=(0.0, 0.0, 0.08))  # passes over it
-    request = EpisodeRequest(seed=1, instruction=sentence.format(name), replan=1)
-    record = run_episode(replace(parts, planner=clumsy), request)
-    assert record.plan.skill == "push"
-    assert "goal" not in record.plan.roles
-    assert not worth_another(record)
-    assert record.attempts == ()

@@ -11,8 +11,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.testing.robot import check_camera
 from gvla2_plugins.realsense import RealsenseConfig
-from gvla2_plugins.realsense.camera import RealsenseCamera
-from gvla2_plugins.realsense.library import load
+from gvla2_plugins.realsense.camera import RealsenseCamera, load
 from tests.plugins.software_camera import Optics, SoftwareCamera
 
 POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))

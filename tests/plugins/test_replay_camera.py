@@ -1,7 +1,6 @@
 """Recorded frames in place of a camera: what is read, what is refused, and a whole run that is fed with them."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +8,7 @@ from PIL import Image
 
 from gvla2.cli import main
 from gvla2.errors import ConfigurationError, RobotError
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import rigid
-from gvla2.geometry.view_folders import write_views
-from gvla2.geometry.views import View, Views
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.testing.robot import check_camera
 from gvla2_plugins.replay_camera import ReplayConfig
@@ -134,32 +130,6 @@ def test_a_camera_on_the_hand_moves_with_it(tmp_path):
         camera.observe()
 
 
-def test_a_runs_own_views_are_moved_into_the_base_frame(tmp_path):
-    pinhole = Camera.from_fov(0.7, POSE, *SIZE, "front")
-    image = np.full((8, 12, 3), 9, np.uint8)
-    view = View(pinhole, image, depth_of(0), mask=depth_of(0), robot_mask=np.ones((8, 12), bool))
-    write_views(tmp_path, Views((view,)))
-    turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    base = rigid(turned, (0.4, 0.0, 0.1))
-    for path in (tmp_path, tmp_path / "views.npz"):
-        camera = replay(path, base_position=[0.4, 0.0, 0.1], base_yaw=np.pi / 2)
-        seen = camera.observe().views[0]
-        assert np.allclose(base @ seen.camera.world_from_camera, POSE)
-        assert np.array_equal(seen.depth, view.depth)
-        assert seen.mask is None
-        assert seen.robot_mask is None
-    with pytest.raises(ConfigurationError, match="does not say whose"):
-        replay(tmp_path, serial="f0123")
-    with pytest.raises(ConfigurationError, match="three numbers"):
-        replay(tmp_path, base_position=[1.0])
-    write_views(tmp_path, Views((replace(view, depth=None),)))
-    with pytest.raises(RobotError, match="'front' has no depth"):
-        replay(tmp_path)
-    (tmp_path / "views.npz").write_bytes(b"PK broken")
-    with pytest.raises(RobotError, match="Cannot read the views"):
-        replay(tmp_path)
-
-
 def rewritten(**changes):
     def spoil(folder):
         file = folder / "camera.json"
@@ -256,12 +226,6 @@ def test_a_run_of_the_piper_sees_by_recorded_frames(tmp_path, recorded, capfd):
     result = json.loads((folder / "result.json").read_text())
     assert "Dry run: all 4 waypoints can be reached" in result["failure"]["message"]
     assert (folder / "index.html").is_file()
-    # And what that run has seen replays in turn: the same cube in the same place.
-    again = replay(folder)
-    original = {view.name: view for view in replay(recorded).observe().views}
-    for view in again.observe().views:
-        assert np.allclose(view.camera.world_from_camera, original[view.name].camera.world_from_camera)
-        assert np.array_equal(view.depth, original[view.name].depth, equal_nan=True)
 
 
 def test_a_run_without_a_recording_says_so_before_the_arm_is_asked_for(tmp_path, capfd):

@@ -8,8 +8,7 @@ import pytest
 from gvla2.errors import PluginError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.backend import SuccessCheck, judge
-from gvla2.robot.checked_task import CheckedTask
-from gvla2.robot.task import Body, Catch, Joint, Layout, Primitive, TaskInstance, Thread
+from gvla2.robot.task import Body, Catch, CheckedTask, Joint, Layout, Primitive, TaskInstance, Thread
 from gvla2.testing.robot import SITE, _AtRest
 
 WHO = "The task 'mine' of plugin 'yours'"
