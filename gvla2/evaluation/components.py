@@ -11,16 +11,26 @@ from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
+from gvla2.plugins.kinds import OWN_TASK
 from gvla2.plugins.registry import Registry
 from gvla2.robot.options import DepthNoise
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds that are chosen, and of the language model if one of them needs it."""
-    chosen = [k for k in kinds if not registry.chooses_nothing(root, k)]
+    """The typed options of the kinds that are chosen, and of the language model if one of them needs it.
+
+    A task that the robot offers itself has no options.
+    """
+    own = [ComponentConfig(name=registry.chosen(root, k)) for k in kinds if k == "task" and _is_own(registry, root)]
+    chosen = [k for k in kinds if not registry.chooses_nothing(root, k) and not (own and k == "task")]
     found = [registry.configure(root, kind) for kind in chosen]
     asking = any("language" in component.needs for _, component in found)
-    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
+    found += [registry.configure(root, "language")] if asking else []
+    return [*(options for options, _ in found), *own]
+
+
+def _is_own(registry: Registry, root: Mapping[str, Any]) -> bool:
+    return OWN_TASK in registry.chosen(root, "task")
 
 
 def code_of(typed: Iterable[object], *modules: str) -> str:
@@ -29,7 +39,9 @@ def code_of(typed: Iterable[object], *modules: str) -> str:
 
 
 def options_of(registry: Registry, kind: str, name: str) -> list[str]:
-    """The names of a component's options, sorted."""
+    """The names of a component's options, sorted; a task that a robot offers itself has none."""
+    if kind == "task" and OWN_TASK in name:
+        return []
     return sorted({field.name for field in fields(registry.get(kind, name).config)} - {"name"})
 
 

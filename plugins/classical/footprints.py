@@ -129,7 +129,7 @@ def find_patches(
         return pixels, []
     pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
     labels = join_across_views(pixels, pieces, REACH)
-    # Where the table is of wood or stone, most are a seam or a knot: the slow fit is for those that may be large enough.
+    # On wood or stone most are a seam or a knot: the slow fit is for those that may be large enough.
     large = [members for members in groups(labels, min_points) if _may_be(pixels, members, min_region)]
     fitted = [_fit(frames, pixels, members, bare) for members in large]
     patches: list[SeenObject] = []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from types import MappingProxyType
@@ -26,8 +28,9 @@ from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
 from gvla2.plugins.assembly import GEOMETRY, LOOP
-from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
+from gvla2.robot.backend import OffersTasks
 
 SUITE = "robot"
 VERSION = 2
@@ -156,7 +159,7 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
-    names = ordered(config.tasks or _default_tasks(config, registry))
+    names = ordered(_own_tasks(config, registry) or config.tasks or _default_tasks(config, registry))
     require_among("task_options", config.task_options, names, "tasks")
     world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
@@ -168,6 +171,27 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
             raise ConfigurationError(f"world is {LEARNABLE}, but the task '{name}' has no option 'family'.")
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
+    return found
+
+
+def _own_tasks(config: RobotBench, registry: Registry) -> list[str]:
+    """The tasks of a robot that offers some itself, ``suite/*`` standing for a whole suite; none for other robots.
+
+    Raises :class:`ConfigurationError` for a pattern that fits none of them, and without any pattern.
+    """
+    if not any(OWN_TASK in name for name in config.tasks):
+        return []
+    with closing(registry.build(config, "robot")) as robot:
+        offered = list(robot.tasks()) if isinstance(robot, OffersTasks) else []
+    found: list[str] = []
+    for pattern in config.tasks:
+        fitting = fnmatch.filter(offered, pattern)
+        if not fitting:
+            some = ", ".join(dict.fromkeys(f"{name.partition(OWN_TASK)[0]}/*" for name in offered))
+            raise ConfigurationError(
+                f"tasks: robot={config.robot.name} offers nothing like '{pattern}'; it offers {some or 'none'}."
+            )
+        found += fitting
     return found
 
 
