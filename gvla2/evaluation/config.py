@@ -243,26 +243,18 @@ class PerceptionBench(SimulatedBench):
 class AgentTasksConfig:
     """``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
 
-    ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
-    characters of a command's output are kept. ``state`` is where memories are stored between the tasks (by default in
-    the output folder: give one to resume an interrupted bench).
+    ``sandbox`` is bubblewrap or docker. ``state`` is where memories are stored between the tasks (by default in the
+    output folder: give one to resume an interrupted bench).
     """
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
     sandbox: str = "bubblewrap"
-    disk_mb: int = 512
-    memory_mb: int = 4096
-    output: int = 8000
     state: str = ""
 
     def __post_init__(self) -> None:
         _require(
             (self.sandbox in SANDBOXES, f"agents.sandbox is '{self.sandbox}'; it is {' or '.join(SANDBOXES)}."),
-            (
-                self.disk_mb >= 1 and self.memory_mb >= 64 and self.output >= 200,
-                "agents.disk_mb is at least 1, memory_mb 64 and output 200 characters.",
-            ),
         )  # fmt: skip
 
 

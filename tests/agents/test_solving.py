@@ -12,8 +12,7 @@ from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
 from gvla2.testing.language import LocalModel, refused, said
-from gvla2_plugins.exit_status import ExitStatusConfig
-from gvla2_plugins.exit_status.verifier import ExitStatusVerifier
+from gvla2_plugins.exit_status import ExitStatusConfig, ExitStatusVerifier
 from gvla2_plugins.mini_swe import MiniSweConfig
 from gvla2_plugins.mini_swe.agent import MiniSwe
 from tests.agents.scripted import block, endpoint, giving

@@ -300,7 +300,7 @@ def _cell(
         "extra_tokens": extra,
         "tokens": agent + extra,
         "seconds": made.run.seconds,
-        "overhead": sum(made.seconds[name] for name in ("recall", "verify", "learn")),
+        "overhead": made.overhead,
         "storage_kb": kept.stat().st_size / 1000 if kept.is_file() else 0.0,
     }
     notes: dict[str, Any] = {
