@@ -13,6 +13,8 @@ from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
@@ -20,7 +22,6 @@ from gvla2.evaluation.components import given_options, options_of
 from gvla2.evaluation.config import MemoryArms
 from gvla2.memory.contracts import (
     Learned,
-    Lesson,
     Memory,
     MemoryContext,
     MemoryEpisode,
@@ -75,8 +76,8 @@ class BenchArm:
         """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
         counts = {"replan": self.replan, "explored": self.explored}
-        changed = [*sorted(self.options.items()), *((name, n) for name, n in counts.items() if n is not None)]
-        return ", ".join([*([] if plain else [self.source]), *(f"{name}={value}" for name, value in changed)])
+        options = {**dict(sorted(self.options.items())), **{k: n for k, n in counts.items() if n is not None}}
+        return ", ".join([*([] if plain else [self.source]), *(f"{k}={v}" for k, v in options.items())])
 
 
 def arm_named(config: MemoryArms, name: str) -> BenchArm:
@@ -141,7 +142,7 @@ class Experience:
 
     @classmethod
     def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
-        """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
+        """The experience of a record, one per attempt and part; none if all ended before anything could be learned."""
         return tuple(cls(record.task, record.seed, *reported) for reported in stories_of(record, skills))
 
     def to_json(self) -> dict[str, Any]:
@@ -151,16 +152,7 @@ class Experience:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Experience:
         """From :meth:`to_json`'s object."""
-
-        def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
-            return {
-                name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
-            }
-
-        episode = {name: value for name, value in data["episode"].items() if name != "recalled"}
-        episode["task"] = MemoryTask(**frozen(episode["task"]))
-        episode["lessons"] = tuple(Lesson(**frozen(lesson)) for lesson in episode["lessons"])
-        return cls(data["task"], data["seed"], MemoryEpisode(**episode), Verdict(**frozen(data["verdict"])))
+        return TypeAdapter(cls).validate_python(data)
 
 
 def teach(memory: Memory, experiences: Iterable[Experience]) -> None:
@@ -207,41 +199,25 @@ class Shuffled(Frozen):
 
 
 class BestTheta:
-    """No bank: the plain mean theta of a task's explorations that the robot verified as successes.
+    """No bank: the mean theta of a task's explorations that the robot verified as successes.
 
     The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
     name, but no retrieval and no governance. Without a success it keeps the defaults.
     """
 
     def __init__(self, experiences: Sequence[Experience]) -> None:
-        won = [e for e in experiences if e.verdict.outcome == "verified_success"]
-        effects = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
         tried: dict[tuple[str, str], list[Prior]] = {}
-        for effect in map(effect_from_json, effects):
-            if isinstance(effect, Prior):
-                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
-        self._best = [
-            replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
-            for some in tried.values()
-        ]
+        for one in experiences:
+            for lesson in one.episode.lessons if one.verdict.outcome == "verified_success" else ():
+                effect = effect_from_json(lesson.effect) if lesson.effect else None
+                if isinstance(effect, Prior):
+                    tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        self._items = tuple(_best_of(some) for some in tried.values())
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """One hint per parameter."""
-        items = tuple(
-            MemoryItem(
-                id=f"best-{effect.skill}-{effect.parameter}",
-                type="procedural_hint",
-                content=f"To {effect.skill}, the best {effect.parameter.replace('_', ' ')} is {effect.value:.4g}.",
-                confidence=1.0,
-                score=1.0,
-                terms={},
-                binding=False,
-                effect=effect.to_json(),
-            )
-            for effect in self._best
-        )
-        text = "\n".join(item.content for item in items)
-        return MemoryContext(items, text, "" if items else "no exploration succeeded")
+        text = "\n".join(item.content for item in self._items)
+        return MemoryContext(self._items, text, "" if self._items else "no exploration succeeded")
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Nothing."""
@@ -249,3 +225,19 @@ class BestTheta:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def _best_of(tried: Sequence[Prior]) -> MemoryItem:
+    """The hint of the mean of what succeeded, so sure that the default has no weight left."""
+    best = replace(tried[0], value=fmean(one.value for one in tried), sd=0.0, count=CERTAIN)
+    name = best.parameter.replace("_", " ")
+    return MemoryItem(
+        id=f"best-{best.skill}-{best.parameter}",
+        type="procedural_hint",
+        content=f"To {best.skill}, the best {name} is {best.value:.4g}.",
+        confidence=1.0,
+        score=1.0,
+        terms={},
+        binding=False,
+        effect=best.to_json(),
+    )

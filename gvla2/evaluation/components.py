@@ -1,4 +1,4 @@
-"""Choosing components for a bench: what a row of the design is built from, and how a table names it."""
+"""The components of a bench: their options, and their names in tables."""
 
 from __future__ import annotations
 
@@ -77,6 +77,12 @@ def given_label(name: str, options: Mapping[str, Any]) -> str:
     given = options.get(name) or {}
     listed = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
     return f"{name} ({listed})" if listed else name
+
+
+def changed_options(config: object, names: Iterable[str]) -> str:
+    """The options of these names that differ from their defaults, in a table: "exploration=0.5"; "" for none."""
+    usual = type(config)()
+    return ", ".join(f"{n}={getattr(config, n)}" for n in names if getattr(config, n) != getattr(usual, n))
 
 
 def noise_label(noise: DepthNoise) -> str:

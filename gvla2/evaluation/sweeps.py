@@ -57,7 +57,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
         count(len(cells), "job") + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
-        gallery=Exhibits("Jobs", "films", tuple(jobs)),
+        gallery=Exhibits("Jobs", tuple(jobs)),
     )
 
 

@@ -19,12 +19,13 @@ from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
-from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker, pictured
+from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
 from gvla2.evaluation.lpips import Lpips, read_weights
 from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.evaluation.tables import Sheet
+from gvla2.io.files import write_bytes
 from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
 from gvla2.reconstruction.contracts import Renderer
@@ -104,11 +105,6 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
     name = "reconstruction"
     title = LAYOUT.title
 
-    @property
-    def data(self) -> str:
-        """The data set's kind."""
-        return self.config.data.kind
-
     def stages(self) -> Sequence[Sequence[ObjectUnit]]:
         """Every cell of the design with its key."""
         data = self.config.data
@@ -133,7 +129,12 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
             refined = (want for want in unit.wanted if want.factors["variant"] == "ab_fusion")
             list(_measured(replace(unit, wanted=(next(refined, unit.wanted[0]),)), registry))
         for cell, picture in _measured(unit, registry):
-            yield pictured(cell, picture, unit.folder, "-".join(cell.texts(*_PICTURE_NAME)))
+            if picture is not None:
+                path = unit.folder / "pictures" / f"{'-'.join(cell.texts(*_PICTURE_NAME))}.png"
+                cell = replace(
+                    cell, notes={**cell.notes, "picture": str(write_bytes(path, picture).absolute())}
+                )
+            yield cell
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
@@ -181,9 +182,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                     wanted.append(Wanted(key, factors))
                 keys = tuple(want.key for want in wanted)
                 label = f"{item.name}, {baseline}"
-                yield ObjectUnit(
-                    keys, label, dataset, item, baseline, tuple(wanted), config, self.bench.folder
-                )
+                yield ObjectUnit(keys, label, dataset, item, baseline, tuple(wanted), config, self.folder)
 
 
 def _check_names(config: ReconstructionBench) -> None:
