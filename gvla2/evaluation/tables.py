@@ -114,7 +114,7 @@ def to_latex(sheets: Sequence[Sheet]) -> str:
     """Tables for a LaTeX document that loads ``booktabs``."""
     blocks = []
     for sheet in sheets:
-        head, *lines = _lines(sheet, lambda cell: rf"\shortstack{{{r' \\ '.join(cell)}}}", " & ", _tex)
+        head, *lines = _lines(sheet, lambda cell: r"\shortstack{" + r" \\ ".join(cell) + "}", " & ", _tex)
         caption = _tex(f"{sheet.title}. {sheet.footnote} {sheet.explanation}")
         columns = f"l{'c' * len(sheet.headings)}"
         blocks.append(
