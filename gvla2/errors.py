@@ -19,13 +19,19 @@ class ConfigurationError(Gvla2Error):
     """The configuration asks for something impossible."""
 
 
+_MOST_LISTED = 60
+"""Maximum number of names in an error message."""
+
+
 class UnknownComponentError(ConfigurationError):
     """No plugin offers a component of the requested name."""
 
     def __init__(self, kind: str, asked: str, available: Iterable[str], note: str = "") -> None:
         names = sorted(available)
         hint = did_you_mean(asked, names)
-        listing = ", ".join(names) if names else "none at all"
+        listing = ", ".join(names[:_MOST_LISTED]) if names else "none at all"
+        if len(names) > _MOST_LISTED:
+            listing += f", ... ({len(names)} in all)"
         super().__init__(
             f"No {kind} named '{asked}'.{hint} Available: {listing}.{' ' + note if note else ''}"
         )

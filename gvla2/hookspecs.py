@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
+    from gvla2.planning.skill import Skill
     from gvla2.plugins.kinds import Kind
     from gvla2.reconstruction.contracts import (
         AxisCompensation,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from gvla2.record.tracker import Tracker, Viewer
     from gvla2.robot.backend import DepthCamera, RobotBackend
     from gvla2.robot.task import Task
-    from gvla2.skills.skill import Skill
 
 
 @hookspec

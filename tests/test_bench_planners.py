@@ -163,7 +163,7 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
         ([BOTH, "+planner_options.code_policies.samples=few"], "configured wrongly"),
         ([BOTH, "+planner_options.code_policies=3"], "give options: planner_options.code_policies.OPTION"),
         ([BOTH, "arms=['on']", "layouts=[3,200]"], r"layouts \[3\] are among the exploration_seeds"),
-        (["planners=[agent3d]", "+planner_options.agent3d.waypoints=x"], "waypoints is 'x'"),
+        (["planners=[agent3d]", "+planner_options.agent3d.tries=0"], "tries is 0"),
     ],
 )
 def test_what_cannot_be_compared_is_said_before_anything_runs(registry, tmp_path, units, overrides, message):

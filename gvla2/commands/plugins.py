@@ -16,12 +16,12 @@ from omegaconf import OmegaConf
 from gvla2.commands.tables import console, row, table
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
+from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry, load_plugins
 from gvla2.plugins.validation import structured
 from gvla2.record.text import printable
-from gvla2.skills.skill import Skill
 
 SKILL = "skill"
 """Skills are listed like a kind, but all of them are available at once: none is chosen."""

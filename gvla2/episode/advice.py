@@ -12,8 +12,7 @@ from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Bound, effect_from_json, reconciled
 from gvla2.planning.programs import Program
-from gvla2.skills.diagnosis import Signal
-from gvla2.skills.skill import Skill
+from gvla2.planning.skill import Signal, Skill
 from gvla2.skills.table import STANDARD
 
 

@@ -13,12 +13,11 @@ import numpy as np
 from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Ban, Bound, Effect, Order, as_shares, look_of
+from gvla2.planning.effects import BEFORE, Ban, Bound, Effect, Order, as_shares, look_of
 from gvla2.planning.scene import SceneObject
+from gvla2.planning.skill import EMPTY, Outcome, Reached, Signal, Skill
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2.skills.diagnosis import EMPTY, Outcome, Reached, Signal
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 CLEARANCE_MARGIN = 0.03
@@ -195,7 +194,7 @@ def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) 
         aside = float(np.linalg.norm(np.subtract(done.reached[:2], opened.reached[:2])))
         lower = opened.reached[2] - done.reached[2]
         if lower > DROP and aside < DROP and waypoint.stage and waypoint.stage != opened.stage:
-            order = Order(waypoint.stage, opened.stage, skill=plan.skill)
+            order = Order(f"{waypoint.stage}{BEFORE}{opened.stage}", skill=plan.skill)
             return Signal("opened_early", "the hand let go before it had put the object down", order)
     return None
 

@@ -21,9 +21,7 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, Planner, PlanRequest
 from gvla2.planning.effects import look_of, own_first
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.repair import repair
-from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.skill import Skill
+from gvla2.planning.skill import Skill
 
 _FAILED = (LanguageModelError, PlanningError)
 
@@ -71,7 +69,7 @@ class PlannerWithFallback:
         return record
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
-        """Check the plan; on findings repair it, ask its planner once more with them, then the fallback."""
+        """Check the plan; on findings ask its planner once more with them, then the fallback."""
         fallback = self.fallback
         author = fallback if fallback is not None and self._fallback_planned(record) else self.first
         record, report, may_fall_back = self._checked(record, author)
@@ -105,7 +103,7 @@ class PlannerWithFallback:
         self, record: EpisodeRecord, author: NamedPlanner
     ) -> tuple[EpisodeRecord, CheckReport, bool]:
         """The plan's report (the second plan's if the first was rejected), and whether the fallback may try."""
-        record, report = check_plan(record, self.arm)
+        report = check_plan(record, self.arm)
         if report.passed:
             return record, report, False
         first, reasons = record.planned.plan, report.reasons
@@ -123,8 +121,8 @@ class PlannerWithFallback:
         if first.fallback and not again.fallback:
             again = replace(again, fallback=first.fallback)
         note = f"The first plan was rejected ({'; '.join(reasons)}) and the planner asked again."
-        record, report = check_plan(_noted(replace(record, plan=again), note), self.arm)
-        return record, report, True
+        record = _noted(replace(record, plan=again), note)
+        return record, check_plan(record, self.arm), True
 
     def _answered(self, record: EpisodeRecord, planner: NamedPlanner) -> EpisodeRecord:
         """The record with one planner's answer; it is asked again if the first one is not a plan."""
@@ -177,35 +175,20 @@ class PlannerWithFallback:
         return ask(asked.planner, request, asked.name, self.seconds)
 
 
-def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckReport]:
-    """The report on the record's plan, and the record with the plan repaired if that made it pass."""
+def check_plan(record: EpisodeRecord, arm: Arm) -> CheckReport:
+    """The report of all checks on the record's plan, with the effects that apply to its theme."""
     given, observation = record.executable, record.seen.observation
-    effects = own_first(advice_for(record).effects, look_of(theme_of(record), given.scene))
-    lengths = handled_lengths(record)
-
-    def check(trajectory: Trajectory) -> CheckReport:
-        return check_trajectory(
-            trajectory,
-            given.scene,
-            arm,
-            observation.world_from_tcp,
-            observation.joints,
-            effects,
-            given.plan.parameters,
-            skill=given.plan.skill,
-            lengths=lengths,
-        )
-
-    report = check(given.trajectory)
-    if report.passed:
-        return record, report
-    repaired, repairs = repair(given.trajectory, report, given.scene, arm, observation.world_from_tcp)
-    if not repairs:
-        return record, report
-    second = replace(check(repaired), repairs=repairs)
-    if not second.passed:
-        return record, report
-    return replace(record, plan=replace(given.plan, trajectory=repaired)), second
+    return check_trajectory(
+        given.trajectory,
+        given.scene,
+        arm,
+        observation.world_from_tcp,
+        observation.joints,
+        own_first(advice_for(record).effects, look_of(theme_of(record), given.scene)),
+        given.plan.parameters,
+        skill=given.plan.skill,
+        lengths=handled_lengths(record),
+    )
 
 
 def _noted(record: EpisodeRecord, note: str) -> EpisodeRecord:

@@ -20,7 +20,7 @@ from gvla2.planning.effects import ON, Prior, as_shares, look_of, sides_of
 from gvla2.planning.programs import calls_program, kind_of, relative_steps, waypoints_program
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.scene_brief import unique_names
-from gvla2.skills.skill import Skill
+from gvla2.planning.skill import Skill
 from gvla2.skills.table import STANDARD
 
 TRANSCRIPT_LIMIT = 8000

@@ -46,12 +46,12 @@ from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
+from gvla2.planning.skill import Skill
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Components:
     """
 
     robot: RobotBackend
-    task: Task | None
+    task: Task | str | None
     perceiver: Perceiver
     geometry: GeometryComponents
     memory: Memory

@@ -13,7 +13,7 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.io.files import plain
 from gvla2.memory.contracts import MemoryEpisode, Verdict
 from gvla2.planning.contracts import Plan
-from gvla2.skills.skill import Skill
+from gvla2.planning.skill import Skill
 from gvla2.skills.table import STANDARD
 
 _SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")

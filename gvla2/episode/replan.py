@@ -12,9 +12,9 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import FloatArray
 from gvla2.memory.contracts import Learned
 from gvla2.planning.scene import Scene
+from gvla2.planning.skill import Skill
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 NO_MORE = ("not_started", "interrupted", "diverged")

@@ -30,8 +30,8 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.planning.effects import Prior, effect_from_json
+from gvla2.planning.skill import Skill
 from gvla2.plugins.registry import Registry
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")

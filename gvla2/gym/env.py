@@ -30,6 +30,7 @@ from gvla2.gym.spaces import (
 from gvla2.gym.stepping import JointStepper, WaypointStepper
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
+from gvla2.robot.backend import Truthful
 from gvla2.robot.task import Profile, TaskInstance
 
 INSTRUCTION = "instruction"
@@ -112,8 +113,9 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             )
         # As composed: recordings of two arms of one robot's name differ in them.
         self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
-        built = registry.build_all(root, ("task", "robot"))
-        self._names = (robot, task)
+        built = registry.build_all(root, ("robot", "task"))
+        self.robot_name = robot
+        """As in ``robot=``."""
         self._robot, self._task, self._profile = built["robot"], built["task"], profile
         self._pictures, self._speed, self.render_mode = obs_mode == "rgbd", speed, render_mode
         self._instance: TaskInstance | None = None
@@ -141,11 +143,6 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         """Kinematics and collision model of the robot."""
         arm: Arm = self._robot.arm
         return arm
-
-    @property
-    def robot_name(self) -> str:
-        """The robot's name, as in ``robot=``."""
-        return self._names[0]
 
     @property
     def shows_pictures(self) -> bool:
@@ -213,9 +210,10 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     def _lay_out(self, seed: int, instruction: str | None) -> WaypointStepper | JointStepper:
         instance = self._robot.reset(self._task, seed, instruction)
         if instance is None:
-            robot, task = self._names
+            instance = TaskInstance(instruction or "")
+        if not self._pictures and not isinstance(self._robot, Truthful):
             raise ConfigurationError(
-                f"The robot '{robot}' cannot lay out the task '{task}': choose a simulated one."
+                f"The robot '{self.robot_name}' does not expose the true state of its world: choose obs_mode='rgbd'."
             )
         if not self._pictures and len(instance.layout.bodies) > MOST_BODIES:
             raise ConfigurationError(

@@ -12,7 +12,7 @@ from gvla2.geometry.views import Observation
 from gvla2.gym.spaces import JointDeltas, WaypointActions
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.backend import RobotBackend, SuccessCheck, Truthful
+from gvla2.robot.backend import RobotBackend, SuccessCheck, Truthful, judge
 from gvla2.robot.driver import DriverState, Servo
 from gvla2.robot.report import WaypointReport
 from gvla2.robot.task import TaskInstance
@@ -118,13 +118,12 @@ class JointStepper:
     def __init__(
         self, robot: RobotBackend, actions: JointDeltas, instance: TaskInstance, seen: Observation
     ) -> None:
-        if not isinstance(robot, Servo) or not isinstance(robot, Truthful):
+        if not isinstance(robot, Servo):
             raise ConfigurationError(
                 f"The robot {type(robot).__name__} takes no joint targets from a policy: choose control='waypoint', or "
                 "a simulated arm (sapien_panda, sapien_piper, sapien_arm)."
             )
         self._robot, self._servo, self._actions, self._instance = robot, robot, actions, instance
-        self._truth = robot.true_state
         self._target = seen.joints
         self._seen: Observation | None = seen
         self.state = robot.servo(seen.joints, seen.gripper, 0.0)
@@ -146,9 +145,10 @@ class JointStepper:
         joints, opening = self._actions.target(action, self._target, self.state.joints)
         self.state = self._servo.servo(joints, opening, 1.0 / RATE)
         self._target, self._seen = joints, None
-        truth = self._truth()
-        if not any(reached(truth) for reached in self._instance.succeeded.values()):
-            return SuccessCheck(False, False)
+        if isinstance(self._robot, Truthful):
+            now = judge(self._instance, self._robot.true_state())
+            if now is not None and not (now.relaxed or now.strict):
+                return SuccessCheck(False, False)
         success_check = self._robot.success_check()
         self.state = self._servo.servo(self.state.joints, opening, 0.0)
         self._target = self.state.joints

@@ -238,13 +238,18 @@ def _one_object(
 
 def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
     """Share of the points (N, 3) visible in a picture that lie in a mask (H, W)."""
-    uv, _ = frame.view.camera.project(cloud)
-    inside = frame.view.camera.inside(uv)
-    columns, rows = np.floor(uv[inside]).astype(int).T
-    there = frame.points[rows, columns]
+    _, rows, columns = in_sight(frame, cloud)
+    return float(mask[rows, columns].mean()) if len(rows) >= 3 else 0.0
+
+
+def in_sight(frame: ViewFrame, points: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Which of points (N, 3) the picture shows, as indices (M,), and their rows (M,) and columns (M,)."""
+    uv, _ = frame.view.camera.project(points)
+    index = np.flatnonzero(frame.view.camera.inside(uv))
+    columns, rows = np.floor(uv[index]).astype(np.int64).T
     with np.errstate(invalid="ignore"):
-        shown = np.linalg.norm(there - cloud[inside], axis=1) < IN_SIGHT
-    return float(mask[rows[shown], columns[shown]].mean()) if shown.sum() >= 3 else 0.0
+        seen = np.linalg.norm(frame.points[rows, columns] - points[index], axis=1) < IN_SIGHT
+    return index[seen], rows[seen], columns[seen]
 
 
 def _whole_of(k: int, spread: Sequence[FloatArray]) -> int:

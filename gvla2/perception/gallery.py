@@ -1,4 +1,8 @@
-"""Registering a scan to the seen surface of an object: many coarse starts, the best refined, scored in all views."""
+"""Names of known objects: scans laid onto the seen surface of an object in every way that they can lie.
+
+Coarse rejection by size and colours, then a few hundred starts a scan, the best refined by iterated closest points, and
+all cameras judge the result.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -15,31 +19,44 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.perception.labels import Naming
-from gvla2.perception.scans import KnownScan, check_names, diameter, read_scans
+from gvla2.perception.scans import KnownScan, check_names, corners_of, diameter, read_scans
 from gvla2.planning.colours import appearance
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
-YAWS = 20
-"""Turns about the vertical tried for each resting pose."""
-COARSE, BACK, FINE = 60, 60, 260
-"""Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
-TRUNCATED = 0.02
-"""Metres at which a point's distance is truncated."""
+LEAST = 40
+"""Least seen points for an object to be recognised."""
+LEAST_SHARED = 0.12
+"""Overlap of the colour histograms below which a scan is not tried."""
 TALLER = 0.02
 """Metres by which a resting pose may differ in height from the seen surface."""
+TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
+"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
+COARSE, BACK, FINE = 60, 60, 260
+"""Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
+CHECKED = 40
+"""Starts of a scan that are checked in reverse."""
+POSES = 4
+"""Starts of a scan that are refined."""
+REFINED, THOROUGH = 10, 3
+"""Scans of which the best start is refined; and of these, the likeliest, of which all starts are."""
 ROUNDS = 14
+"""Iterations of closest points."""
+TRUNCATED = 0.02
+"""Metres at which a point's distance is truncated."""
 NEAR = 0.008
 """Metres between the placed scan and the measured depth within which a pixel shows the scan."""
 GAP = 0.012
 """Metres that the scan's surface lies before the measured depth when the camera looked through it."""
+BINS = 6
 
 
 @dataclass(frozen=True)
 class Seen:
     """An object's seen surface: ``points`` (N, 3) world, metres; the cameras with what each measured.
 
-    ``depths`` (H, W) metres, NaN where nothing is known, and ``looks`` (H, W, 3), see
-    :func:`~gvla2.planning.colours.appearance`, one a camera; ``table`` is the table's height there.
+    ``looks`` (N, 3) of the points, NaN where no camera shows one, see :func:`~gvla2.planning.colours.appearance`;
+    ``depths`` (H, W) metres, NaN where nothing is known, and ``images`` (H, W, 3) looks, one a camera; ``table`` is the
+    table's height.
     """
 
     points: FloatArray
@@ -58,7 +75,7 @@ class Fit:
     ``gap`` is the mean truncated distance of the seen points from the scan, ``residual`` the median one, metres;
     ``explained`` the share of seen points that lie on it; ``through`` the share of its surface that cameras looked
     through, or that would lie in the table; ``colour`` the mean difference of looks between its surface and the
-    pictures, over ``count`` compared points.
+    pictures.
     """
 
     scan: KnownScan
@@ -68,43 +85,40 @@ class Fit:
     explained: float
     through: float
     colour: float
-    count: int
 
 
-def coarse_starts(scan: KnownScan, seen: Seen, keep: int = 4) -> list[tuple[float, FloatArray]]:
-    """The best poses (4, 4) of a scan on the table with their mean distances, metres; empty if no resting pose has the
-    seen height.
+def coarse_starts(scan: KnownScan, seen: Seen) -> tuple[float, list[FloatArray]] | None:
+    """The best poses (4, 4) of a scan on the table and the best one's mean distance, metres.
+
+    None if no resting pose has the seen height.
     """
     top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
-    spread = seen.points[:: max(1, len(seen.points) // COARSE)]
+    heights = np.ptp(scan.corners @ scan.rests[:, 2].T, axis=0)
+    rests = scan.rests[np.abs(heights - top) <= TALLER]
+    if not len(rests):
+        return None
+    turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
+    lain = scan.corners @ turns.transpose(0, 2, 1)
+    low, high = lain.min(axis=1), lain.max(axis=1)
+    # The scan's own outline is laid where the seen outline is.
     middle = 0.5 * (seen.points[:, :2].min(axis=0) + seen.points[:, :2].max(axis=0))
-    poses: list[FloatArray] = []
-    for rest in scan.rests:
-        lain = scan.points @ rest.T
-        low, high = float(lain[:, 2].min()), float(lain[:, 2].max())
-        if abs(high - low - top) > TALLER:
-            continue
-        for yaw in np.arange(YAWS) * (2 * np.pi / YAWS):
-            turn = Rotation.from_euler("z", yaw).as_matrix() @ rest
-            # Where the seen outline is, the scan's own outline is laid.
-            flat = scan.points @ turn[:2].T
-            off = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-            poses.append(rigid(turn, [*(middle - off), seen.table - low]))
-    if not poses:
-        return []
-    there = np.stack([transform_points(invert_rigid(pose), spread) for pose in poses])
-    forth = np.minimum(scan.tree.query(there, distance_upper_bound=TRUNCATED)[0], TRUNCATED).mean(axis=1)
-    # Only half of the starts are checked in reverse: does the scan's upper side lie where something is seen?
-    order = np.argsort(forth, kind="stable")[: max(8, len(poses) // 2)]
-    gaps = forth.copy() + TRUNCATED
-    sample = np.arange(0, len(scan.points), max(1, len(scan.points) // (2 * BACK)))
-    for i in order:
-        upper = sample[scan.normals[sample] @ poses[i][2, :3] > 0.2][:BACK]
-        placed = transform_points(poses[i], scan.points[upper])
-        back = seen.tree.query(placed, distance_upper_bound=TRUNCATED)[0]
-        gaps[i] = forth[i] + float(np.minimum(back, TRUNCATED).mean()) if len(upper) else forth[i] + TRUNCATED
-    best = np.argsort(gaps, kind="stable")[:keep]
-    return [(float(gaps[i]), poses[i]) for i in best]
+    shifts = np.column_stack([middle - 0.5 * (low + high)[:, :2], seen.table - low[:, 2]])
+    spread = seen.points[:: max(1, len(seen.points) // COARSE)]
+    forth = _truncated(scan.tree, (spread - shifts[:, None]) @ turns).mean(axis=1)
+    # The best ones are checked in reverse: does the scan's upper side lie where something is seen?
+    checked = np.argsort(forth, kind="stable")[:CHECKED]
+    some = slice(None, None, max(1, len(scan.points) // (2 * BACK)))
+    placed = scan.points[some] @ turns[checked].transpose(0, 2, 1) + shifts[checked, None]
+    upper = turns[checked, 2] @ scan.normals[some].T > 0.2
+    back = (_truncated(seen.tree, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
+    gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
+    best = np.argsort(gaps, kind="stable")[:POSES]
+    return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
+
+
+def _truncated(tree: cKDTree, points: FloatArray) -> FloatArray:
+    """Distances of points (..., 3) from the nearest in a tree, at most :data:`TRUNCATED` metres."""
+    return np.minimum(np.asarray(tree.query(points, distance_upper_bound=TRUNCATED)[0]), TRUNCATED)
 
 
 def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
@@ -113,49 +127,41 @@ def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
     reach = TRUNCATED
     for _ in range(ROUNDS):
         local = transform_points(invert_rigid(pose), points)
-        gaps, nearest = nearest_on(scan, local)
+        gaps, nearest = scan.tree.query(local)
         used = gaps <= max(min(reach, float(np.percentile(gaps, 80))), 0.002)
         if used.sum() < 12:
             break
         target, normal = scan.points[nearest[used]], scan.normals[nearest[used]]
         centre = local[used].mean(axis=0)
         arms = local[used] - centre
-        rows = np.concatenate([np.cross(arms, normal), normal], axis=1)
-        wrong = np.einsum("ij,ij->i", local[used] - target, normal)
         # A little damping: on a ball or a can the turn about its axis is free.
         size = float(np.linalg.norm(arms, axis=1).mean()) + 1e-6
-        scaling = np.array([1 / size] * 3 + [1.0] * 3)
-        scaled = rows * scaling
-        normal_matrix = scaled.T @ scaled + 1e-2 * len(rows) * np.eye(6) * 0.1
-        step = scaling * np.linalg.solve(normal_matrix, -scaled.T @ wrong)
+        rows = np.concatenate([np.cross(arms, normal) / size, normal], axis=1)
+        wrong = np.einsum("ij,ij->i", local[used] - target, normal)
+        step = np.linalg.solve(rows.T @ rows + 1e-3 * len(rows) * np.eye(6), -rows.T @ wrong)
+        step[:3] /= size
         turn = Rotation.from_rotvec(np.clip(step[:3], -0.2, 0.2)).as_matrix()
-        moved = rigid(turn, centre - turn @ centre + step[3:])
-        pose = pose @ invert_rigid(moved)
+        pose = pose @ invert_rigid(rigid(turn, centre - turn @ centre + step[3:]))
         reach = max(0.006, 0.75 * reach)
         if np.abs(step[3:]).max() < 1e-4 and np.abs(step[:3]).max() < 2e-3:
             break
     return pose
 
 
-def nearest_on(scan: KnownScan, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Distances (N,) of points (N, 3) in the scan's frame from its nearest samples, and the samples' indices (N,)."""
-    gaps, nearest = scan.tree.query(points)
-    return np.asarray(gaps, dtype=np.float64), np.asarray(nearest, dtype=np.intp)
-
-
 def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
     local = transform_points(invert_rigid(pose), points)
-    gaps, nearest = nearest_on(scan, local)
+    gaps, nearest = scan.tree.query(local)
     # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
     flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
     off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)
     shown, through, differences = 0, 0, []
-    placed, turned = transform_points(pose, scan.points), scan.normals @ pose[:3, :3].T
+    placed, turned = transform_points(pose, scan.points[::2]), scan.normals[::2] @ pose[:3, :3].T
+    looks = scan.looks[::2]
     for camera, depths, image in zip(seen.cameras, seen.depths, seen.images, strict=True):
-        towards = np.einsum("ij,ij->i", turned, camera.position - placed)
-        facing = towards > 0.25 * np.linalg.norm(camera.position - placed, axis=1)
+        towards = camera.position - placed
+        facing = np.einsum("ij,ij->i", turned, towards) > 0.25 * np.linalg.norm(towards, axis=1)
         uv, z = camera.project(placed[facing])
         inside = camera.inside(uv)
         columns, rows = np.floor(uv[inside]).astype(int).T
@@ -163,35 +169,21 @@ def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
         here = np.abs(before) < NEAR
         shown += int(here.sum())
         through += int((before > GAP).sum())
-        differences.append(
-            np.stack([image[rows[here], columns[here]], scan.looks[facing][inside][here]], axis=1)
-        )
-    colour, count = _colour_gap(differences)
+        if here.sum() >= 5:
+            difference = image[rows[here], columns[here]] - looks[facing][inside][here]
+            difference[:, 2] -= np.median(difference[:, 2])  # each camera's exposure may be another
+            differences.append(np.linalg.norm(difference, axis=1))
+    colour = float(np.minimum(np.concatenate(differences), 60.0).mean()) if differences else 100.0
     sunk = float((placed[:, 2] < seen.table - NEAR).mean())  # nothing reaches into the table
     return Fit(
         scan,
         pose,
-        float(np.minimum(off, TRUNCATED).mean()),
-        float(np.median(off)),
-        float((off < 0.006).mean()),
-        through / max(1, through + shown) + sunk,
-        colour,
-        count,
+        gap=float(np.minimum(off, TRUNCATED).mean()),
+        residual=float(np.median(off)),
+        explained=float((off < 0.006).mean()),
+        through=through / max(1, through + shown) + sunk,
+        colour=colour,
     )
-
-
-def _colour_gap(pairs: Sequence[FloatArray]) -> tuple[float, int]:
-    """Median difference of looks (N, 2, 3) over all cameras; each camera's exposure may be another."""
-    gaps = []
-    for both in pairs:
-        if len(both) >= 10:
-            off = both[:, 0] - both[:, 1]
-            off[:, 2] -= np.median(off[:, 2])
-            gaps.append(np.linalg.norm(off, axis=1))
-    if not gaps:
-        return 100.0, 0
-    every = np.concatenate(gaps)
-    return float(np.mean(np.minimum(every, 60.0))), len(every)
 
 
 def seen_surface(
@@ -203,11 +195,10 @@ def seen_surface(
     looks = np.full(points.shape, np.nan)
     for camera, depth, image in zip(cameras, depths, images, strict=True):
         uv, z = camera.project(points)
-        inside = camera.inside(uv)
-        columns, rows = np.floor(uv[inside]).astype(int).T
-        own = np.nonzero(inside)[0][np.abs(depth[rows, columns] - z[inside]) < NEAR]
-        columns, rows = np.floor(uv[own]).astype(int).T
-        looks[own] = image[rows, columns]
+        index = np.flatnonzero(camera.inside(uv))
+        columns, rows = np.floor(uv[index]).astype(int).T
+        own = np.abs(depth[rows, columns] - z[index]) < NEAR
+        looks[index[own]] = image[rows[own], columns[own]]
     return Seen(points, looks, cKDTree(points), tuple(cameras), tuple(depths), tuple(images), table)
 
 
@@ -218,20 +209,6 @@ def without_strays(points: FloatArray, reach: float = 0.007, least: int = 4) -> 
     gaps = np.asarray(cKDTree(points).query(points, k=least + 1, distance_upper_bound=reach)[0])
     kept = np.isfinite(gaps[:, -1])
     return points[kept] if kept.sum() > 0.5 * len(points) else points
-
-
-def look_of(image: np.ndarray) -> FloatArray:
-    """(H, W, 3) looks of a picture of bytes."""
-    return appearance(image / 255.0)
-
-
-LEAST = 40
-"""Least seen points for an object to be recognised."""
-REFINED = 10
-"""Number of scans refined among those whose size and colours fit."""
-BINS = 6
-LEAST_SHARED = 0.12
-"""Overlap of the colour histograms below which a scan is not tried."""
 
 
 @dataclass(frozen=True)
@@ -262,25 +239,19 @@ that err; a wrong fit weighs three times a right one.
 
 
 class Gallery:
-    """A :class:`~gvla2.perception.labels.Labeller` that knows a folder of scans.
-
-    Raises :class:`ConfigurationError` for a folder without meshes and for duplicate names.
-    """
+    """A :class:`~gvla2.perception.labels.Labeller` that knows scans; :class:`ConfigurationError` for equal names."""
 
     source = "gallery"
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self._folder, self._scans = folder, tuple(read_scans(folder))
-        self._histograms = [histogram(scan.looks) for scan in self._scans]
+    def __init__(self, scans: Sequence[KnownScan]) -> None:
+        check_names(scans)
+        self._scans = tuple(scans)
+        self._histograms = [histogram(scan.looks) for scan in scans]
 
     @classmethod
-    def of(cls, scans: Sequence[KnownScan]) -> Gallery:
-        """A gallery of scans already read."""
-        check_names(scans)
-        made = cls.__new__(cls)
-        made._folder, made._scans = "", tuple(scans)
-        made._histograms = [histogram(scan.looks) for scan in scans]
-        return made
+    def read(cls, folder: str | os.PathLike[str]) -> Gallery:
+        """The scans in a folder; raises :class:`ConfigurationError` for one without meshes."""
+        return cls(read_scans(folder))
 
     def names(self, objects: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
         """One answer per object, in order."""
@@ -292,7 +263,7 @@ class Gallery:
             if view.robot_mask is not None:
                 hidden |= view.robot_mask
             depths.append(np.where(hidden, np.nan, depth))
-        images = [look_of(view.image) for view in views]
+        images = [appearance(view.image / 255.0) for view in views]
         answers = []
         for obj in objects:
             if len(obj.points) < LEAST:
@@ -302,25 +273,23 @@ class Gallery:
         return answers
 
     def name(self, seen: Seen) -> Naming:
-        """The name of a seen surface."""
+        """The name of a seen surface: a scan that is likelier than all others and "unknown" together."""
         fits = self.fits(seen)
         if not fits:
             return Naming("", 1.0, why="No scan in the gallery has its size and colours.")
-        best, odds = fits[0], [ODDS.of(fit) for fit in fits]
-        # Against all others and "unknown": a name must be likelier than the rest together.
-        rest = np.exp(np.clip(odds[1:], -30.0, 30.0)).sum()
-        first = float(np.exp(np.clip(odds[0], -30.0, 30.0)))
-        sure = first / (1.0 + first + float(rest))
-        nearest = f"Nearest: {best.scan.name}, {1e3 * best.residual:.0f} mm off."
+        best = fits[0]
+        first, *rest = np.exp(np.clip([ODDS.of(fit) for fit in fits], -30.0, 30.0)).tolist()
+        sure = first / (1.0 + first + sum(rest))
         if sure < 0.5:
-            return Naming("", 1.0 / (1.0 + first), why=nearest)
+            why = f"Nearest: {best.scan.name}, {1e3 * best.residual:.0f} mm off."
+            return Naming("", 1.0 / (1.0 + first), why=why)
         return Naming(best.scan.name, float(sure), known_shape(best))
 
     def fits(self, seen: Seen) -> list[Fit]:
         """The candidate scans, each at its best pose, likeliest first."""
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None
-        size = diameter(seen.points)
+        size = diameter(corners_of(seen.points))
         starts: list[tuple[float, KnownScan, list[FloatArray]]] = []
         for scan, colours in zip(self._scans, self._histograms, strict=True):
             if not 0.6 * scan.diameter - 0.01 < size < 1.05 * scan.diameter + 0.01:
@@ -328,13 +297,18 @@ class Gallery:
             if own is not None and np.minimum(own, colours).sum() < LEAST_SHARED:
                 continue
             if found := coarse_starts(scan, seen):
-                starts.append((found[0][0], scan, [pose for _, pose in found]))
-        starts.sort(key=lambda each: each[0])
-        best = []
-        for _, scan, poses in starts[:REFINED]:
-            tried = [judged(scan, seen, refined(scan, seen, pose)) for pose in poses]
-            best.append(max(tried, key=ODDS.of))
-        return sorted(best, key=ODDS.of, reverse=True)
+                starts.append((found[0], scan, found[1]))
+        starts = sorted(starts, key=lambda each: each[0])[:REFINED]
+
+        def best(scan: KnownScan, poses: list[FloatArray]) -> Fit:
+            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=ODDS.of)
+
+        fits = [(best(scan, poses[:1]), poses[1:]) for _, scan, poses in starts]
+        fits.sort(key=lambda each: ODDS.of(each[0]), reverse=True)
+        likeliest = [
+            fit if not more else max(fit, best(fit.scan, more), key=ODDS.of) for fit, more in fits[:THOROUGH]
+        ]
+        return sorted([*likeliest, *(fit for fit, _ in fits[THOROUGH:])], key=ODDS.of, reverse=True)
 
 
 def known_shape(fit: Fit) -> KnownShape:
@@ -349,6 +323,5 @@ def histogram(looks: FloatArray) -> FloatArray:
     inside = np.clip(looks, [-74.9, -74.9, 0.1], [74.9, 74.9, 49.9])
     counts = np.histogramdd(inside, edges)[0]
     for axis in range(3):
-        padded = np.moveaxis(np.pad(counts, [(1, 1) if a == axis else (0, 0) for a in range(3)]), axis, 0)
-        counts = np.moveaxis(padded[1:-1] + 0.5 * (padded[:-2] + padded[2:]), 0, axis)
+        counts = correlate1d(counts, [0.5, 1.0, 0.5], axis, mode="constant")
     return np.asarray(counts.ravel() / max(counts.sum(), 1e-9))

@@ -55,7 +55,7 @@ def labellers(options: NamingOptions) -> tuple[Labeller, ...]:
     if options.gallery:
         from gvla2.perception.gallery import Gallery
 
-        found.append(Gallery(options.gallery))
+        found.append(Gallery.read(options.gallery))
     if options.read_crops:
         from gvla2.perception.labels import CropReader
 

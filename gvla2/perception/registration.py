@@ -1,4 +1,4 @@
-"""Corrects inaccurate cameras' poses and depth scales so that they agree on the table and the objects on it.
+"""The table top, and corrections of inaccurate cameras so that they agree on it and on the objects on it.
 
 Each camera's error is a small turn and shift about its own centre and a scale of its depth, with a prior; the table
 top of all cameras is one plane, and points of what two cameras see lie on one surface. Gauss-Newton on all at once:
@@ -16,11 +16,22 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View, Views
-from gvla2.perception.frames import find_table
 from gvla2.planning.scene import Box
 
+BELOW = 0.15  # metres below the workspace within which the table is searched for
+HYPOTHESES, SAMPLE, SEED = 128, 3000, 0
+LEAST_POINTS, LEAST_SHARE = (
+    200,
+    0.1,
+)  # points in the workspace, and share of them on one level plane, for a table
+NO_ROOM = 50.0  # metres from the workspace where nothing is measured: depth in millimetres lies there
+MOST_TILT = np.deg2rad(15.0)
+SLICED = 2.0  # a steep plane with this multiple of the widest level plane's points is the table itself
+MOST_CORRECTION = 0.015  # metres between a camera's own table and the common one
+FLAT = 0.008  # metres from the table's plane within which points are its own
 PRIOR = np.array([0.003] * 3 + [0.0015] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
 AGREE = 0.001  # metres between the tables of cameras that need no correction
 BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; above it objects are
@@ -29,6 +40,131 @@ OFF_TABLE = 0.012  # metres above the table from which a point belongs to an obj
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
 MOST_PLANE, MOST_TABLE, MOST_THINGS, MOST_CLOUD = 5000, 300, 700, 12_000  # points of one camera
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
+
+
+@dataclass(frozen=True)
+class TablePlane:
+    """A nearly level plane ``normal`` . x = ``offset``; ``noise`` is its points' robust deviation, metres."""
+
+    normal: FloatArray
+    offset: float
+    noise: float
+
+    def frame(self, workspace: Box) -> FloatArray:
+        """(4, 4) table_from_world: its top at z = 0, z its normal, origin under the workspace's centre, x along x."""
+        x = np.cross([0.0, 1.0, 0.0], self.normal)
+        x = x / np.linalg.norm(x)
+        middle = 0.5 * (workspace.low + workspace.high)
+        axes = np.stack([x, np.cross(self.normal, x), self.normal], axis=1)
+        return invert_rigid(rigid(axes, [*middle[:2], self.height_over(workspace)]))
+
+    def height_at(self, x: float, y: float) -> float:
+        """World z of the plane there."""
+        return float((self.offset - self.normal[0] * x - self.normal[1] * y) / self.normal[2])
+
+    def height_over(self, workspace: Box) -> float:
+        """World z of the plane at the workspace's middle."""
+        x, y, _ = 0.5 * (workspace.low + workspace.high)
+        return self.height_at(float(x), float(y))
+
+    def onto(self, points: FloatArray, workspace: Box) -> FloatArray:
+        """(4, 4) the smallest motion of one camera's points (N, 3) that lays its own table onto this plane.
+
+        No motion for a camera that sees another surface there: its plane is far off, or steep.
+        """
+        near = _near(points, workspace)
+        near = near[np.abs(near @ self.normal - self.offset) < MOST_CORRECTION]
+        if len(near) < LEAST_POINTS:
+            return np.eye(4)
+        normal, offset = _settled(near, self.normal, float(np.median(near @ self.normal)))
+        middle = near.mean(axis=0)
+        middle = middle + (offset - normal @ middle) * normal  # on the camera's own plane
+        off = float(self.offset - self.normal @ middle)
+        axis = np.cross(normal, self.normal)
+        if np.linalg.norm(axis) >= 0.02 or abs(off) >= MOST_CORRECTION:
+            return np.eye(4)
+        turn = Rotation.from_rotvec(axis).as_matrix()  # small: the sine is the angle
+        return rigid(turn, middle - turn @ middle + off * self.normal)
+
+
+def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
+    """The widest nearly level plane under the workspace in points (N, 3) of some views: RANSAC over triples, then
+    least squares over the plane's own points. Raises :class:`PerceptionError` where there is none, or where the widest
+    plane is tilted by more than 15 degrees.
+    """
+    measured = np.concatenate(clouds)
+    points = _near(measured, workspace)
+    if len(points) < LEAST_POINTS:
+        away = measured - 0.5 * (workspace.low + workspace.high)
+        far = float(np.median(np.linalg.norm(away, axis=1))) if len(away) else 0.0
+        units = " Is the depth in metres?" if far > NO_ROOM else ""
+        raise PerceptionError(
+            f"Only {len(points)} of the measured points lie in the workspace {workspace.low} to {workspace.high}; "
+            f"a table top needs hundreds. Most are about {far:.3g} m away from its middle.{units} Check the cameras' "
+            "poses and the workspace."
+        )
+    rng = np.random.default_rng(SEED)
+    sample = points[rng.integers(0, len(points), SAMPLE)]
+    triples = sample[rng.integers(0, len(sample), (HYPOTHESES, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    level = (np.abs(normals[:, 2]) >= np.cos(MOST_TILT) * length) & (length > 1e-4)
+    steep = ~level & (length > 1e-4)
+    tilted, corners = normals[steep] / length[steep, None], triples[steep, 0]
+    normals = normals[level] / length[level, None] * np.sign(normals[level, 2:])
+    anchors = np.concatenate([triples[level, 0], sample[:64]])
+    normals = np.concatenate([normals, np.tile([0.0, 0.0, 1.0], (64, 1))])
+    offsets = np.einsum("ij,ij->i", normals, anchors)
+    held = _held(sample, normals, offsets)
+    best = int(np.argmax(held))
+    _check_tilt(tilted, _held(sample, tilted, np.einsum("ij,ij->i", tilted, corners)), int(held[best]))
+    normal, offset = _settled(points, normals[best], float(offsets[best]))
+    residual = np.abs(points @ normal - offset)
+    own = residual < FLAT
+    if own.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points)):
+        raise PerceptionError(
+            f"No level plane lies under the workspace: the best holds {int(own.sum())} of {len(points)} points."
+        )
+    return TablePlane(normal, offset, 1.4826 * float(np.median(residual[own])))
+
+
+def _near(points: FloatArray, workspace: Box) -> FloatArray:
+    """The points (N, 3) that lie above and slightly below the workspace."""
+    low = workspace.low - [0.0, 0.0, BELOW]
+    inside = np.ones(len(points), dtype=bool)
+    for axis, column in enumerate(points.T):  # much faster than all columns at once
+        inside &= (column >= low[axis]) & (column <= workspace.high[axis])
+    return np.asarray(points[inside])
+
+
+def _held(points: FloatArray, normals: FloatArray, offsets: FloatArray) -> NDArray[np.int64]:
+    """(P,) how many of points (N, 3) lie on each plane ``normals`` (P, 3) . x = ``offsets`` (P,)."""
+    return np.asarray((np.abs(points @ normals.T - offsets) < 0.006).sum(axis=0))
+
+
+def _check_tilt(normals: FloatArray, held: NDArray[np.int64], level: int) -> None:
+    """Raise :class:`PerceptionError` if one of the steep planes ``normals`` (P, 3), which hold ``held`` (P,) points, is
+    much wider than the widest ``level`` one: that one would be a slice of it.
+    """
+    if held.max(initial=0) > SLICED * level:
+        tilt = np.rad2deg(np.arccos(abs(normals[int(np.argmax(held)), 2])))
+        raise PerceptionError(
+            f"The widest plane under the workspace is tilted by {tilt:.0f} degrees; a table's top may be tilted by "
+            f"{np.rad2deg(MOST_TILT):.0f}. Check the cameras' poses: the z axis of their world must point up."
+        )
+
+
+def _settled(points: FloatArray, normal: FloatArray, offset: float) -> tuple[FloatArray, float]:
+    some = points[:: max(1, len(points) // 30_000)]
+    for width in (FLAT, 0.7 * FLAT, 0.5 * FLAT):
+        near = some[np.abs(some @ normal - offset) < width]
+        if len(near) < 30:
+            break
+        centre = near.mean(axis=0)
+        normal = np.linalg.eigh(np.cov((near - centre).T))[1][:, 0]
+        normal = normal * np.sign(normal[2] or 1.0)
+        offset = float(normal @ centre)
+    return normal, offset
 
 
 @dataclass(frozen=True)
@@ -58,7 +194,7 @@ class _Sight:
 def agreed(views: Views, workspace: Box) -> Views:
     """The views with their cameras' poses and their depth corrected; unchanged if their tables agree.
 
-    Raises :class:`~gvla2.errors.PerceptionError` if there is no level plane under the workspace.
+    Raises :class:`PerceptionError` if there is no level plane under the workspace.
     """
     clouds = [_points(view) for view in views]
     if sum(bool(np.isfinite(cloud).any()) for cloud in clouds) < 2:

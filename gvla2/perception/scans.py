@@ -39,8 +39,8 @@ class KnownScan:
 
     ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
     ``rests`` (K, 3, 3) turn it into resting poses on a table, likeliest first; ``middle`` (3,) is the box's middle in
-    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest distance within
-    it, metres.
+    the file's frame, metres; ``scale`` takes the file's units to metres; ``looks`` (M, 3) of the points; ``corners``
+    (H, 3) of the convex hull; ``diameter`` is the longest distance within it, metres.
     """
 
     name: str
@@ -53,15 +53,20 @@ class KnownScan:
     scale: float
     tree: cKDTree
     looks: FloatArray
+    corners: FloatArray
     diameter: float
 
 
-def diameter(points: FloatArray) -> float:
-    """The longest distance between two of the points (N, 3), however they are turned."""
+def corners_of(points: FloatArray) -> FloatArray:
+    """(H, 3) the corners of the convex hull of points (N, 3); some of the points if they are all in a plane."""
     try:
-        corners = points[ConvexHull(points).vertices]
+        return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
-        corners = points[:: max(1, len(points) // 500)]  # all in a plane
+        return points[:: max(1, len(points) // 500)]
+
+
+def diameter(corners: FloatArray) -> float:
+    """The longest distance between two of some points (H, 3), metres."""
     return float(pdist(corners).max()) if len(corners) > 1 else 0.0
 
 
@@ -114,10 +119,10 @@ def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
 def read_scan(name: str, path: Path) -> KnownScan:
     """One scan, prepared or from the cache."""
     arrays = cached_arrays(cache_folder() / "scans", _content(path), partial(_prepared, path))
+    points, corners = arrays["points"], corners_of(arrays["points"])
     return KnownScan(
-        name, str(path), arrays["points"], arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
-        float(arrays["scale"]), cKDTree(arrays["points"]), appearance(arrays["rgb"]),
-        diameter(arrays["points"]),
+        name, str(path), points, arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
+        float(arrays["scale"]), cKDTree(points), appearance(arrays["rgb"]), corners, diameter(corners),
     )  # fmt: skip
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-import signal
 import threading
-import time
 from collections.abc import Callable, Mapping
-from types import FrameType, NoneType
 from typing import Any, TypeVar, get_args
 
 from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
-from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import (
     Abstention,
     AbstentionKind,
@@ -29,15 +27,17 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 
 ABSURD = 10 * MAX_WAYPOINTS
-"""Longer trajectories are not checked waypoint by waypoint; up to here the checks say what is too many."""
+"""Longer trajectories are not checked waypoint by waypoint; up to here the checks report what is too many."""
+
+T = TypeVar("T")
 
 
 def perceive(
     perceiver: Perceiver, observation: Observation, instruction: str, workspace: Box, who: str
 ) -> Scene:
-    """The perceiver's scene, its arrays read-only, as are those that it is given.
+    """The perceiver's scene; its arrays are read-only, as are the ones that it is given.
 
-    Raises :class:`PerceptionError` when nothing is seen, and for an answer that is no scene of ``who``, the perceiver.
+    Raises :class:`PerceptionError` when nothing is seen, and for an answer of ``who``, the perceiver, that is no scene.
     """
     scene = perceiver.perceive(read_only(observation), instruction, read_only(workspace))
     try:
@@ -48,9 +48,9 @@ def perceive(
 
 
 def check_scene(scene: object) -> None:
-    """Whether this is a scene whose objects have ids of their own, rigid poses and finite sizes and points.
+    """Whether this is a scene whose objects have unique ids, rigid poses and finite sizes and points.
 
-    Raises :class:`ConformanceError`, which says what is not so.
+    Raises :class:`ConformanceError` with the first violation.
     """
     require_type(scene, Scene, "perceive()'s answer")
     assert isinstance(scene, Scene)
@@ -72,7 +72,7 @@ def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0)
     """The planner's plan, with valid types, finite numbers and a checkable number of waypoints.
 
     Raises :class:`PlannerTimeoutError` when ``name`` does not answer within ``seconds`` (0 waits for ever), and
-    :class:`PlanningError` for an answer that is not a plan. Whether the plan is good is for the checks to say.
+    :class:`PlanningError` for an answer that is not a plan. The checks decide whether the plan is good.
     """
     try:
         plan = within(seconds, lambda: planner.plan(request))
@@ -95,29 +95,29 @@ def fault_of_plan(plan: object) -> str:
     if plan.abstention is not None:
         kinds = get_args(AbstentionKind)
         known = plan.abstention.kind in kinds
-        return (
-            ""
-            if known
-            else f"an abstention of kind {plan.abstention.kind!r:.40}; kinds are {', '.join(kinds)}"
-        )
-    if not isinstance(trajectory, Trajectory | None):
-        return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
+        kind = f"{plan.abstention.kind!r:.40}; kinds are {', '.join(kinds)}"
+        return "" if known else f"an abstention of kind {kind}"
     if trajectory is None:
         return "neither a trajectory nor an abstention with its reason"
+    if not isinstance(trajectory, Trajectory):
+        return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
     if not _tuple_of(Waypoint)(trajectory.waypoints):
         return "a trajectory that is not a tuple of waypoints"
     if not trajectory.waypoints:
         return "a trajectory without waypoints; give the reason in an abstention"
     if len(trajectory) > ABSURD:
-        return f"a trajectory of {len(trajectory)} waypoints; at most {MAX_WAYPOINTS} can be carried out"
+        return f"a trajectory of {len(trajectory)} waypoints; at most {MAX_WAYPOINTS} can be executed"
     for index, waypoint in enumerate(trajectory):
         if problem := _misfit(waypoint, _WAYPOINT):
             return f"waypoint {index} ('{waypoint.stage!s:.40}') with {problem}"
     return ""
 
 
-def _misfit(answer: object, table: Mapping[str, tuple[Callable[[Any], bool], str]]) -> str:
-    """The first field that its test refuses, and what it should be; "" if there is none."""
+Fits = Callable[[Any], bool]
+
+
+def _misfit(answer: object, table: Mapping[str, tuple[Fits, str]]) -> str:
+    """The first field that fails its test, and what it should be; "" if there is none."""
     for name, (fits, wanted) in table.items():
         value = getattr(answer, name)
         if not fits(value):
@@ -125,15 +125,8 @@ def _misfit(answer: object, table: Mapping[str, tuple[Callable[[Any], bool], str
     return ""
 
 
-def _is(*kinds: type) -> Callable[[object], bool]:
-    return lambda value: isinstance(value, kinds)
-
-
-_text = _is(str)
-
-
-def _texts(values: object) -> bool:
-    return isinstance(values, tuple | list | frozenset) and all(isinstance(v, str) for v in values)
+def _text(value: object) -> bool:
+    return isinstance(value, str)
 
 
 def _finite(value: object) -> bool:
@@ -145,16 +138,16 @@ def _finite(value: object) -> bool:
 
 def _three(value: object) -> bool:
     """Whether it is a triple of numbers, not an array: waypoints are compared, which arrays do not support."""
-    return isinstance(value, tuple | list) and len(value) == 3 and all(_finite(v) for v in value)
+    return isinstance(value, tuple | list) and len(value) == 3 and all(map(_finite, value))
 
 
-def _mapping(values: Callable[[Any], bool]) -> Callable[[object], bool]:
+def _mapping(values: Fits) -> Fits:
     return lambda given: (
-        isinstance(given, Mapping) and all(_text(k) for k in given) and all(values(v) for v in given.values())
+        isinstance(given, Mapping) and all(map(_text, given)) and all(map(values, given.values()))
     )
 
 
-def _tuple_of(kind: type) -> Callable[[object], bool]:
+def _tuple_of(kind: type) -> Fits:
     return lambda values: isinstance(values, tuple) and all(isinstance(value, kind) for value in values)
 
 
@@ -165,97 +158,54 @@ def _scale(value: object) -> bool:
     return _finite(value[1]) and value[1] > 0.0
 
 
-def _turned(value: object) -> bool:
-    if not isinstance(value, Orientation) or not _text(value.policy):
-        return False
-    return _three(value.vector) and _three(value.closing)
+def _oriented(value: object) -> bool:
+    return isinstance(value, Orientation) and _three(value.vector) and _three(value.closing)
 
 
 def _guard(value: object) -> bool:
     return value is None or (isinstance(value, Guard) and _finite(value.force) and _finite(value.stall))
 
 
-_PLAN: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+_PLAN: Mapping[str, tuple[Fits, str]] = {
     "skill": (_text, "text"),
-    "fallback": (_text, "text"),
-    "notes": (_texts, "a tuple of texts"),
+    "notes": (_tuple_of(str), "a tuple of texts"),
     "roles": (_mapping(_text), "a mapping from text to text"),
     "parameters": (_mapping(_finite), "a mapping from names to finite numbers"),
     "scales": (_mapping(_scale), "a mapping from names to a side and its length"),
     "candidates": (_tuple_of(Candidate), "a tuple of Candidate"),
     "calls": (_tuple_of(SkillCall), "a tuple of SkillCall"),
     "remaining": (_tuple_of(SkillCall), "a tuple of SkillCall"),
-    "options": (_is(SkillOptions), "SkillOptions"),
-    "program": (_is(Program, NoneType), "a Program or None"),
+    "program": (lambda value: isinstance(value, Program | None), "a Program or None"),
     "transcript": (_tuple_of(Mapping), "a tuple of mappings"),
-    "abstention": (_is(Abstention, NoneType), "an Abstention or None"),
+    "abstention": (lambda value: isinstance(value, Abstention | None), "an Abstention or None"),
 }
 """What the fields of a plan must be, and how to say it; the trajectory comes after."""
 
-_WAYPOINT: Mapping[str, tuple[Callable[[Any], bool], str]] = {
-    **dict.fromkeys(("stage", "motion", "carries", "frame"), (_text, "text")),
+_WAYPOINT: Mapping[str, tuple[Fits, str]] = {
+    **dict.fromkeys(("stage", "motion", "carries"), (_text, "text")),
     **dict.fromkeys(("gripper", "speed", "tolerance", "dwell"), (_finite, "a finite number")),
     "xyz": (_three, "a tuple of three finite numbers"),
-    "allowed_contacts": (lambda ids: isinstance(ids, frozenset) and _texts(ids), "a frozenset of ids"),
-    "orientation": (_turned, "an Orientation of finite numbers"),
+    "allowed_contacts": (
+        lambda ids: isinstance(ids, frozenset) and all(map(_text, ids)),
+        "a frozenset of ids",
+    ),
+    "orientation": (_oriented, "an Orientation of finite numbers"),
     "guard": (_guard, "a Guard of finite numbers or None"),
 }
-
-
-T = TypeVar("T")
-
-AGAIN = 0.5
-"""Seconds after which code that swallowed the interrupt is interrupted again."""
 
 
 class DeadlineError(Gvla2Error):
     """The time limit was reached before an answer."""
 
 
-class _TimeUp(BaseException):
-    """A BaseException, so that code catching Exception cannot swallow it."""
-
-
 def within(seconds: float, function: Callable[[], T]) -> T:
     """The result of ``function``; raises :class:`DeadlineError` when it takes longer. 0 waits for ever.
 
-    In the main thread, if the system has alarms, the function is interrupted, whether computing in Python or waiting;
-    compiled code is interrupted once it returns to Python. Elsewhere it runs in its own thread, which is abandoned
-    after the limit.
+    With a limit, the function runs in a thread of its own; when the limit is reached, that thread is abandoned, and
+    interrupted as soon as it executes Python code.
     """
     if seconds <= 0:
         return function()
-    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
-        return _by_alarm(seconds, function)
-    return _in_thread(seconds, function)
-
-
-def _by_alarm(seconds: float, function: Callable[[], T]) -> T:
-    armed = True
-
-    def ring(_signal: int, _frame: FrameType | None) -> None:
-        if armed:
-            raise _TimeUp
-
-    began = time.monotonic()
-    before = signal.signal(signal.SIGALRM, ring)
-    left, interval = signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
-    try:
-        try:
-            return function()
-        finally:
-            armed = False
-    except _TimeUp:
-        raise DeadlineError(f"There was no answer within {seconds:g} s.") from None
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-        if left:  # another alarm continues
-            remaining = max(1e-3, left - (time.monotonic() - began))
-            signal.setitimer(signal.ITIMER_REAL, remaining, interval)
-
-
-def _in_thread(seconds: float, function: Callable[[], T]) -> T:
     answer: list[T] = []
     failed: list[BaseException] = []
 
@@ -271,5 +221,8 @@ def _in_thread(seconds: float, function: Callable[[], T]) -> T:
     if failed:
         raise failed[0]
     if not answer:
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(
+            ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit)
+        )
         raise DeadlineError(f"There was no answer within {seconds:g} s.")
     return answer[0]

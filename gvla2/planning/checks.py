@@ -28,7 +28,7 @@ from gvla2.planning.findings import (
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS, Trajectory, Waypoint
 
-UNRESOLVED = ("not_finite", "bad_orientation", "wrong_frame", "bad_motion")
+UNRESOLVED = ("not_finite", "bad_orientation", "bad_motion")
 """Faults of waypoints that the arm cannot be asked about."""
 
 
@@ -142,9 +142,10 @@ def check_memory(
             continue
         origin = f" (from {effect.source})" if effect.source else ""
         match effect:
-            case Order(earlier=earlier, later=later):
+            case Order():
                 orders += 1
                 if effect.broken_by(stages):
+                    earlier, later = effect.stages
                     message = (
                         f"The stage '{later}' comes before '{earlier}', the other way round than remembered{origin}; "
                         f"put '{earlier}' first."

@@ -1,7 +1,7 @@
 """Typed effects: how a remembered lesson changes a planner's parameters theta, and the limits that checks enforce.
 
-An effect is one of :class:`Bound`, :class:`Prior`, :class:`Ban` and :class:`Order`; memory keeps them as JSON
-(:meth:`Bound.to_json`, :func:`effect_from_json`). Values that scale with the object (how deep to grasp it) are
+An effect is one of :class:`Bound`, :class:`Prior`, :class:`Ban` and :class:`Order`; memory stores them as JSON
+(:func:`effect_from_json`). Values that scale with the object (how deep to grasp it) are
 remembered as shares of one of its sides, so that a lesson from a cube of 5 cm applies to one of 7 cm; those of the
 hand and the room stay in SI units. Objects that look alike are assumed to behave alike, until proven otherwise: how
 far a cap must be turned cannot be seen, that it is the gray lid of a red jar can.
@@ -10,9 +10,8 @@ far a cap must be turned cannot be seen, that it is the gray lid of a red jar ca
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 from gvla2.errors import PlanningError
@@ -24,41 +23,39 @@ SIDES = ("length", "width", "height")
 Scale = tuple[str, float]
 """One of :data:`SIDES` and its length, metres, > 0."""
 BEFORE = " before "
-"""Separates the two stages of an order in JSON."""
+"""Separates the two stages of an order."""
 PRIOR_STRENGTH = 2.0
 """Successes after which a prior's mean counts as much as the default."""
 ON = " on "
 """Separates the colours of a part and its whole in a look."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Lesson(ABC):
-    """What all effects have in common.
+@dataclass(frozen=True)
+class _Lesson:
+    """What all effects have in common: ``parameter`` is what the lesson is about.
 
-    ``skill`` limits it to one skill ("" is any); ``object`` is the look of the object that it was learnt on
+    ``skill`` limits it to one skill ("" is any); ``object`` is the look of the object that it was learned on
     (:func:`look_of`), "" for any; ``source`` is the id of the memory record that it comes from.
     """
 
     kind: ClassVar[str]
-    skill: str = ""
-    object: str = ""
-    source: str = ""
+    parameter: str
+    skill: str = field(default="", kw_only=True)
+    object: str = field(default="", kw_only=True)
+    source: str = field(default="", kw_only=True)
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object; fields that are empty are left out, except ``skill`` and ``source``."""
-        look = {"object": self.object} if self.object else {}
-        return {"kind": self.kind, **self._own(), "skill": self.skill, "source": self.source, **look}
-
-    @abstractmethod
-    def _own(self) -> dict[str, Any]:
-        """The fields of this kind alone, as JSON."""
+        """As a JSON object; an empty ``object`` or ``scale`` is left out."""
+        own = {
+            name: value for name, value in asdict(self).items() if value or name not in ("object", "scale")
+        }
+        return {"kind": self.kind, **own}
 
 
 @dataclass(frozen=True)
 class _Measured(_Lesson):
     """A lesson about a number: in the parameter's own unit, or in shares of the side ``scale`` of the object."""
 
-    parameter: str
     value: float
     scale: str = field(default="", kw_only=True)
 
@@ -76,10 +73,6 @@ class _Measured(_Lesson):
         """The effect multiplied by ``factor``, in shares of ``scale``."""
         return replace(self, value=self.value * factor, scale=scale)
 
-    def _own(self) -> dict[str, Any]:
-        scale = {"scale": self.scale} if self.scale else {}
-        return {"parameter": self.parameter, "value": self.value, **scale}
-
 
 @dataclass(frozen=True)
 class Bound(_Measured):
@@ -91,9 +84,6 @@ class Bound(_Measured):
     def clamped(self, value: float) -> float:
         """The allowed value nearest to ``value``, if the bound is in the parameter's own unit."""
         return max(value, self.value) if self.op == ">=" else min(value, self.value)
-
-    def _own(self) -> dict[str, Any]:
-        return {**super()._own(), "op": self.op}
 
 
 @dataclass(frozen=True)
@@ -108,45 +98,41 @@ class Prior(_Measured):
         """The prior multiplied by ``factor``, in shares of ``scale``."""
         return replace(super().scaled(factor, scale), sd=self.sd * factor)
 
-    def _own(self) -> dict[str, Any]:
-        return {**super()._own(), "sd": self.sd, "count": self.count}
-
 
 @dataclass(frozen=True)
 class Ban(_Lesson):
-    """The named ``approach`` (for example "approach:top") must not be used."""
+    """The approach ``parameter`` (for example "approach:top") must not be used."""
 
     kind: ClassVar[str] = "forbid"
-    approach: str
-
-    def _own(self) -> dict[str, Any]:
-        return {"parameter": self.approach}
 
 
 @dataclass(frozen=True)
 class Order(_Lesson):
-    """If a plan has both stages, the first ``earlier`` comes before the first ``later``."""
+    """If a plan has both stages of ``parameter``, "A before B", its first A comes before its first B."""
 
     kind: ClassVar[str] = "order"
-    earlier: str
-    later: str
+
+    @property
+    def stages(self) -> tuple[str, str]:
+        """The earlier and the later stage; raises :class:`ValueError` if it does not name two."""
+        earlier, _, later = (stage.strip() for stage in self.parameter.partition(BEFORE))
+        if not (earlier and later):
+            raise ValueError(f"does not say 'A{BEFORE}B'")
+        return earlier, later
 
     def broken_by(self, stages: Sequence[str]) -> bool:
         """Whether a plan's ``stages``, in order, have both and the later one first.
 
         It does not apply to a plan without one of them: other planners name their stages differently.
         """
-        if self.earlier not in stages or self.later not in stages:
-            return False
-        return list(stages).index(self.later) < list(stages).index(self.earlier)
-
-    def _own(self) -> dict[str, Any]:
-        return {"parameter": f"{self.earlier}{BEFORE}{self.later}"}
+        earlier, later = self.stages
+        return {earlier, later} <= set(stages) and stages.index(later) < stages.index(earlier)
 
 
 Effect = Bound | Prior | Ban | Order
-_KINDS = ("bound", "prior", "forbid", "order", "program")
-_FIELDS = {"kind", "parameter", "value", "op", "sd", "count", "scale", "skill", "object", "source"}
+_KINDS: Mapping[str, type[Effect]] = {one.kind: one for one in (Bound, Prior, Ban, Order)}
+_NUMBERS = ("value", "sd", "count")
+_FIELDS = {"kind", *(f.name for one in _KINDS.values() for f in fields(one))}
 
 
 def effect_from_json(data: Mapping[str, Any], source: str = "") -> Effect | Program:
@@ -160,52 +146,29 @@ def effect_from_json(data: Mapping[str, Any], source: str = "") -> Effect | Prog
         return _parsed(data, source)
     except (TypeError, ValueError) as error:
         raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300} {error}.") from None
-    except KeyError as missing:
-        message = f"lacks {missing}, which an effect of this kind needs"
-        raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300} {message}.") from None
 
 
 def _parsed(data: Mapping[str, Any], source: str) -> Effect:
+    kind = _KINDS.get(str(data.get("kind")))
+    if kind is None:
+        raise ValueError(f"has the kind {data.get('kind')!r}; there are {', '.join(_KINDS)}, program")
     if unknown := set(data) - _FIELDS:
         raise ValueError(f"has unknown fields: {', '.join(sorted(map(str, unknown)))}")
-    kind, about, parameter = data.get("kind"), {}, data["parameter"]
-    for name in ("skill", "object"):
-        about[name] = _text(data.get(name, ""), name)
-    about["source"] = source or _text(data.get("source", ""), "source")
-    _text(parameter, "parameter")
-    scale = data.get("scale", "")
-    if scale not in ("", *SIDES):
-        raise ValueError(f"has the scale {scale!r}; there are {', '.join(SIDES)}")
-    match kind:
-        case "bound":
-            if data["op"] not in (">=", "<="):
-                raise ValueError(f"has the op {data['op']!r}; it is >= or <=")
-            return Bound(parameter, _number(data["value"]), data["op"], scale=scale, **about)
-        case "prior":
-            spread = _number(data.get("sd", 0.0))
-            return Prior(
-                parameter, _number(data["value"]), _number(data["count"]), spread, scale=scale, **about
-            )
-        case "forbid":
-            return Ban(parameter, **about)
-        case "order":
-            earlier, _, later = (stage.strip() for stage in parameter.partition(BEFORE))
-            if not (earlier and later):
-                raise ValueError(f"does not say 'A{BEFORE}B'")
-            return Order(earlier, later, **about)
-    raise ValueError(f"has the kind {kind!r}; there are {', '.join(_KINDS)}")
-
-
-def _text(value: Any, name: str) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"has a {name} that is not text")
-    return value
-
-
-def _number(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError("has a value that is not a finite number")
-    return value
+    given = {f.name: data[f.name] for f in fields(kind) if f.name in data}
+    for name, value in given.items():
+        if name not in _NUMBERS and not isinstance(value, str):
+            raise ValueError(f"has a {name} that is not text")
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if name in _NUMBERS and not number:
+            raise ValueError(f"has a {name} that is not a finite number")
+    if kind is Bound and data.get("op") not in (">=", "<="):
+        raise ValueError(f"has the op {data.get('op')!r}; it is >= or <=")
+    if given.get("scale", "") not in ("", *SIDES):
+        raise ValueError(f"has the scale {given['scale']!r}; there are {', '.join(SIDES)}")
+    effect = kind(**given | ({"source": source} if source else {}))
+    if isinstance(effect, Order):
+        effect.stages  # noqa: B018 - raises ValueError
+    return effect
 
 
 def as_shares(effect: Effect, scales: Mapping[str, Scale]) -> Effect:
@@ -247,26 +210,13 @@ def own_first(effects: Iterable[Effect], look: str) -> tuple[Effect, ...]:
     are the best guess. Effects without a look stay.
     """
     given = tuple(effects)
-    own = [(_subject(one), one.skill) for one in given if look and one.object == look]
+    own = [(one.parameter, one.skill) for one in given if look and one.object == look]
 
     def replaced(effect: Effect) -> bool:
-        return any(
-            _subject(effect) == name and ("" in (effect.skill, skill) or effect.skill == skill)
-            for name, skill in own
-        )
+        skills = [skill for name, skill in own if name == effect.parameter]
+        return any("" in (effect.skill, skill) or effect.skill == skill for skill in skills)
 
     return tuple(one for one in given if one.object in ("", look) or not replaced(one))
-
-
-def _subject(effect: Effect) -> str:
-    """What an effect is about: a parameter, an approach or two stages."""
-    match effect:
-        case Bound() | Prior():
-            return effect.parameter
-        case Ban():
-            return effect.approach
-        case Order():
-            return f"{effect.earlier}{BEFORE}{effect.later}"
 
 
 def reconciled(effects: Iterable[Effect]) -> tuple[Effect, ...]:

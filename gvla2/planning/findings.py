@@ -35,7 +35,7 @@ FindingKind = Literal[
     "",
     "unchecked",
     # schema
-    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", "wrong_frame", "bad_motion", "not_finite",
+    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", "bad_motion", "not_finite",
     "not_positive", "negative", "bad_guard", "bad_orientation",
     # workspace
     "outside_workspace", "table_margin", "segment_too_long", "too_fast",
@@ -110,10 +110,9 @@ class Findings:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """All findings of all six checks, and the changes of a repair before them (plain sentences)."""
+    """All findings of all six checks."""
 
     findings: tuple[Finding, ...] = ()
-    repairs: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:

@@ -8,7 +8,7 @@ and millimetres of the present scene.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -34,10 +34,8 @@ LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
 _NAME = re.compile(r"\{(\w{1,20})\}")
 _SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
-_CARRIED = re.compile(r"(-?\d{1,4})c")
 _LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
 """A line of a program of calls; a remembered one is untrusted."""
-_NOBODY: Mapping[str, Collection[str]] = {}
 FARTHEST = 2000.0
 """Largest length of a waypoint, millimetres."""
 
@@ -50,8 +48,7 @@ class Program:
     * ``waypoints``: a step is ``["{theme}", dx, dy, up, g]``, from the middle of the object's top to the tool in
       millimetres, x away from the robot, y to its left; or ``["{theme}", "{goal}", along, up, g]``, along from the
       first object's middle towards the second's. A length may be a share: ``"-0.5h"`` of the first object's height,
-      ``"0.4w"`` of its longer level side; while something is carried, ``"5c"`` is the height of its lower end above
-      the first object, so that a taller object is carried higher. ``g`` is the hand's opening in [0, 1].
+      ``"0.4w"`` of its longer level side. ``g`` is the hand's opening in [0, 1].
 
     ``roles`` gives the kinds of objects in the roles ("red cup cylinder"), ``instruction`` is the one it was written
     for.
@@ -96,7 +93,7 @@ class Program:
         )
 
 
-def role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
+def _role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
     """A role for each of the ids of a program: the plan's own, then third, fourth and so on."""
     named = {i: role for role, i in roles.items() if role in ("theme", "goal")}
     spare = iter(FURTHER)
@@ -115,32 +112,27 @@ def calls_program(lines: Sequence[str], ids: Mapping[str, str], scene: Scene, **
     """
     words = re.compile(r"[A-Za-z_]\w*")
     used = [ids[w] for line in lines for w in words.findall(line) if w in ids]
-    roles = role_names(used, about.pop("roles", {}))
-    steps = [words.sub(lambda m: _braced(roles, ids, m.group()), line) for line in lines]
+    roles = _role_names(used, about.pop("roles", {}))
+    steps = [
+        words.sub(lambda m: "{" + roles[ids[m.group()]] + "}" if m.group() in ids else m.group(), line)
+        for line in lines
+    ]
     return Program("calls", tuple(steps), {roles[i]: kind_of(scene[i]) for i in roles}, **about)
 
 
 def waypoints_program(steps: Sequence[Sequence[Any]], scene: Scene, **about: Any) -> Program:
     """A program of waypoints from steps with scene ids for names and millimetres for lengths."""
     used = [part for step in steps for part in step[:2] if isinstance(part, str)]
-    roles = role_names(used, about.pop("roles", {}))
+    roles = _role_names(used, about.pop("roles", {}))
     general = [_generalised(step, roles, scene[step[0]]) for step in steps]
-    if (take := _taking(steps)) is not None:
-        below = _below(steps[take], scene[steps[take][0]])
-        for k in range(take + 1, len(steps)):
-            if steps[k][0] != steps[take][0]:
-                general[k] = (*general[k][:-2], f"{steps[k][-2] - below:.0f}c", general[k][-1])
     return Program("waypoints", tuple(general), {roles[i]: kind_of(scene[i]) for i in roles}, **about)
 
 
-def bind(
-    program: Program, scene: Scene, instruction: str, meant: Mapping[str, Collection[str]] = _NOBODY
-) -> dict[str, str]:
+def bind(program: Program, scene: Scene, instruction: str) -> dict[str, str]:
     """Role to the id of the object of this scene that fits it best; roles without a fit are left out.
 
     Kinds are compared by the words of label and shape, ignoring colours; among equals the best match with the
-    instruction's words is taken, then the first in the scene. No object has two roles. ``meant``: the ids that the
-    instruction gives for a role, which no other object then gets.
+    instruction's words is taken, then the first in the scene. No object has two roles.
     """
     said = set(re.findall(r"\w+", instruction.casefold()))
     bound: dict[str, str] = {}
@@ -148,11 +140,10 @@ def bind(
         words = kind.casefold().split()
         best: tuple[float, str] = (0.0, "")
         for obj in scene.objects:
-            if obj.id in bound.values() or obj.id not in (meant.get(role) or {obj.id}):
-                continue
             own = set(kind_of(obj).casefold().split()) - {obj.colour.casefold()}
             alike = len(own & set(words)) / max(1, len(own))
-            if alike < 0.5 or (obj.shape == "region") != ("region" in words):
+            taken = obj.id in bound.values()
+            if taken or alike < 0.5 or (obj.shape == "region") != ("region" in words):
                 continue
             named = len(said & {*obj.label.casefold().split(), obj.colour.casefold()} - {""})
             best = max(best, (alike + named, obj.id), key=lambda b: b[0])
@@ -162,40 +153,31 @@ def bind(
 
 
 def adapted(
-    program: Program,
-    scene: Scene,
-    names: Mapping[str, str],
-    instruction: str,
-    meant: Mapping[str, Collection[str]] = _NOBODY,
+    program: Program, scene: Scene, names: Mapping[str, str], instruction: str
 ) -> tuple[Any, ...] | None:
     """The steps with the names (by id) and millimetres of this scene; None if a role has no fitting object."""
-    bound = bind(program, scene, instruction, meant)
+    bound = bind(program, scene, instruction)
     if set(program.roles) - set(bound):
         return None
-    named = {role: names[i] for role, i in bound.items()}
+
+    def named(text: str) -> str:
+        return _NAME.sub(lambda m: names[bound[m.group(1)]], text)
+
     if program.language == "calls":
-        return tuple(_NAME.sub(lambda m: named.get(m.group(1), m.group(1)), step) for step in program.steps)
-    found: list[tuple[Any, ...]] = []
-    take = _taking(program.steps)
-    for step in program.steps:
-        role = _NAME.fullmatch(step[0])
-        if role is None or any(
-            r not in bound for part in step if isinstance(part, str) for r in _NAME.findall(part)
-        ):
-            return None
-        obj = scene[bound[role.group(1)]]
-        if (above := _CARRIED.fullmatch(str(step[-2]))) is not None:
-            if take is None or len(found) <= take:
-                return None
-            carried = scene[bound[program.steps[take][0][1:-1]]]
-            step = (*step[:-2], round(float(above.group(1)) + _below(found[take], carried)), step[-1])
-        found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
-                           else _absolute(part, obj) for part in step))  # fmt: skip
-    return tuple(found)
+        return tuple(map(named, program.steps))
 
+    def absolute(part: Any, obj: SceneObject) -> Any:
+        if not isinstance(part, str):
+            return part
+        share = _SHARE.fullmatch(part)
+        if share is None:
+            return named(part)
+        height, length = _sizes(obj)
+        return round(float(share.group(1)) * (height if share.group(2) == "h" else length))
 
-def _braced(roles: Mapping[str, str], ids: Mapping[str, str], word: str) -> str:
-    return "{" + roles[ids[word]] + "}" if word in ids else word
+    return tuple(
+        tuple(absolute(part, scene[bound[step[0][1:-1]]]) for part in step) for step in program.steps
+    )
 
 
 def _is_line(step: Any, roles: frozenset[str]) -> bool:
@@ -207,8 +189,7 @@ def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
         return False
 
     def is_role(part: Any) -> bool:
-        found = _NAME.fullmatch(part) if isinstance(part, str) else None
-        return found is not None and found.group(1) in roles
+        return isinstance(part, str) and part[:1] + part[-1:] == "{}" and part[1:-1] in roles
 
     def is_length(part: Any) -> bool:
         if isinstance(part, str):
@@ -216,15 +197,9 @@ def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
         return isinstance(part, int | float) and not isinstance(part, bool) and abs(part) <= FARTHEST
 
     first, second, along, up, opening = step
-    return (
-        is_role(first)
-        and (is_role(second) or is_length(second))
-        and is_length(along)
-        and (is_length(up) or (isinstance(up, str) and _CARRIED.fullmatch(up) is not None))
-        and is_length(opening)
-        and not isinstance(opening, str)
-        and 0.0 <= opening <= 1.0
-    )
+    lengths = [along, up, opening, *([] if is_role(second) else [second])]
+    sized = is_role(first) and all(map(is_length, lengths))
+    return sized and not isinstance(opening, str) and 0.0 <= opening <= 1.0
 
 
 def _generalised(step: Sequence[Any], roles: Mapping[str, str], obj: SceneObject) -> tuple[Any, ...]:
@@ -238,25 +213,6 @@ def _generalised(step: Sequence[Any], roles: Mapping[str, str], obj: SceneObject
         for v in middle
     ]  # fmt: skip
     return ("{" + roles[name] + "}", *aside, low, g)
-
-
-def _taking(steps: Sequence[Sequence[Any]]) -> int | None:
-    """The index of the waypoint where an open hand closes; None if it never does."""
-    return next((k for k in range(1, len(steps)) if steps[k][-1] < 0.5 <= steps[k - 1][-1]), None)
-
-
-def _below(step: Sequence[Any], obj: SceneObject) -> float:
-    """How far the lower end of an object is below the tool that takes it at ``step``, millimetres."""
-    return _sizes(obj)[0] + float(step[-2])
-
-
-def _absolute(part: Any, obj: SceneObject) -> Any:
-    """Millimetres of a length that may be a share of the object's size."""
-    share = _SHARE.fullmatch(part) if isinstance(part, str) else None
-    if share is None:
-        return part
-    height, length = _sizes(obj)
-    return round(float(share.group(1)) * (height if share.group(2) == "h" else length))
 
 
 def _sizes(obj: SceneObject) -> tuple[float, float]:

@@ -124,19 +124,6 @@ class SceneObject:
         flat = [axes[:, i] * [1.0, 1.0, 0.0] for i in range(3) if abs(axes[2, i]) < 0.5]
         return [sign * a / np.linalg.norm(a) for a in flat for sign in (1.0, -1.0)]
 
-    def keypoints(self) -> dict[str, FloatArray]:
-        """Named 3D points (3,) that give a planner extent and pose: the P_i of the paper."""
-        centre, axes, half = self.centre, self.world_from_object[:3, :3], 0.5 * self.extents
-        long_axis = int(np.argmax(self.extents[:2]))
-        reach = axes[:, long_axis] * half[long_axis]
-        return {
-            "centre": centre,
-            "top": centre + np.array([0.0, 0.0, self.top - centre[2]]),
-            "bottom": centre + np.array([0.0, 0.0, self.bottom - centre[2]]),
-            "end_a": centre - reach,
-            "end_b": centre + reach,
-        }
-
 
 @dataclass(frozen=True)
 class Scene:

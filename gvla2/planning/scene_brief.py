@@ -12,9 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count
 
-import numpy as np
-
-from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import RELATIONS
 from gvla2.planning.scene import Scene, SceneObject
 
@@ -51,15 +48,14 @@ class SceneBrief:
         return " ".join(words.split())
 
 
-def scene_brief(scene: Scene, *, positions: bool = True, points: int = 0) -> SceneBrief:
+def scene_brief(scene: Scene, *, positions: bool = True) -> SceneBrief:
     """One line per object of the scene, in order: name, size and place in millimetres above the table.
 
     A part's name includes its whole's (``lid_of_lime_jar``), and equal names are numbered from the robot's left to its
-    right. ``points`` > 0 adds that many surface points of each object, spread over it (the P_i of the paper's X_t). Two
-    cubes take about 55 tokens.
+    right. Two cubes take about 55 tokens.
     """
     names = unique_names(scene)
-    lines = [_line(o, names[o.id], scene, positions, points) for o in scene.objects]
+    lines = [_line(o, names[o.id], scene, positions) for o in scene.objects]
     return SceneBrief("\n".join(lines), {name: i for i, name in names.items()}, names)
 
 
@@ -67,28 +63,13 @@ def unique_names(scene: Scene) -> dict[str, str]:
     """A name for each object's id: its label, with that of the whole for a part, numbered if it is not unique."""
     labels = {o.id: _plain(o.label) or o.shape for o in scene.objects}
     plain = {o.id: _full_name(o, labels) for o in scene.objects}
-    names: dict[str, str] = {}
-    used = {name for name in plain.values() if list(plain.values()).count(name) == 1}
-    for name in dict.fromkeys(plain.values()):
-        alike = [o for o in scene.objects if plain[o.id] == name]
-        alike.sort(key=lambda o: -float(o.centre[1]))
-        numbered = (each for k in count(1) if (each := f"{name}_{k}") not in used)
-        for obj in alike:
-            names[obj.id] = name if len(alike) == 1 else next(numbered)
-            used.add(names[obj.id])
+    given = list(plain.values())
+    names = {i: name for i, name in plain.items() if given.count(name) == 1}
+    for obj in sorted(scene.objects, key=lambda o: -float(o.centre[1])):
+        if obj.id not in names:
+            numbered = (f"{plain[obj.id]}_{k}" for k in count(1))
+            names[obj.id] = next(each for each in numbered if each not in names.values())
     return {o.id: names[o.id] for o in scene.objects}
-
-
-def spread_points(points: FloatArray, most: int) -> FloatArray:
-    """At most ``most`` of the (N, 3) ``points``, each farthest from those before; the first is the outermost."""
-    if len(points) <= most:
-        return points
-    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
-    gaps = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < most:
-        chosen.append(int(np.argmax(gaps)))
-        gaps = np.minimum(gaps, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return points[chosen]
 
 
 def _full_name(obj: SceneObject, labels: Mapping[str, str]) -> str:
@@ -103,7 +84,7 @@ def _full_name(obj: SceneObject, labels: Mapping[str, str]) -> str:
     return f"{own}_of_{whole}"[:LONGEST_NAME].rstrip("_")
 
 
-def _line(obj: SceneObject, name: str, scene: Scene, positions: bool, points: int) -> str:
+def _line(obj: SceneObject, name: str, scene: Scene, positions: bool) -> str:
     words = [name]
     length, width, height = _sizes(obj)
     flat = obj.shape == "region"
@@ -121,10 +102,6 @@ def _line(obj: SceneObject, name: str, scene: Scene, positions: bool, points: in
         words.append("(unsure)")
     if obj.named_by:
         words.append(f"(name {100 * obj.sureness:.0f}% sure)")
-    if points > 0:
-        low = np.array([0.0, 0.0, scene.table_height])
-        some = [",".join(str(_mm(v)) for v in p) for p in spread_points(obj.points, points) - low]
-        words.append("points " + " ".join(some))
     return " ".join(words)
 
 

@@ -15,7 +15,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 
 MIN_WAYPOINTS, MAX_WAYPOINTS = 2, 20
 WaypointFault = Literal[
-    "wrong_frame", "bad_motion", "not_finite", "not_positive", "negative", "bad_guard", "bad_orientation"
+    "bad_motion", "not_finite", "not_positive", "negative", "bad_guard", "bad_orientation"
 ]
 
 
@@ -105,7 +105,7 @@ class Guard:
 class Waypoint:
     """One stop of the tool centre point.
 
-    ``xyz`` in metres, world ``frame``; ``gripper`` opening in [0, 1], reached after arriving; ``speed`` of the tool in
+    ``xyz`` in metres, world frame; ``gripper`` opening in [0, 1], reached after arriving; ``speed`` of the tool in
     m/s; ``stage`` names the phase ("approach", "grasp", "lift"); ``motion`` is ``free`` (planned around obstacles) or
     ``linear`` (a straight line of the tool); ``allowed_contacts`` are ids of scene objects, or "table", that the hand
     may touch on the way; ``tolerance`` of position in metres. ``carries`` is the id of the object in the hand on the
@@ -122,14 +122,11 @@ class Waypoint:
     allowed_contacts: frozenset[str] = frozenset()
     carries: str = ""
     tolerance: float = 0.01
-    frame: str = "world"
     guard: Guard | None = None
     dwell: float = 0.0
 
     def faults(self) -> Iterator[tuple[WaypointFault, str]]:
         """What is malformed, whatever the scene and the arm: a stable word and a sentence each."""
-        if self.frame != "world":
-            yield "wrong_frame", f"frame '{self.frame}' is unknown; give positions in 'world'."
         if self.motion not in ("free", "linear"):
             yield "bad_motion", f"motion '{self.motion}' is unknown; use 'free' or 'linear'."
         numbers = [*self.xyz, self.gripper, self.speed, self.tolerance, self.dwell]

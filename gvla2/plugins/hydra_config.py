@@ -21,7 +21,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
 from gvla2.component import Component, ComponentConfig
-from gvla2.plugins.kinds import KINDS, NONE, SLOTS
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.plugins.validation import structured
 
@@ -29,6 +29,9 @@ PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
 """How Hydra reports a sweep: the choice ``hydra/callbacks=gvla2``."""
 LONGEST_FOLDER_NAME = 80
+_ROBOT_TASKS = "robot_tasks"
+"""The last place where Hydra looks for a task: any name that may be the robot's own."""
+
 _NOTHING = Component(NONE, ComponentConfig, lambda config: None)
 """What a kind or a slot offers that may be left empty."""
 
@@ -47,6 +50,7 @@ class PresetSearchPath(SearchPathPlugin):
         search_path.append(provider=PROVIDER, path=f"{PROVIDER}://")
         for path in self.paths:
             search_path.append(provider=PROVIDER, path=path)
+        search_path.append(provider=PROVIDER, path=f"{PROVIDER}://{_ROBOT_TASKS}")
 
 
 class ComponentSource(ConfigSource):
@@ -90,11 +94,19 @@ class ComponentSource(ConfigSource):
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         """The components of a group, or the groups."""
         path = config_path.strip("/")
+        if self.path == _ROBOT_TASKS:
+            return []
         wanted = ObjectType.CONFIG if path else ObjectType.GROUP
         found = self._there().get(path, {}) if path else self._there()
         return sorted(found) if results_filter in (None, wanted) else []
 
     def _component(self, config_path: str) -> Component[Any] | None:
+        if self.path == _ROBOT_TASKS:  # whether the robot offers it turns out when that is built
+            group, _, name = config_path.strip("/").partition("/")
+            own = group == "task" and OWN_TASK in name
+            return (
+                Component(name.removesuffix(".yaml"), ComponentConfig, lambda config: None) if own else None
+            )
         group, _, name = config_path.strip("/").rpartition("/")
         return self._there().get(group, {}).get(name.removesuffix(".yaml"))
 
@@ -148,7 +160,7 @@ def _choosable(
     registry: Registry, groups: Iterable[str] | None = None
 ) -> Mapping[str, Mapping[str, Component[Any]]]:
     """Components by name of these groups, by default all; also one that is nothing, where it may be left empty."""
-    empty = {name for name, kind in registry.groups.items() if name in SLOTS or kind.default == NONE}
+    empty = {name for name, kind in registry.groups.items() if name in SLOTS or kind.may_be_none}
     return {
         name: {**({NONE: _NOTHING} if name in empty else {}), **registry.components(name)}
         for name in (registry.groups if groups is None else groups)

@@ -24,8 +24,9 @@ NONE = "none"
 class Kind:
     """One extension point. ``name`` is its name and its Hydra group; ``protocol`` is ``module:class``.
 
-    ``hook`` returns its components, which are ``what``. ``default`` is the choice of ``gvla2 run``; ``none`` may be
-    chosen without a component of that name, and what needs the kind then gets None.
+    ``hook`` returns its components, which are ``what``. ``default`` is the choice of ``gvla2 run``. Where ``none`` is
+    the default, or the kind is ``optional``, ``none`` may be chosen without a component of that name, and what needs
+    the kind then gets None.
     """
 
     name: str
@@ -33,6 +34,12 @@ class Kind:
     protocol: str
     what: str
     default: str = NONE
+    optional: bool = False
+
+    @property
+    def may_be_none(self) -> bool:
+        """Whether ``none`` may be chosen."""
+        return self.optional or self.default == NONE
 
     def members(self) -> tuple[tuple[str, bool], ...]:
         """The protocol's members: names, and whether each is a method. Imports the wing."""
@@ -57,16 +64,18 @@ class Kind:
         return lacking
 
 
-def _kind(name: str, hook: Callable[[], object], protocol: str, default: str = NONE) -> Kind:
+def _kind(
+    name: str, hook: Callable[[], object], protocol: str, default: str = NONE, optional: bool = False
+) -> Kind:
     """A kind of the core: the first sentence of its hook says what it is."""
     what = (inspect.getdoc(hook) or "").partition(". ")[0].removeprefix("Return ")
-    return Kind(name, hook.__name__, protocol, what, default)
+    return Kind(name, hook.__name__, protocol, what, default, optional)
 
 
 _CORE = (
     _kind("robot", hookspecs.gvla2_robots, "gvla2.robot.backend:RobotBackend", "sapien_panda"),
     _kind("camera", hookspecs.gvla2_cameras, "gvla2.robot.backend:DepthCamera"),
-    _kind("task", hookspecs.gvla2_tasks, "gvla2.robot.task:Task", "pick_and_lift"),
+    _kind("task", hookspecs.gvla2_tasks, "gvla2.robot.task:Task", "pick_and_lift", optional=True),
     _kind("perceiver", hookspecs.gvla2_perceivers, "gvla2.planning.contracts:Perceiver", "classical"),
     _kind("reconstructor", hookspecs.gvla2_reconstructors, "gvla2.reconstruction.contracts:Reconstructor"),
     _kind("prior", hookspecs.gvla2_geometry_priors, "gvla2.reconstruction.contracts:GeometryPrior"),
@@ -100,6 +109,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE}
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
 """Hydra groups that choose a second component of a kind, or ``none``: the slot and its kind."""
+
+OWN_TASK = "/"
+"""In the name of a task that a robot offers itself, ``suite/task``; names of components have none."""
 
 TAKEN = frozenset(
     {

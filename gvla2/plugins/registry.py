@@ -14,11 +14,11 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
+from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
-from gvla2.plugins.kinds import KINDS, NONE, SLOTS, Kind, kind_of
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK, SLOTS, Kind, kind_of
 from gvla2.plugins.manager import collect
 from gvla2.plugins.validation import structured
-from gvla2.skills.skill import Skill
 
 
 @dataclass(frozen=True)
@@ -137,6 +137,9 @@ class Registry:
         if kind in path:
             circle = " -> ".join((*path[path.index(kind) :], kind))
             raise ConfigurationError(f"These components need each other in a circle: {circle}.")
+        if kind == "task" and (task := self._task_of_robot(root, path, built)):
+            built[kind] = task
+            return task
         config, component = self.configure(root, kind)
         needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
         own = self.kind_of(kind)
@@ -156,6 +159,23 @@ class Registry:
             raise PluginError(f"{what} built a {type(made).__name__}, which lacks {', '.join(lacking)}.")
         built[kind] = made
         return made
+
+    def _task_of_robot(self, root: object, path: tuple[str, ...], built: dict[str, Any]) -> str:
+        """The chosen task's name if the robot offers it; "" for a task of the catalog.
+
+        A robot that offers tasks lays out no others: raises :class:`UnknownComponentError`, which names some of them.
+        """
+        from gvla2.robot.backend import OffersTasks
+
+        name, robot = self.chosen(root, "task"), built.get("robot")
+        if OWN_TASK in name:
+            robot = self._build(root, "robot", (*path, "task"), built)
+        offered = robot.tasks() if isinstance(robot, OffersTasks) else {}
+        if name in offered or not (offered or OWN_TASK in name):
+            return name if name in offered else ""
+        who = self.chosen(root, "robot")
+        note = f"`gvla2 tasks robot={who}` lists the tasks of this robot." if offered else ""
+        raise UnknownComponentError(f"task of robot '{who}'", name, offered, note)
 
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
         """The typed options that ``root`` holds for ``kind``, and the component they configure."""
@@ -193,9 +213,10 @@ class Registry:
         return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
 
     def chooses_none(self, root: object, kind: str) -> bool:
-        """Whether ``root`` chooses ``none`` of a kind whose default that is, and no component is called so."""
-        own, name = self.kinds.get(kind), self.chosen(root, kind)
-        return own is not None and own.default == name == NONE and NONE not in self._offers[kind]
+        """Whether ``root`` chooses ``none`` of a kind that may be left out, and no component is called so."""
+        own = self.kinds.get(kind)
+        chosen = self.chosen(root, kind) == NONE
+        return own is not None and own.may_be_none and chosen and NONE not in self._offers[kind]
 
 
 def load_plugins(groups: Collection[str] | None = None) -> Registry:

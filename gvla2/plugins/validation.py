@@ -37,7 +37,7 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool 
     if hook == SEARCH_PATH_HOOK:
         return _fault_of_path(item)
     if hook == SKILL_HOOK:
-        from gvla2.skills.skill import fault_of
+        from gvla2.planning.skill import fault_of
 
         return fault_of(item)
     if hook == KINDS_HOOK:

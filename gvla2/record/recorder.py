@@ -81,11 +81,8 @@ def _fields(made: Any, *without: str) -> dict[str, Any]:
 
 
 def scene_json(scene: Scene) -> dict[str, Any]:
-    """The scene X_t with each object's pose, size and keypoints, metres; point clouds only as their counts."""
-    objects = [
-        {**_fields(o, "points"), "points": len(o.points), "keypoints": plain(o.keypoints())}
-        for o in scene.objects
-    ]
+    """The scene X_t with each object's pose and size, metres; point clouds only as their counts."""
+    objects = [{**_fields(o, "points"), "points": len(o.points)} for o in scene.objects]
     return {**_fields(scene, "objects"), "objects": objects}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -68,7 +68,9 @@ class RobotBackend(Protocol):
     """One robot with its cameras.
 
     The loop calls ``reset``, ``observe``, ``execute``, ``observe``, ``success_check``, and ``close`` at the end, also
-    after an error. Everything past ``observe`` sees the perceived scene only.
+    after an error. Everything past ``observe`` sees the perceived scene only. A world that somebody else built is a
+    robot backend too: it owns scene, arm, cameras, sentences, initial states and success check, and may offer its tasks
+    by name (:class:`OffersTasks`).
     """
 
     @property
@@ -76,10 +78,14 @@ class RobotBackend(Protocol):
         """Kinematics and collision model, usable before and after ``reset``."""
         ...
 
-    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
-        """Bring the arm home; a simulator also lays out the task's episode for the seed.
+    def reset(
+        self, task: Task | str | None, seed: int, instruction: str | None = None
+    ) -> TaskInstance | None:
+        """Bring the arm home; a simulator also sets up the episode for the seed.
 
-        Returns the sampled episode, None on a real robot.
+        ``task`` is one that a plugin offers, the name of one that this robot offers, or None (``task=none``). Returns
+        the episode, of which only the instruction is required; None where there is no more than the caller's
+        ``instruction``, as on a real robot. Raises :class:`ConfigurationError` for a task that it cannot set up.
         """
         ...
 
@@ -102,6 +108,15 @@ class RobotBackend(Protocol):
 
     def close(self) -> None:
         """Release the simulator or the arm; safe to call twice."""
+        ...
+
+
+@runtime_checkable
+class OffersTasks(Protocol):
+    """A robot with tasks of its own: ``gvla2 run robot=NAME task=suite/task``, and no others but ``none``."""
+
+    def tasks(self) -> Mapping[str, str]:
+        """Each task's sentence by its name ``suite/task``; "" for a sentence that only ``reset`` knows."""
         ...
 
 
@@ -157,6 +172,17 @@ class Truthful(Protocol):
     def true_scene(self) -> Scene:
         """Every body of the episode as a scene object, its id the body's name."""
         ...
+
+
+def judge(instance: TaskInstance, state: WorldState) -> SuccessCheck | None:
+    """The episode's success checks of the true state; one alone counts for both profiles, none gives None."""
+    checks = instance.succeeded
+    if not checks:
+        return None
+    relaxed, strict = (
+        checks.get(own) or checks[other] for own, other in (("relaxed", "strict"), ("strict", "relaxed"))
+    )
+    return SuccessCheck(bool(relaxed(state)), bool(strict(state)))
 
 
 def demonstrate(

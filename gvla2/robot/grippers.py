@@ -12,7 +12,7 @@ from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
 from gvla2.robot.kinematics import Finger, Kinematics
-from gvla2.robot.options import WorkcellConfig
+from gvla2.robot.options import ArmConfig
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
@@ -45,7 +45,7 @@ class Gripper:
         return (self.palm, *self.finger_links)
 
 
-def mount(robot: ET.Element, config: WorkcellConfig) -> Gripper:
+def mount(robot: ET.Element, config: ArmConfig) -> Gripper:
     """Add the chosen hand at the tool link, along its z as ``tool_rpy`` turns it."""
     frame = f'<parent link="{config.tool_link}"/><origin rpy="{" ".join(map(str, config.tool_rpy))}"/>'
     if config.gripper == "suction":
@@ -65,7 +65,7 @@ def mount(robot: ET.Element, config: WorkcellConfig) -> Gripper:
     return Gripper(PALM, tuple(Finger(f"{link}_joint", 0.0, _TRAVEL) for link in FINGERS), FINGERS)
 
 
-def own_gripper(robot: ET.Element, config: WorkcellConfig) -> Gripper:
+def own_gripper(robot: ET.Element, config: ArmConfig) -> Gripper:
     """The arm's own fingers: two sliding joints, those that ``mimic`` a named one among them.
 
     Raises :class:`RobotError` for joints that don't exist, don't slide, or number other than two.

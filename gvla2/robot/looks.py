@@ -30,6 +30,9 @@ CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under
 the white ones show through, and cast hardly faster."""
 
+OWN_DEPTH = 0.010
+"""Depth counts as the robot's own within this distance of its model, metres."""
+
 GREY = (0.7, 0.7, 0.7)
 
 _SEGMENTS = 48
@@ -120,7 +123,7 @@ class RobotLooks:
         return self._caster.cast(cameras, {i: world_from_link[link] for i, link in enumerate(self.links)})
 
     def mark(
-        self, views: Sequence[View], world_from_link: Mapping[str, FloatArray], tolerance: float
+        self, views: Sequence[View], world_from_link: Mapping[str, FloatArray], tolerance: float = OWN_DEPTH
     ) -> tuple[View, ...]:
         """The views with the robot's pixels marked: depth within ``tolerance`` metres before it, or behind it."""
         images = self.cast([view.camera for view in views], world_from_link)

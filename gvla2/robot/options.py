@@ -68,18 +68,16 @@ class TaskConfig(ComponentConfig):
 
 
 @dataclass
-class WorkcellConfig(ComponentConfig):
-    """Options of an arm from its URDF, at a table; metres, radians. Base of a simulated robot's configuration.
+class ArmConfig(ComponentConfig):
+    """Options of an arm from its URDF, over a table; metres, radians.
 
     ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
     found by sampling postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints``
     are the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
     ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` its size for planners
     (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
-    ``base_yaw``. Tasks are laid out before it, along x, in the rectangle ``site_size`` about ``site_centre``; the tool
-    stays between ``workspace_low`` and ``workspace_high``. ``either_way``, ``ease`` and ``reach`` (0: automatic) bound
-    where tasks are laid out: fingers either way round, a share of the best manipulability, a distance from the base.
-    ``camera_poses`` are position and viewing direction (six numbers) by name. Empty options are measured or found.
+    ``base_yaw``. The tool stays between ``workspace_low`` and ``workspace_high``. ``ease`` is the share of the arm's
+    best manipulability from which a pose counts as within reach. Empty options are measured or found.
     """
 
     required: ClassVar[tuple[str, ...]] = ("urdf", "tool_link")
@@ -97,13 +95,48 @@ class WorkcellConfig(ComponentConfig):
     base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     base_yaw: float = 0.0
     table_height: float = 0.0
+    workspace_low: list[float] = field(default_factory=list)
+    workspace_high: list[float] = field(default_factory=list)
+    ease: float = 0.06
+
+
+@dataclass
+class PandaArm(ArmConfig):
+    """Franka's Panda, whose description comes with gvla2 (Apache-2.0); its world sets base, table and workspace."""
+
+    urdf: str = "package://gvla2/robot/descriptions/panda/panda.urdf"
+    srdf: str = "package://gvla2/robot/descriptions/panda/panda.srdf"
+    tool_link: str = "panda_hand"
+    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
+    gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])
+    hand: dict[str, float] = field(
+        default_factory=lambda: {
+            "max_width": 0.08,
+            "finger_length": 0.1129 - 0.066,  # fingertips' end and palm's end from the hand's frame
+            "finger_thickness": 0.0152,
+            "finger_breadth": 0.022,
+            "tip_beyond_tcp": 0.1129 - 0.1034,
+            "palm_breadth": 0.204,
+            "palm_depth": 0.063,
+        }
+    )
+    home: list[float] = field(default_factory=lambda: [0.0, 0.1745, 0.0, -0.8727, 0.0, 1.2217, 0.7854])
+    ease: float = 0.0
+
+
+@dataclass
+class WorkcellConfig(ArmConfig):
+    """Options of a simulated arm at a table; metres, radians. Base of a simulated robot's configuration.
+
+    Tasks are laid out before the base, along x, in the rectangle ``site_size`` about ``site_centre``, where the arm
+    reaches: ``either_way`` with its fingers one way round, not both; ``reach`` (0: automatic) is the largest distance
+    from the base. ``camera_poses`` are position and viewing direction (six numbers) by name. Empty options are found.
+    """
+
     table_size: list[float] = field(default_factory=lambda: [1.5, 1.8])
     table_centre: list[float] = field(default_factory=list)
     site_centre: list[float] = field(default_factory=list)
     site_size: list[float] = field(default_factory=list)
-    workspace_low: list[float] = field(default_factory=list)
-    workspace_high: list[float] = field(default_factory=list)
     either_way: bool = True
-    ease: float = 0.06
     reach: float = 0.0
     camera_poses: dict[str, list[float]] = field(default_factory=dict)

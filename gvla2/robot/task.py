@@ -208,17 +208,19 @@ Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
 
 @dataclass(frozen=True)
 class TaskInstance:
-    """One sampled episode: the layout, the sentence, and a predicate per success profile.
+    """One sampled episode: the sentence, and in our own simulations the layout and the success checks.
 
-    ``goal`` is the success check's criterion in words, for the run's page. ``image_size`` is the least image side in
-    pixels that shows what matters, 0 for any. ``solution`` shows that the episode is solvable with this arm's physics;
-    see :mod:`gvla2.robot.backend`. No perceiver, planner or memory ever sees it. ``keep_clear`` are circles (x,
-    y, radius) on the table that the task needs free, world metres, besides its bodies' places.
+    ``succeeded`` has a predicate for each success profile; a single one counts for both. A robot with a world of its
+    own leaves both empty and answers ``success_check`` itself. ``goal`` is the criterion in words, for the run's page.
+    ``image_size`` is the least image side in pixels that shows what matters, 0 for any. ``solution`` shows that the
+    episode is solvable with this arm's physics (:mod:`gvla2.robot.backend`); no perceiver, planner or memory ever sees
+    it. ``keep_clear`` are circles (x, y, radius) on the table that the task needs free, world metres, besides its
+    bodies' places.
     """
 
-    layout: Layout
     instruction: str
-    succeeded: Mapping[Profile, Callable[[WorldState], bool]]
+    layout: Layout = Layout(())
+    succeeded: Mapping[Profile, Callable[[WorldState], bool]] = field(default_factory=dict)
     goal: str = ""
     image_size: int = 0
     solution: Solution | None = field(default=None, repr=False)

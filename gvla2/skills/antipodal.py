@@ -20,8 +20,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import SceneObject
+from gvla2.planning.skill import TABLE_GAP
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.skills.parameters import PALM_GAP, TABLE_GAP
+from gvla2.skills.parameters import PALM_GAP
 from gvla2.skills.proposals import horizontal
 
 FEWEST, MOST = 60, 4000

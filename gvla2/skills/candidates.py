@@ -15,7 +15,7 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
 from gvla2.planning.effects import Ban, Effect, sides_of
 from gvla2.planning.findings import CheckReport
-from gvla2.skills.proposals import Job, Proposal
+from gvla2.planning.skill import Job, Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability and clearance (metres) beyond which more is no better."""
@@ -95,7 +95,9 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
 
 def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
     return {
-        e.approach: e.source or "remembered" for e in effects if isinstance(e, Ban) and e.skill in ("", skill)
+        e.parameter: e.source or "remembered"
+        for e in effects
+        if isinstance(e, Ban) and e.skill in ("", skill)
     }
 
 

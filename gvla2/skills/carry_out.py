@@ -13,14 +13,13 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
 from gvla2.planning.effects import Bound, apply_effects, look_of, own_first, sides_of
+from gvla2.planning.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.planning.scene import SceneObject
+from gvla2.planning.skill import Job, Proposal, Skill
 from gvla2.skills.candidates import choose
 from gvla2.skills.grounding import Meant, meant, whole_meant
 from gvla2.skills.multi_step import all_in_one, first_part
 from gvla2.skills.parameters import limited, scales
-from gvla2.skills.part_hierarchy import CLEAR, assembled, joined, rise
-from gvla2.skills.proposals import Job, Proposal
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2.skills.validation import no_room, nonsense, unaimed, unknown, wrong_parameters
 

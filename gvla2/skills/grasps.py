@@ -15,12 +15,13 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.part_hierarchy import holders, inside
 from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.planning.skill import Job
 from gvla2.planning.trajectory import Orientation, grasp_rotation
 from gvla2.skills.antipodal import antipodal, held_between, skin_of
 from gvla2.skills.parameters import deepest
-from gvla2.skills.part_hierarchy import holders, inside
-from gvla2.skills.proposals import Job, horizontal, pointing
+from gvla2.skills.proposals import horizontal, pointing
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, and

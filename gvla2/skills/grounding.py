@@ -14,10 +14,7 @@ from dataclasses import dataclass
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.grasps import has_hold
-from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
-from gvla2.skills.part_hierarchy import (
+from gvla2.planning.part_hierarchy import (
     assembled,
     button_of,
     called,
@@ -29,8 +26,11 @@ from gvla2.skills.part_hierarchy import (
     is_lid,
     root_of,
 )
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.skill import Skill
+from gvla2.skills.grasps import has_hold
+from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
 from gvla2.skills.schemas.pick_place import fits_over
-from gvla2.skills.skill import Skill
 
 OVER = ("on", "in", "to", "")
 """Relations by which a ring can be put over a post."""
@@ -193,4 +193,4 @@ FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
     "pull": lambda obj, scene, hand: slide_for(obj, scene) is not None,
     "draw": lambda obj, scene, hand: stuck(obj, scene) is not None,
 }
-"""Whether a standard skill applies to an object, by the skill's name; see :attr:`gvla2.skills.skill.Skill.fits`."""
+"""Whether a standard skill applies to an object, by the skill's name; see :attr:`gvla2.planning.skill.Skill.fits`."""

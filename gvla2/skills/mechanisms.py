@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.part_hierarchy import is_handle, is_lid
 from gvla2.planning.scene import ROUND, Scene, SceneObject
-from gvla2.skills.part_hierarchy import is_handle, is_lid
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006

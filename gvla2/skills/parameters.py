@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gvla2.planning.skill import TABLE_GAP
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -17,9 +19,6 @@ if TYPE_CHECKING:
     from gvla2.planning.calls import SkillOptions
     from gvla2.planning.effects import Scale
     from gvla2.planning.scene import Scene, SceneObject
-
-TABLE_GAP = 0.004
-"""Least height of the fingertips above the table, metres: about twice a depth camera's error."""
 
 PALM_GAP = 0.005
 """Least gap between the palm and what is between the fingers, metres."""

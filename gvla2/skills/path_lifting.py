@@ -21,14 +21,15 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.effects import Bound, apply_effects, sides_of
+from gvla2.planning.part_hierarchy import assembled, button_of, joined
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.skill import Job, Proposal, Skill
 from gvla2.skills.carry_out import answer
 from gvla2.skills.grasps import Grasp, grasps
 from gvla2.skills.grounding import whole_meant
 from gvla2.skills.mechanisms import stuck
 from gvla2.skills.parameters import limited
-from gvla2.skills.part_hierarchy import assembled, button_of, joined
-from gvla2.skills.proposals import Job, Path, Proposal
+from gvla2.skills.proposals import Path
 from gvla2.skills.schemas.pick_place import (
     TURNS,
     aligning_turns,
@@ -41,7 +42,6 @@ from gvla2.skills.schemas.pick_place import (
     take,
 )
 from gvla2.skills.schemas.push import PushStroke, propose_press, push
-from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 CLOSED = 0.5

@@ -11,15 +11,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from gvla2.planning.calls import OPTION_RANGES
+from gvla2.planning.skill import Parameter, Role, Skill
 from gvla2.skills import parameters
-from gvla2.skills.skill import Parameter, Role, Skill
 
 if TYPE_CHECKING:
     from gvla2.planning.arm import Hand
     from gvla2.planning.contracts import Abstention
     from gvla2.planning.scene import Scene, SceneObject
-    from gvla2.skills.diagnosis import Outcome, Signal
-    from gvla2.skills.proposals import Job, Proposal
+    from gvla2.planning.skill import Job, Outcome, Proposal, Signal
 
 _SIDES = ("beside", "left_of", "right_of", "behind", "front_of")
 _ONTO = ("on", "in", "to", *_SIDES)

@@ -9,10 +9,10 @@ import numpy as np
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.part_hierarchy import closed_by, holders, inside
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.skill import Skill
 from gvla2.skills.mechanisms import stuck
-from gvla2.skills.part_hierarchy import closed_by, holders, inside
-from gvla2.skills.skill import Skill
 
 
 def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:

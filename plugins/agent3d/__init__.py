@@ -7,30 +7,23 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.errors import ConfigurationError
 from gvla2.planning.calls import OPTION_RANGES
 
 if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
     from gvla2.planning.contracts import Planner
 
-FORMS = ("relative", "bare")
-RANGES = {**OPTION_RANGES, "points": (0, 100_000, "")}
-
 
 @dataclass(kw_only=True)
 class Agent3dConfig(ComponentConfig):
     """Options of the ``agent3d`` planner, which asks the run's ``language``.
 
-    ``waypoints``: ``relative`` to named objects, or ``bare`` (x, y, z, g) as in the paper. ``points`` > 0 lists that
-    many surface points of each object, the paper's X_t. ``tries`` bounds how often the model is asked, with the reasons
-    when an answer was not a path; ``samples`` answers per try are drawn and the majority wins. At most ``programs``
-    remembered successes are shown. ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
-    ``explore`` > 0 is the temperature of the first answer, to gather experience; ``explore_seed`` varies it.
+    The model is asked at most ``tries`` times, each time with the reason why its last answer cannot be executed;
+    ``samples`` answers per try are drawn and the majority wins. At most ``programs`` remembered successes are shown.
+    ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s. ``explore`` > 0 is the temperature of
+    the first answer, to gather experience; ``explore_seed`` varies it.
     """
 
-    waypoints: str = "relative"
-    points: int = 0
     tries: int = 3
     samples: int = 1
     programs: int = 2
@@ -41,13 +34,11 @@ class Agent3dConfig(ComponentConfig):
     explore_seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.waypoints not in FORMS:
-            raise ConfigurationError(f"waypoints is '{self.waypoints}'; it is one of {', '.join(FORMS)}.")
-        check_ranges(self, "planner", RANGES)
+        check_ranges(self, "planner", OPTION_RANGES)
 
 
 def _build(config: Agent3dConfig, language: LanguageModel) -> Planner:
-    """Plans waypoints by a language model: relative to named objects, or bare coordinates."""
+    """Plans waypoints relative to named objects by a language model."""
     from gvla2_plugins.agent3d.planner import Agent3d
 
     return Agent3d(config, language)

@@ -6,41 +6,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 
+from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
-from gvla2.planning.programs import remembered, waypoints_program
+from gvla2.planning.programs import adapted, remembered, waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.model_planning import (
-    InfeasiblePlanError,
-    ask_for_plan,
-    instruction_in,
-    nothing_to_ask,
-    rejected_answer,
-)
+from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejected_answer
 from gvla2.skills.path_lifting import MOST_POINTS, lift
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.waypoint_programs import (
-    RememberedPath,
-    grammar,
-    path_of,
-    read_steps,
-    remembered_paths,
-    schema,
-    with_ids,
-    written,
-)
+from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, schema, written
 
-EXAMPLE_OBJECTS = {
-    False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
-    True: "tan_sponge 60x50x40 at 100,50\nwhite_bowl 140x140x60 open 130 at 300,-100",
-}
-EXAMPLE_TASK = "drop the sponge into the bowl"
-EXAMPLE_PATH = {
-    False: '[["tan_sponge",0,0,100,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],'
-    '["tan_sponge",0,0,120,0],["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
-    True: "[[100,50,120,1],[100,50,20,1],[100,50,20,0],[100,50,190,0],[300,-100,180,0],[300,-100,80,1]]",
-}
+EXAMPLE = (
+    "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
+    "drop the sponge into the bowl",
+    '[["tan_sponge",0,0,100,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],["tan_sponge",0,0,120,0],'
+    '["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
+)
+"""Objects, task and answer."""
+Shown = tuple[str, tuple[Step, ...]]
+"""The task and the steps of a remembered path, with the names and lengths of the present scene."""
 
 
 class Agent3d:
@@ -49,7 +34,6 @@ class Agent3d:
     def __init__(self, config: Agent3dConfig, language: LanguageModel) -> None:
         self.config = config
         self._language = language
-        self._bare = config.waypoints == "bare"
         self._options = SkillOptions(speed=config.speed, contact_speed=config.contact_speed)
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -59,59 +43,71 @@ class Agent3d:
         """
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        bare, config = self._bare, self.config
-        brief = scene_brief(request.scene, positions=bare, points=config.points)
-        known = [] if bare else remembered_paths(request, brief, config.programs, self._options)
-        most = max((len(path.steps) + 1 for path in known), default=MOST_POINTS)
-
-        def plan_of(text: str) -> Plan:
-            plan = self._lifted(text, brief, request)
-            if plan.abstention is not None:
-                raise InfeasiblePlanError(
-                    plan.abstention, brief.named(plan.abstention.message, request.scene)
-                )
-            return plan
-
+        config, brief = self.config, scene_brief(request.scene, positions=False)
+        known = self._remembered(request, brief)
+        names, most = list(brief.ids), max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
         plan, _ = ask_for_plan(
             self._language,
-            [*messages(request, brief, known, bare=bare), *rejected_answer(request, brief)],
-            plan_of,
+            [*messages(request, brief, known), *rejected_answer(request, brief)],
+            lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
+            named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
             samples=config.samples,
             same=lambda plan: repr(plan.trajectory),
-            schema=schema(list(brief.ids), bare=bare),
-            grammar=grammar(list(brief.ids), bare=bare, max_points=most),
+            schema=schema(names),
+            grammar=grammar(names, max_points=most),
             seed=config.explore_seed,
             temperature=config.explore or None,
             max_tokens=config.max_tokens,
         )
         return plan
 
-    def _lifted(self, text: str, brief: SceneBrief, request: PlanRequest) -> Plan:
-        steps = read_steps(text, brief.ids, bare=self._bare)
-        plan = lift(path_of(steps, brief.ids, request.scene, bare=self._bare), request, self._options)
-        if self._bare:
-            return plan
+    def _lifted(self, steps: Sequence[Step], brief: SceneBrief, request: PlanRequest) -> Plan:
+        plan = lift(path_of(steps, brief.ids, request.scene), request, self._options)
+        by_id = [[brief.ids[value] if isinstance(value, str) else value for value in step] for step in steps]
         about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
-        return replace(plan, program=waypoints_program(with_ids(steps, brief.ids), request.scene, **about))
+        return replace(plan, program=waypoints_program(by_id, request.scene, **about))
+
+    def _remembered(self, request: PlanRequest, brief: SceneBrief) -> list[Shown]:
+        """At most ``programs`` remembered paths, the best one last, next to the question.
+
+        Only paths that pass the checks in this scene, all of the same skill: a small model repeats what it is shown.
+        """
+        found: list[Shown] = []
+        skill = ""
+        for program in request.advice.programs:
+            if program.language != "waypoints" or skill not in ("", program.skill):
+                continue
+            steps = adapted(program, request.scene, brief.names, request.instruction)
+            if len(found) < self.config.programs and steps and self._feasible(steps, brief, request):
+                skill = program.skill
+                found.append((" ".join(program.instruction.split())[:400], steps))
+        return found[::-1]
+
+    def _feasible(self, steps: Sequence[Step], brief: SceneBrief, request: PlanRequest) -> bool:
+        """Whether a path can be followed in this scene."""
+        try:
+            read = read_steps(written(steps), brief.ids)
+            return self._lifted(read, brief, request).trajectory is not None
+        except (PlanningError, ValueError):  # it closes on nothing, or is too long
+            return False
 
 
-def messages(
-    request: PlanRequest, brief: SceneBrief, known: Sequence[RememberedPath], *, bare: bool
-) -> list[Message]:
+def messages(request: PlanRequest, brief: SceneBrief, known: Sequence[Shown]) -> list[Message]:
     """The question, after answered examples: one of the format, then remembered paths with present names and sizes.
 
     Memory's text is enclosed in marks, as data.
     """
-    about = [name for path in known for name in path.names]
+    about = {part for _, steps in known for step in steps for part in step if isinstance(part, str)}
     lines = sorted(brief.text.splitlines(), key=lambda line: line.partition(" ")[0] not in about)
     objects = "\n".join(lines)  # those of the remembered paths first
-    turns = [(_question(EXAMPLE_OBJECTS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare])]
-    turns += [(_question(objects, path.task), written(path.steps)) for path in known]
-    form = files(__package__).joinpath("bare.md" if bare else "relative.md").read_text("utf-8").strip()
+    form = files(__package__).joinpath("prompt.md").read_text("utf-8").strip()
     asked: list[Message] = [{"role": "system", "content": form}]
-    for question, answer in turns:
-        asked += [{"role": "user", "content": question}, {"role": "assistant", "content": answer}]
+    for seen, task, answer in (EXAMPLE, *((objects, task, written(steps)) for task, steps in known)):
+        asked += [
+            {"role": "user", "content": _question(seen, task)},
+            {"role": "assistant", "content": answer},
+        ]
     words = filter(None, (remembered(request.advice.text), _question(objects, instruction_in(request))))
     return [*asked, {"role": "user", "content": "\n".join(words)}]
 

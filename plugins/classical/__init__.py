@@ -17,19 +17,17 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     """Options of the ``classical`` perceiver. Lengths in metres.
 
     ``min_height``: what rises less is table (or paint on it); more where the depth is noisy. ``min_points``: fewer
-    points, over all views, are a speck. ``min_region``: the smallest painted patch, square metres. ``robot_margin``:
-    pixels around the robot that are not believed. ``jump``: neighbouring pixels further apart than this lie on
-    different surfaces. ``colour_step``: neighbouring pixels whose looks differ by more (see
-    ``gvla2.planning.colours``) are of different objects. ``gap``: free space of this height under an object means that
-    it does not stand on the table. ``fragment_reach``: pieces of one look that are further apart are different
-    objects. ``textured``: share of neighbouring pixels that differ in look above which a body is finely painted, so
-    that its paint separates no pieces. Names of known objects: see :class:`NamingOptions`.
+    points, over all views, are a speck. ``min_region``: the smallest painted patch, square metres. ``jump``:
+    neighbouring pixels further apart are on different surfaces. ``colour_step``: neighbouring pixels whose looks
+    differ by more (see ``gvla2.planning.colours``) are of different objects. ``gap``: an object with free space of
+    this height under it does not stand on the table. ``fragment_reach``: pieces of one look that are further apart
+    are different objects. ``textured``: share of neighbouring pixels that differ in look above which a body is finely
+    painted, so that its paint separates no pieces. Names of known objects: see :class:`NamingOptions`.
     """
 
     min_height: float = 0.004
     min_points: int = 24
     min_region: float = 4e-4
-    robot_margin: int = 1
     jump: float = 0.014
     colour_step: float = 22.0
     gap: float = 0.03

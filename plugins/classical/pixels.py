@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import PerceptionError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.geometry.views import View
-from gvla2.perception.frames import filled, why_not
+from gvla2.geometry.views import Views
+from gvla2.perception.frames import usable_views
 from gvla2.planning.colours import appearance
 
 IntArray = NDArray[np.int64]
@@ -28,8 +27,8 @@ class TableFrame:
 
     ``image`` (H, W, 3) uint8; ``depth`` (H, W) metres, NaN where nothing is known or where the robot is;
     ``rays`` (H, W, 3) directions whose multiple by depth, added to ``origin`` (3,), is the seen point; ``points``
-    (H, W, 3), NaN where depth is; ``lost`` (H, W) where no depth was measured, away from the robot. All in the frame
-    of ``frame_from_world`` (4, 4): the world at first, the table (its top at z = 0) later.
+    (H, W, 3), NaN where depth is. All in the frame of ``frame_from_world`` (4, 4): the world at first, the table's (its
+    top at z = 0) later.
     """
 
     camera: Camera
@@ -38,7 +37,6 @@ class TableFrame:
     origin: FloatArray
     rays: FloatArray
     points: FloatArray
-    lost: NDArray[np.bool_]
     frame_from_world: FloatArray
 
     def moved(self, to_from_here: FloatArray) -> TableFrame:
@@ -58,39 +56,22 @@ class TableFrame:
         return inside, rows, columns, depth[inside]
 
 
-def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple[list[TableFrame], list[str]]:
-    """Frames in the world's frame, and a sentence for each view that cannot be used; pixels are left out of which
-    fewer than ``least`` of eight neighbours are at their depth.
+def usable_frames(views: Views, least: int) -> tuple[list[TableFrame], list[str]]:
+    """Frames in the world's frame, and a sentence for each view that cannot be used.
 
-    Raises :class:`PerceptionError` when no view is left.
+    Pixels of which fewer than ``least`` of eight neighbours are at their depth are left out. Raises
+    :class:`PerceptionError` when no view is left.
     """
-    frames: list[TableFrame] = []
-    notes: list[str] = []
-    for view in views:
-        depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
-        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-        robot = (
-            np.zeros(depth.shape, np.uint8) if view.robot_mask is None else view.robot_mask.astype(np.uint8)
-        )
-        robot = np.asarray(cv2.dilate(robot, np.ones((3, 3)), iterations=robot_margin))
-        depth[robot > 0] = np.nan
-        depth = filled(depth, view.image, robot == 0)
-        lost = np.isnan(depth) & (robot == 0)
+    usable, notes = usable_views(views)
+    frames = []
+    for view, depth, _ in usable:
         depth[_support(depth) < least] = np.nan
-        if reason := why_not(view, depth):
-            notes.append(f"Camera '{view.name}' is not used: {reason}.")
-            continue
         origin, rays = view.camera.rays()
-        points = origin + rays * depth[..., None]
         image = view.image
-        grainy = np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
-        if grainy:  # less of the sensor's noise; edges stay
+        if np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0:  # less sensor noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
-        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, lost, np.eye(4)))
-    if not frames:
-        raise PerceptionError(
-            "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
-        )
+        points = origin + rays * depth[..., None]
+        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, np.eye(4)))
     return frames, notes
 
 

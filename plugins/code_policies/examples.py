@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from gvla2.skills.skill import Example
+from gvla2.planning.skill import Example
 
 _CHEST = "brown_chest 300x200x150 at 250,80\nlid_of_brown_chest 300x200x10 at 250,80 up 150"
 _TUBE = "cap_of_tall_tube 30x30x15 at 210,-60 up 180\ntall_tube 40x40x180 at 210,-60"

@@ -10,19 +10,13 @@ from gvla2.planning.calls import SkillCall, SkillOptions, written
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import adapted, calls_program, remembered
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.model_planning import (
-    InfeasiblePlanError,
-    ask_for_plan,
-    instruction_in,
-    nothing_to_ask,
-    rejected_answer,
-)
-from gvla2.skills.skill import Skill
+from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejected_answer
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
 from gvla2_plugins.code_policies.examples import EXAMPLES
-from gvla2_plugins.code_policies.programs import Declined, Fitting, fitting, grammar, read_calls
+from gvla2_plugins.code_policies.programs import Fitting, fitting, grammar, read_calls
 
 BEGIN = "You write the program of a robot hand. It can call:"
 DECLINE = "decline(absent|unclear|impossible): what is wished for is not there, not clear, or none of these"
@@ -54,23 +48,17 @@ class CodePolicies:
         planned: dict[str, Plan] = {}  # samples often repeat one another
 
         def plan_of(text: str) -> Plan:
-            try:
-                calls = read_calls(text, brief.ids, skills)
-            except Declined as declined:
-                return Plan(None, abstention=declined.abstention)
+            calls = read_calls(text, brief.ids, skills)
             if repr(calls) not in planned:
                 planned[repr(calls)] = self._carried_out(calls, request, brief)
-            plan = planned[repr(calls)]
-            if plan.abstention is not None:
-                reason = brief.named(plan.abstention.message, request.scene)
-                raise InfeasiblePlanError(plan.abstention, reason)
-            return plan
+            return planned[repr(calls)]
 
         asked = [*messages(request, skills, fits, brief, config.programs), *rejected_answer(request, brief)]
         plan, share = ask_for_plan(
             self._language,
             asked,
             plan_of,
+            named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
             samples=config.samples,
             same=lambda plan: repr((plan.calls, plan.remaining, plan.abstention)),

@@ -15,8 +15,9 @@ from typing import Any
 from gvla2.planning.calls import RELATIONS, WAYS, SkillCall
 from gvla2.planning.contracts import Abstention, PlanRequest
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.planning.skill import Skill
 from gvla2.skills.grounding import goals, themes
-from gvla2.skills.skill import Skill
+from gvla2.skills.model_planning import Declined
 
 DECLINE = "decline"
 """The call by which a program refuses the instruction, with one of :data:`REASONS`: ``decline(absent)``."""
@@ -35,14 +36,6 @@ _IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
 
 Fitting = Mapping[str, Mapping[str, Sequence[str]]]
 """By skill, the names of its possible themes, each with the names of its possible goals."""
-
-
-class Declined(Exception):  # noqa: N818 - an answer, not an error
-    """The program declines the instruction."""
-
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
 
 
 def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -> tuple[SkillCall, ...]:

@@ -26,13 +26,10 @@ class ConnectedPerceiver:
         frames, table, notes = frames_of(observation.views, workspace)
         masks = [raised(frame, table, workspace, self._config.min_height) for frame in frames]
         found = clusters(frames, masks)
-        middle = 0.5 * (workspace.low + workspace.high)
-        height = table.height_at(float(middle[0]), float(middle[1]))
+        height = table.height_over(workspace)
         objects = []
         for k in range(found.count):
             rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)])
             objects.append(object_of(found.points(frames, k), rgb / 255.0, height, 1.0, f"object{k}"))
-        scene = Scene((), height, workspace, "connected", tuple(notes))
-        return Scene(
-            numbered(over_workspace(objects, scene.workspace)), height, workspace, "connected", tuple(notes)
-        )
+        inside = numbered(over_workspace(objects, workspace))
+        return Scene(inside, height, workspace, "connected", tuple(notes))

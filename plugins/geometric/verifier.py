@@ -138,8 +138,8 @@ def _execution_validity(case: Case) -> CriterionScore:
 
 
 def _generalizability(case: Case) -> CriterionScore:
-    """How little was luck: confident perception of the handled objects, no fallback planner, no repaired plan."""
+    """How little was luck: confident perception of the handled objects and no fallback planner."""
     handled = [o.confidence for o in case.before.objects if o.id in set(case.evidence.plan.roles.values())]
     score = min(handled, default=0.5)
-    score -= 0.2 * bool(case.evidence.plan.fallback) + 0.1 * bool(case.evidence.checks.repairs)
+    score -= 0.2 * bool(case.evidence.plan.fallback)
     return CriterionScore(float(np.clip(score, 0.0, 1.0)), "")

@@ -1,7 +1,4 @@
-"""Perceivers that search for given words: ``sam3`` (text to masks) and ``detector`` (text to boxes).
-
-Both load checkpoints through ``transformers``: SAM 3 (Meta), Grounding DINO, OWLv2.
-"""
+"""``perceiver=sam3``: searches pictures for given words with SAM 3 (Meta), loaded through ``transformers``."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class VocabularyConfig(NamingOptions, ComponentConfig):
-    """Options of ``sam3`` and ``detector``.
+    """Options of ``sam3``.
 
     ``weights``: a folder as ``save_pretrained`` writes it (config.json, model.safetensors, the tokenizer's files).
     ``words``: what to look for; by default the objects named in the instruction: each noun phrase between its verbs and
@@ -31,26 +28,15 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
     min_points: int = 14
 
 
-def _build_sam3(config: VocabularyConfig) -> Perceiver:
+def _build(config: VocabularyConfig) -> Perceiver:
     """SAM 3 by transformers: masks of what words name, fused over the views in 3D; needs weights."""
     from gvla2_plugins.open_vocabulary.models import load_sam3
     from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
 
-    return VocabularyPerceiver("sam3", config, load_sam3(config.weights))
-
-
-def _build_detector(config: VocabularyConfig) -> Perceiver:
-    """Grounding DINO or OWLv2 by transformers: boxes of what words name, cut out by depth; needs weights."""
-    from gvla2_plugins.open_vocabulary.models import load_detector
-    from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
-
-    return VocabularyPerceiver("detector", config, load_detector(config.weights))
+    return VocabularyPerceiver(config, load_sam3(config.weights))
 
 
 @hookimpl
 def gvla2_perceivers() -> list[Component[Perceiver]]:
-    """The perceivers ``sam3`` and ``detector``."""
-    return [
-        Component("sam3", VocabularyConfig, _build_sam3),
-        Component("detector", VocabularyConfig, _build_detector),
-    ]
+    """The perceiver ``sam3``."""
+    return [Component("sam3", VocabularyConfig, _build)]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clusters import MaskCandidate, clusters, fuse, objects_of
-from gvla2.perception.frames import BoolArray, frames_of, raised
+from gvla2.perception.clusters import MaskCandidate, fuse, objects_of
+from gvla2.perception.frames import BoolArray, frames_of
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers
@@ -25,17 +25,16 @@ _BETWEEN = re.compile(
     r"\b(?:pick|lift|put|place|move|push|pull|open|close|take|grasp|slide|sort|stack|insert|turn|press|up|down|in|into|on|"
     r"onto|to|from|of|off|out|at|by|the|a|an|all|left|right|front|behind|next|between|and|then|it|its|with)\b|[^\w\s-]"
 )
-"""Words and marks between the names of objects in an instruction."""
+"""Words and punctuation between the names of objects in an instruction."""
 
 
 @dataclass(frozen=True)
 class FoundMask:
-    """A mask (H, W) of the object that ``label`` names; ``loose`` if it is a box, whose corners show others too."""
+    """A mask (H, W) of the object that ``label`` names, and its score in [0, 1]."""
 
     mask: BoolArray
     score: float
     label: str
-    loose: bool = False
 
 
 class Finder(Protocol):
@@ -49,12 +48,13 @@ class Finder(Protocol):
 class VocabularyPerceiver:
     """Asks a model for masks of named objects; depth places them."""
 
-    def __init__(self, name: str, config: VocabularyConfig, finder: Finder) -> None:
+    def __init__(self, config: VocabularyConfig, finder: Finder) -> None:
         if not 0 < config.threshold < 1 or config.min_points < 3:
             raise ConfigurationError(
-                f"perceiver={name}: threshold must be in (0, 1) and min_points at least 3."
+                "perceiver=sam3: threshold must be in (0, 1) and min_points at least 3, got "
+                f"{config.threshold} and {config.min_points}."
             )
-        self._name, self._config, self._finder = name, config, finder
+        self._config, self._finder = config, finder
         self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
@@ -63,28 +63,15 @@ class VocabularyPerceiver:
         words = list(self._config.words) or named_in(instruction)
         if not words:
             notes.append("The instruction names nothing to look for: give perceiver.words=[...].")
-        above = [raised(f, table, workspace) for f in frames]
-        groups = clusters(frames, above, self._config.min_points)
-        candidates = []
-        for number, frame in enumerate(frames):
-            found = self._finder.find(frame.view.image, words, self._config.threshold) if words else []
-            for one in found:
-                mask = _cut(one.mask, groups.maps[number]) if one.loose else one.mask
-                candidates.append(MaskCandidate(number, mask, one.score, one.label))
+        candidates = [
+            MaskCandidate(number, found.mask, found.score, found.label)
+            for number, frame in enumerate(frames if words else ())
+            for found in self._finder.find(frame.view.image, words, self._config.threshold)
+        ]
         objects, small = objects_of(fuse(frames, candidates), frames, table, self._config.min_points)
-        middle = 0.5 * (workspace.low + workspace.high)
-        height = table.height_at(*middle[:2].tolist())
-        scene = Scene((), height, workspace, self._name, (*notes, *small))
-        scene = Scene(
-            numbered(over_workspace(objects, scene.workspace)), height, workspace, self._name, scene.notes
-        )
+        inside = numbered(over_workspace(objects, workspace))
+        scene = Scene(inside, table.height_over(workspace), workspace, "sam3", (*notes, *small))
         return labelled(scene, observation, self._labellers)
-
-
-def _cut(box: BoolArray, groups: NDArray[np.int64]) -> BoolArray:
-    """The connected object that fills most of a box."""
-    inside = groups[box & (groups >= 0)]
-    return np.asarray(box & (groups == np.bincount(inside).argmax())) if len(inside) else np.zeros_like(box)
 
 
 def named_in(instruction: str) -> list[str]:

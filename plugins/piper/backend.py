@@ -77,7 +77,9 @@ class Piper:
         """Kinematics and collision model of the Piper."""
         return self._arm
 
-    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+    def reset(
+        self, task: Task | str | None, seed: int, instruction: str | None = None
+    ) -> TaskInstance | None:
         """Connect, at the first call; nothing moves, nothing is laid out. Always None.
 
         Raises :class:`RobotError` when the arm is not usable, was stopped, or there is nothing to do.

@@ -1,24 +1,24 @@
-"""The planner: read the instruction, have each object and place pointed at, call the skill."""
+"""The planner: ask what the instruction is about, have each object and place pointed at, call the skill."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from gvla2.errors import PlanningError
-from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
-from gvla2.planning.calls import SkillCall
+from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in
+from gvla2.planning.calls import RELATIONS, Relation, SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.pictures import read_points
 from gvla2.planning.pixels import Sighting, pixel_at, sight
+from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.model_planning import context, nothing_to_ask
+from gvla2.skills.model_planning import context, instruction_in, nothing_to_ask
 from gvla2.skills.table import STANDARD
-from gvla2_plugins.robopoint.reading import form, question, read_answer, read_simply
 
 if TYPE_CHECKING:
     from gvla2_plugins.robopoint import RoboPointConfig
@@ -38,6 +38,18 @@ BESIDES = {
 """Relations whose goal is a free place, in the model's training words."""
 LEVEL = 0.02
 """Points on the table are within this of its height, metres."""
+LONGEST = 80
+"""Maximum number of characters of an object's name."""
+
+
+@dataclass(frozen=True)
+class PointingTask:
+    """A skill's name, the words for the theme, and for the goal if there is one, with its relation."""
+
+    skill: str
+    theme: str
+    goal: str = ""
+    relation: Relation = ""
 
 
 class RoboPointPlanner:
@@ -73,10 +85,9 @@ class _Asking:
     def call(self) -> SkillCall | Abstention:
         """The skill call that the instruction and the picture give."""
         request, skills = self._request, self._skills
-        task = read_simply(request.instruction)
-        if task is None or task.skill not in skills:
-            words: list[dict[str, Any]] = [{"role": "user", "content": question(request.instruction, skills)}]
-            task = self._ask(words, lambda text: read_answer(text, skills), schema=form(skills))
+        words = "\n\n".join([*context(request), question(request, skills)])
+        asked: list[Message] = [{"role": "user", "content": words}]
+        task = self._ask(asked, lambda text: read_task(text, skills), schema=form(skills))
         if task.skill == "none":
             return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
         theme = self._object(task.theme)
@@ -137,3 +148,46 @@ class _Asking:
         self.said += found.transcript
         answer: T = found.answer
         return answer
+
+
+def question(request: PlanRequest, skills: Mapping[str, Skill]) -> str:
+    """The question to the model for what an instruction is about."""
+    lines = "\n".join(f"{s.signature()}: {s.description}" for s in skills.values())
+    return (
+        f"A robot can do this:\n{lines}\n\nThe instruction is: {instruction_in(request)}\n\nWhich skill "
+        "does it ask for, with what object, and, where it says so, in which relation to what goal? Name objects in the "
+        'instruction\'s words. Where it asks for none of these skills, or for several, the skill is "none". Answer '
+        'with JSON alone: {"skill": "...", "theme": "...", "goal": "...", "relation": "..."}; "relation" is one of '
+        f'{", ".join(r for r in RELATIONS if r)} or empty, "goal" may be empty.'
+    )
+
+
+def form(skills: Mapping[str, Skill]) -> dict[str, Any]:
+    """The JSON schema of the answer to :func:`question`."""
+    text = {"type": "string", "maxLength": LONGEST}
+    fields = {
+        "skill": {"enum": [*skills, "none"]},
+        "theme": text,
+        "goal": text,
+        "relation": {"enum": list(RELATIONS)},
+    }
+    return {"type": "object", "properties": fields, "required": list(fields), "additionalProperties": False}
+
+
+def read_task(text: str, skills: Mapping[str, Skill]) -> PointingTask:
+    """The answer to :func:`question`; raises :class:`ValueError` on what is wrong with it."""
+    answer = json_in(text)
+    if not isinstance(answer, dict):
+        raise ValueError("It is not a JSON object.")
+    skill, theme, goal, relation = (answer.get(k, "") for k in ("skill", "theme", "goal", "relation"))
+    if skill not in (*skills, "none"):
+        raise ValueError(f"There is no skill {skill!r:.40}; there are {', '.join(skills)} and none.")
+    if not (isinstance(theme, str) and isinstance(goal, str)) or max(len(theme), len(goal)) > LONGEST:
+        raise ValueError("'theme' and 'goal' are short texts.")
+    if relation not in RELATIONS:
+        raise ValueError(
+            f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}."
+        )
+    if skill != "none" and not theme.strip():
+        raise ValueError("'theme' is empty; name the object.")
+    return PointingTask(skill, theme.removeprefix("the "), goal.removeprefix("the "), relation)

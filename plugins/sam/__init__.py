@@ -25,17 +25,15 @@ SAM2_TINY = {
 class SamConfig(NamingOptions, ComponentConfig):
     """Options of the ``sam`` perceiver.
 
-    ``weights``: for ``model=sam2`` a folder with one encoder and one decoder as ONNX; for ``vit_b``, ``vit_l``,
-    ``vit_h`` and ``mobile_sam`` the checkpoint's file. ``sha256``: what files must hash to, by their names; files that
-    it does not name are not checked. ``threads``: of one encode, 0 for all cores.
+    ``weights``: a folder with one encoder and one decoder of SAM 2 as ONNX. ``sha256``: hashes of the files by their
+    names; files that it does not name are not checked. ``threads``: of one encode, 0 for all cores.
 
     ``min_points``: fewer pixels, over all views, are a speck. ``min_height``: what rises less is table, metres; more
-    where depth is noisy. ``min_score``: masks that the model is less sure of give way to what is connected in 3D.
+    where depth is noisy. ``min_score``: masks with a lower score are replaced by what is connected in 3D.
     ``localize``: whether ``vision`` is asked to click at what the instruction means, five rounds at most.
     """
 
     weights: str = ""
-    model: str = "sam2"
     sha256: dict[str, str] = field(default_factory=lambda: dict(SAM2_TINY))
     threads: int = 0
     min_points: int = 14
@@ -45,7 +43,7 @@ class SamConfig(NamingOptions, ComponentConfig):
 
 
 def _build(config: SamConfig) -> Perceiver:
-    """SAM 2 (ONNX Runtime), SAM or MobileSAM (kornia), prompted by what is connected in 3D; needs weights."""
+    """SAM 2 by ONNX Runtime, prompted by what is connected in 3D; needs weights."""
     from gvla2_plugins.sam.perceiver import SamPerceiver
 
     return SamPerceiver(config)

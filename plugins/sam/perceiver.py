@@ -15,14 +15,15 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clicks import EncodedPicture, Prompt, Segmenter, Segments
+from gvla2.perception.clicks import Prompt, Segmenter, Segments, localized
 from gvla2.perception.clusters import Clusters, IntArray, MaskCandidate, clusters, fuse, iou, objects_of
 from gvla2.perception.frames import BoolArray, ViewFrame, frames_of, raised
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers, vision_model
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.sam import SamConfig
+from gvla2_plugins.sam.models import Sam2Onnx
 
 MARGIN = 0.055
 """Share of a picture's sides, about what stands there, that the model sees of its surroundings."""
@@ -111,7 +112,6 @@ def packed(parts: Sequence[tuple[int, int, Area]], size: tuple[int, int]) -> lis
     return sheets
 
 
-MODELS = ("sam2", "vit_b", "vit_l", "vit_h", "mobile_sam")
 LEAST = 6
 """Pixels in one picture from which a cluster is asked for there."""
 LEAK = 5
@@ -131,23 +131,15 @@ class SamPerceiver:
     """
 
     def __init__(self, config: SamConfig, segmenter: Segmenter | None = None) -> None:
-        if config.model not in MODELS:
-            raise ConfigurationError(
-                f"perceiver.model is '{config.model}'; it must be one of {', '.join(MODELS)}."
-            )
-        if (
-            config.min_points < 3
-            or not config.min_height > 0
-            or not 0 <= config.min_score <= 1
-            or config.threads < 0
-        ):
+        sizes = config.min_points >= 3 and config.min_height > 0 and config.threads >= 0
+        if not sizes or not 0 <= config.min_score <= 1:
             raise ConfigurationError(
                 "perceiver=sam: min_points must be at least 3, min_height above 0, min_score in [0, 1], threads >= 0."
             )
         self._config = config
         self._vision = vision_model(config.vision, "perceiver.localize") if config.localize else None
         self._labellers = labellers(config)
-        self._segmenter = segmenter or _load(config)
+        self._segmenter = segmenter or Sam2Onnx(config.weights, dict(config.sha256), config.threads)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
@@ -168,12 +160,9 @@ class SamPerceiver:
             for each in self._drawn(number, found.maps[number], whole, given)
         ]
         objects, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
-        middle = 0.5 * (workspace.low + workspace.high)
-        scene = Scene((), table.height_at(*middle[:2].tolist()), workspace, "sam", (*notes, *small))
-        scene = _with(scene, over_workspace(objects, scene.workspace))
+        objects = numbered(over_workspace(objects, workspace))
+        scene = Scene(objects, table.height_over(workspace), workspace, "sam", (*notes, *small))
         if self._vision is not None:
-            from gvla2.perception.clicks import localized
-
             scene = localized(scene, frames, self._segmenter, table, instruction, self._vision, config.vision)
         return labelled(scene, observation, self._labellers)
 
@@ -187,8 +176,13 @@ class SamPerceiver:
         sheets = sheets_of([frame.view.image for frame in frames], marks)
         for number, sheet in enumerate(sheets):
             log.info("perceiver=sam: sheet %d of %d", number + 1, len(sheets))
-            for mark, answer in asked(self._segmenter.encode(sheet.image), sheet.marks).items():
+            shown = np.unique(sheet.marks[sheet.marks >= 0]).tolist()
+            given = self._segmenter.encode(sheet.image).segment(
+                [prompt_for(sheet.marks == mark) for mark in shown]
+            )
+            for i, mark in enumerate(shown):
                 picture, k = divmod(mark, found.count)
+                answer = Segments(given.logits[i : i + 1], given.scores[i : i + 1])
                 answers[picture][k] = sheet.back(mark, answer)
         return answers
 
@@ -207,13 +201,6 @@ class SamPerceiver:
             before = drawn.get(whole[k], (np.zeros_like(mask), 0.0))
             drawn[whole[k]] = (before[0] | mask, max(before[1], score))
         return [MaskCandidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
-
-
-def asked(picture: EncodedPicture, marks: IntArray) -> dict[int, Segments]:
-    """The answer for each mark >= 0 of one picture (H, W)."""
-    shown = np.unique(marks[marks >= 0]).tolist()
-    given = picture.segment([prompt_for(marks == mark) for mark in shown])
-    return {mark: Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i, mark in enumerate(shown)}
 
 
 def in_sight(clustered: IntArray) -> BoolArray:
@@ -263,17 +250,3 @@ def best_mask(answer: Segments, own: BoolArray, others: BoolArray) -> tuple[Bool
     worth = [score + iou(mask, own) for mask, score in zip(masks, answer.scores[0], strict=True)]
     best = int(np.argmax(worth))
     return masks[best], float(answer.scores[0][best])
-
-
-def _with(scene: Scene, objects: Sequence[SceneObject]) -> Scene:
-    return Scene(numbered(objects), scene.table_height, scene.workspace, scene.perceiver, scene.notes)
-
-
-def _load(config: SamConfig) -> Segmenter:
-    if config.model == "sam2":
-        from gvla2_plugins.sam.models import Sam2Onnx
-
-        return Sam2Onnx(config.weights, dict(config.sha256), config.threads)
-    from gvla2_plugins.sam.models import load_sam
-
-    return load_sam(config.model, config.weights, dict(config.sha256))

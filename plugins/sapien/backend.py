@@ -16,10 +16,10 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
+from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
-from gvla2.robot.looks import RobotLooks, body_surface
+from gvla2.robot.looks import body_surface
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
@@ -66,7 +66,7 @@ class SapienArm:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
         self._arm = self._cell.arm
         self._planner = MotionPlanner(self._arm)
-        self._robot = RobotLooks(self._cell.looks)
+        self._robot = self._cell.looks
         self._world: World | None = None
         self._eyes: CameraRig | None = None
         self._layout = Layout(())
@@ -78,10 +78,14 @@ class SapienArm:
         """Kinematics and collision model of the arm."""
         return self._arm
 
-    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+    def reset(
+        self, task: Task | str | None, seed: int, instruction: str | None = None
+    ) -> TaskInstance | None:
         """A new world with the arm at home and the task's episode for the seed; without a task an empty table."""
         self.close()
         instance = None
+        if isinstance(task, str):
+            raise ConfigurationError(f"robot={self._cell.robot} has no task of its own, like '{task}'.")
         if task is not None:
             instance = task.sample(np.random.default_rng(seed), self._site(), instruction)
             if self._config.attach:
@@ -144,8 +148,7 @@ class SapienArm:
         driver = SapienDriver(world, self._config, self._arm.hand.max_width)
         driver.hold(JUDGE_SECONDS)
         state = TrueState(self._sane_world("judged"))
-        verdicts = self._instance.succeeded
-        return SuccessCheck(bool(verdicts["relaxed"](state)), bool(verdicts["strict"](state)))
+        return judge(self._instance, state)
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
         """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""

@@ -13,10 +13,7 @@ from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import ExecutionListener, Moment
-from gvla2.robot.looks import RobotLooks
-
-EXPLAINED = 0.010
-"""Depth counts as the robot's own within this distance of its model, metres."""
+from gvla2.robot.looks import OWN_DEPTH, RobotLooks
 
 
 class CameraRig:
@@ -47,7 +44,7 @@ def _merge(camera: Camera, robot: RayImage, objects: RayImage) -> View:
     nearer = np.isfinite(robot.depth) & ~(objects.depth < robot.depth)
     depth = np.where(nearer, robot.depth, objects.depth)
     with np.errstate(invalid="ignore"):
-        mask = np.abs(depth - robot.depth) <= EXPLAINED
+        mask = np.abs(depth - robot.depth) <= OWN_DEPTH
     return View(camera, np.where(nearer[..., None], robot.image, objects.image), depth, robot_mask=mask)
 
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, meant_by
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.part_hierarchy import root_of
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.part_hierarchy import root_of
 from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
 
 _LOOKS = {

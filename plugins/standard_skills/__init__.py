@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gvla2 import hookimpl
-from gvla2.skills.skill import Skill
+from gvla2.planning.skill import Skill
 from gvla2.skills.table import STANDARD
 
 

@@ -97,8 +97,8 @@ class Draw:
         """The episode; its sentence is one of the templates with ``words`` filled in, or the given one."""
         drawn = self.templates[int(self.rng.integers(len(self.templates)))].format(**words)
         return TaskInstance(
-            layout,
             drawn if self.given is None else self.given,
+            layout,
             {"relaxed": relaxed, "strict": strict},
             goal,
             image_size=image_size,

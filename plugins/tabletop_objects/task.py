@@ -95,8 +95,8 @@ class TabletopObjects:
         succeeded, goal = success_check(asked, bodies, site.table_height)
         notes = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
         return TaskInstance(
-            Layout(tuple(bodies)),
             sentence,
+            Layout(tuple(bodies)),
             succeeded,
             f"{goal}{aside}{''.join(notes)}",
             keep_clear=_beside(asked, bodies),

@@ -101,11 +101,11 @@ def main():
     given = parser.parse_args()
     files = scan_files(given.folder)
     scans = {name: read_scan(name, path) for name, path in files.items()}
-    whole = Gallery.of(list(scans.values()))
+    whole = Gallery(list(scans.values()))
     for erring in (False, True):
         counts = dict.fromkeys(("right", "wrong", "unknown", "left out: named"), 0)
         for number, (name, path) in enumerate(list(files.items())[given.first :]):
-            without = Gallery.of([scan for other, scan in scans.items() if other != name])
+            without = Gallery([scan for other, scan in scans.items() if other != name])
             for pose in range(given.poses):
                 rng = np.random.default_rng([number, pose, erring])
                 observation = seen(laid(path, rng, pose == 0), rng, erring)

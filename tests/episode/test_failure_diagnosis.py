@@ -112,7 +112,7 @@ def test_letting_go_before_putting_down_teaches_the_order() -> None:
     wrong = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.5, 0, 0.02), 1.0))
     (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
     assert signal.kind == "opened_early"
-    assert signal.effect == Order("lower", "drop", skill="place", object="red")
+    assert signal.effect == Order("lower before drop", skill="place", object="red")
     assert told(episode("place", CUBE, None, PLACE, {})) == []
     elsewhere = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.2, 0, 0.02), 1.0))
     assert told(episode("place", CUBE, None, elsewhere, {})) == []

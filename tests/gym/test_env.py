@@ -179,7 +179,6 @@ def test_nothing_happens_before_reset(small):
         ({"control": "torque"}, ConfigurationError, "waypoint, joint_delta"),
         ({"obs_mode": "depth"}, ConfigurationError, "rgbd, state"),
         ({"render_mode": "human"}, ConfigurationError, "rgb_array"),
-        ({"task": "none"}, ConfigurationError, "task"),
     ],
 )
 def test_wrong_choices_are_told(options, error, words):

@@ -44,7 +44,7 @@ def test_known_objects_get_their_names_poses_and_meshes(world, folder):
     brick, bottle = world.brick(), world.bottle()
     lying = rigid([[0, 0, -1], [0, 1, 0], [1, 0, 0]], (0.3, 0.1, world.TABLE + 0.035))
     seen = world.Seen([(brick, world.standing(brick, 0.15, -0.12, 0.8)), (bottle, lying)], noise=0.0008)
-    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)])
+    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery.read(folder)])
     by_name = {o.label: o for o in scene.objects}
     assert set(by_name) == {"painted brick", "blue bottle"}
     for name, mesh, pose in (
@@ -65,7 +65,7 @@ def test_the_painted_end_tells_which_way_round_it_lies(world, folder):
     brick = world.brick()
     for yaw in (0.3, 0.3 + np.pi):
         seen = world.Seen([(brick, world.standing(brick, 0.25, 0.0, yaw))], noise=0.0008)
-        (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+        (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery.read(folder)]).objects
         found = obj.known.world_from_scan[:2, 0]
         assert found @ [np.cos(yaw), np.sin(yaw)] > 0.95
 
@@ -80,7 +80,7 @@ def test_what_is_not_in_the_gallery_is_unknown(world, folder, change):
     if change == "other":
         strange.visual.vertex_colors = (90, 90, 200, 255)
     seen = world.Seen([(strange, world.standing(strange, 0.25, 0.0))], noise=0.0008)
-    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)])
+    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery.read(folder)])
     assert scene.objects[0].named_by == ""
     assert scene.objects[0].known is None
     assert any("unknown to the gallery" in note for note in scene.notes)
@@ -89,7 +89,7 @@ def test_what_is_not_in_the_gallery_is_unknown(world, folder, change):
 def test_same_shape_other_colour_is_told_apart(world, folder):
     bottle = world.bottle((0.8, 0.1, 0.1))
     seen = world.Seen([(bottle, world.standing(bottle, 0.25, 0.0))], noise=0.0008)
-    (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+    (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery.read(folder)]).objects
     assert obj.label == "ketchup"
 
 
@@ -100,6 +100,6 @@ def test_a_camera_without_depth_and_an_object_of_few_points_do_not_stop_it(world
     blind = replace(two.observation, views=Views(tuple(views)))
     scene = scene_of(world, blind)
     speck = replace(scene.objects[0], id="speck", points=scene.objects[0].points[:5])
-    scene = labelled(replace(scene, objects=(*scene.objects, speck)), blind, [Gallery(folder)])
+    scene = labelled(replace(scene, objects=(*scene.objects, speck)), blind, [Gallery.read(folder)])
     assert {o.label for o in scene.objects if o.named_by} == {"painted brick", "blue bottle"}
     assert any(note.startswith("speck: unknown") and "5 points" in note for note in scene.notes)

@@ -1,5 +1,6 @@
 """Whatever a planner or a perceiver returns: it is well-formed, or the refusal says what is wrong with it."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -74,23 +75,32 @@ def test_rubbish_is_refused_in_words(answer, words):
         ask(Says(answer), None, "mine")
 
 
-def test_a_planner_that_hangs_is_named():
+def test_a_planner_that_hangs_is_named_and_stopped():
+    rounds = []
+
     class Hangs:
         def plan(self, request):
             while True:
-                pass
+                rounds.append(1)
+                time.sleep(0.01)
 
     with pytest.raises(PlannerTimeoutError, match=r"'mine' gave no answer within 0\.1 s"):
         ask(Hangs(), None, "mine", 0.1)
+    time.sleep(0.2)
+    before = len(rounds)
+    time.sleep(0.2)
+    assert len(rounds) == before
 
 
-def test_a_planners_own_timeout_is_its_own():
+@pytest.mark.parametrize("seconds", [0.0, 5.0])
+def test_answers_and_errors_pass_through_a_time_limit(seconds):
     class Waits:
         def plan(self, request):
             raise TimeoutError("the endpoint")
 
+    assert ask(Says(planned(GOOD)), None, "mine", seconds) == planned(GOOD)
     with pytest.raises(TimeoutError, match="the endpoint"):
-        ask(Waits(), None, "mine", 5.0)
+        ask(Waits(), None, "mine", seconds)
 
 
 WHO = "The perceiver 'mine' of plugin 'yours'"

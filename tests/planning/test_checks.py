@@ -12,8 +12,7 @@ from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import width_along
 from gvla2.planning.effects import Bound, Order
-from gvla2.planning.findings import TABLE_MARGIN, CheckReport
-from gvla2.planning.repair import repair
+from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 from gvla2.testing.inputs import Gantry
@@ -70,7 +69,6 @@ def test_a_good_trajectory_passes_every_check_and_says_so_once_each():
 BAD = {
     "one waypoint": (GOOD[:1], ("schema", "too_few_waypoints")),
     "too many": (GOOD[:1] * (MAX_WAYPOINTS + 1), ("schema", "too_many_waypoints")),
-    "frame": (changed(0, frame="camera"), ("schema", "wrong_frame")),
     "no stage": (changed(0, stage=""), ("schema", "no_stage")),
     "motion": (changed(0, motion="hop"), ("schema", "bad_motion")),
     "nan": (changed(1, xyz=(0.3, float("nan"), 0.6)), ("schema", "not_finite")),
@@ -119,21 +117,18 @@ def test_each_fault_is_found_by_its_check_and_named(waypoints, expected):
     assert expected in kinds(report)
     assert not report.passed
     message = next(f.message for f in report.findings if (f.check, f.kind) == expected)
-    assert len(message) > 20
     assert message in report.reasons
-    if "waypoint" in message.lower() and expected[1] not in ("too_few_waypoints", "too_many_waypoints"):
-        assert any(w.stage in message for w in waypoints if w.stage) or expected[1] == "no_stage"
 
 
 def test_all_faults_are_reported_at_once_and_every_check_speaks():
     worst = (
-        replace(GOOD[0], speed=5.0, frame="camera"),
+        replace(GOOD[0], speed=5.0, motion="hop"),
         replace(GOOD[1], gripper=1.5, xyz=(0.9, 0.0, 0.505)),
         replace(GOOD[3], carries="wall"),
     )
     report = check(*worst, effects=[Bound("lift_height", 0.2)], parameters={"lift_height": 0.1})
     found = kinds(report)
-    assert {("schema", "wrong_frame"), ("workspace", "too_fast"), ("workspace", "outside_workspace"),
+    assert {("schema", "bad_motion"), ("workspace", "too_fast"), ("workspace", "outside_workspace"),
             ("gripper", "opening_range"), ("memory", "bound_broken"),
             ("kinematics", "unchecked"), ("clearance", "unchecked")} <= found  # fmt: skip
     assert {f.check for f in report.findings} == set(CHECKS)
@@ -212,46 +207,6 @@ def test_the_width_of_an_object_is_that_of_its_outline(shape):
     assert width_along(turned, diagonal) == pytest.approx(0.04 * np.sqrt(2.0) if shape == "box" else 0.04)
 
 
-def repaired(*waypoints: Waypoint) -> tuple[Trajectory, tuple[str, ...]]:
-    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM, ARM.forward(ARM.home))
-
-
-@pytest.mark.parametrize(
-    "waypoints",
-    [
-        changed(0, speed=3.0),
-        changed(0, xyz=(0.3, 0.0, TABLE + 0.83)),
-        changed(1, xyz=(0.3, 0.0, TABLE + 0.011)),
-        changed(0, gripper=1.3),
-        (at(-0.25, -0.4, 0.2, 1.0), at(0.4, -0.3, 0.2, 1.0, motion="linear")),
-        (at(0.3, 0.0, 0.15, 1.0), at(0.3, 0.4, 0.12, 1.0, "over", motion="linear")),
-    ],
-    ids=["fast", "high", "low", "opening", "long", "wall"],
-)
-def test_repair_mends_what_can_be_mended_and_says_what(waypoints):
-    assert not check(*waypoints).passed
-    mended, said = repaired(*waypoints)
-    assert said
-    assert check(*mended.waypoints).passed, check(*mended.waypoints).reasons
-
-
-def test_repair_leaves_alone_what_it_cannot_mend():
-    for waypoints in (GOOD, changed(1, xyz=(float("nan"), 0.0, 0.6)), changed(0, frame="camera")):
-        mended, said = repaired(*waypoints)
-        assert said == ()
-        assert len(mended) == len(waypoints)
-
-
-def test_repair_moves_a_waypoint_by_a_few_centimetres_at_most_and_only_as_far_as_needed():
-    below_and_behind = changed(0, xyz=(-0.6, 0.0, TABLE - 0.65))
-    assert repaired(*below_and_behind) == (Trajectory(below_and_behind), ())
-    slightly = changed(1, xyz=(0.3, 0.0, TABLE - 0.02))  # outside the workspace and below the table's margin
-    mended, notes = repaired(*slightly)
-    assert len(notes) == 1
-    tip = mended.waypoints[1].xyz[2] - ARM.hand.tip_beyond_tcp - TABLE
-    assert TABLE_MARGIN < tip < TABLE_MARGIN + 0.001
-
-
 def test_bounds_in_shares_bind_by_the_handled_objects_sides():
     bound = Bound("grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
     for height, passes in ((0.04, True), (0.05, False)):
@@ -266,9 +221,9 @@ def test_bounds_in_shares_bind_by_the_handled_objects_sides():
 
 
 def test_a_remembered_order_rejects_stages_the_other_way_round():
-    order = Order("lift", "close", skill="pick", source="r9")
+    order = Order("lift before close", skill="pick", source="r9")
     report = check(*GOOD, effects=[order], skill="pick")
     assert kinds(report) == {("memory", "order_broken")}
     assert "r9" in report.reasons[0]
     assert check(*GOOD, effects=[order], skill="push").passed
-    assert check(*GOOD, effects=[Order("close", "lift")], skill="pick").passed
+    assert check(*GOOD, effects=[Order("close before lift")], skill="pick").passed

@@ -51,7 +51,7 @@ def test_effects_survive_json_and_bad_ones_are_refused():
     others = (
         Prior("x", 0.5, 3, 0.1, scale="height", object="red"),
         Ban("approach:top"),
-        Order("lower", "release"),
+        Order("lower before release"),
     )
     for one in (effect, *others):
         assert effect_from_json(one.to_json()) == one
@@ -115,7 +115,7 @@ def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
 )
 def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
     order = effect_from_json({"kind": "order", "parameter": "lower before release"})
-    assert order == Order("lower", "release")
+    assert order == Order("lower before release")
     assert order.broken_by(stages) is wrong
 
 

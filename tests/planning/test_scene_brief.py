@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from gvla2.planning.scene_brief import scene_brief, spread_points, unique_names
+from gvla2.planning.scene_brief import scene_brief, unique_names
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -45,16 +44,6 @@ def test_an_opening_height_and_doubt_are_reported():
     cup = replace(RED, opening=0.04, confidence=0.3, world_from_object=pose)
     (line,) = scene_brief(replace(SCENE, objects=(cup,))).text.splitlines()
     assert line == "red_cube 52x52x52 open 40 at 300,-80 up 100 (unsure)"
-
-
-def test_surface_points_are_on_the_object_and_spread():
-    (line, _) = scene_brief(SCENE, points=6).text.splitlines()
-    points = [tuple(map(int, p.split(","))) for p in line.partition("points ")[2].split()]
-    assert len(points) == 6
-    assert all(abs(x - 300) < 40 and abs(y + 80) < 40 and -1 <= z <= 53 for x, y, z in points)
-    few = spread_points(RED.points, 2)
-    assert np.linalg.norm(few[0] - few[1]) > 0.06
-    assert spread_points(np.zeros((0, 3)), 4).shape == (0, 3)
 
 
 @pytest.mark.parametrize(

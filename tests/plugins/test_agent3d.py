@@ -5,16 +5,19 @@ from dataclasses import replace
 
 import pytest
 
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Advice
-from gvla2.planning.programs import waypoints_program
+from gvla2.planning.programs import relative_steps, waypoints_program
+from gvla2.skills.carry_out import carry_out
 from gvla2.testing import check_component, check_planner
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
+from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, request, sound
 
 LIFT = '[["red_cube",0,0,100,1],["red_cube",0,0,-25,1],["red_cube",0,0,-25,0],["red_cube",0,0,150,0]]'
+A = cube("a", (0.3, 0.1))
 PUSH = '[["red_cube","blue_cube",-90,-20,0],["red_cube","blue_cube",60,-20,0]]'
-BARE = "[[300,-80,150,1],[300,-80,25,1],[300,-80,25,0],[300,-80,200,0]]"
 
 
 SCRIPTED = ScriptedPlanner(gvla2_planners, Agent3dConfig)
@@ -42,17 +45,6 @@ def test_a_closed_hand_pushes_towards_another_object():
     plan = planned(PUSH)
     assert (plan.skill, plan.roles["theme"]) == ("push", "red_cube"), plan.abstention
     passes(plan)
-
-
-def test_bare_points_are_the_papers():
-    plan = planned(BARE, waypoints="bare", points=4)
-    assert plan.roles == {"theme": "red_cube"}
-    passes(plan)
-    assert plan.program is None
-    with LocalModel(lambda _: said(BARE)) as model:
-        planner(model, waypoints="bare", points=4).plan(REQUEST)
-        words = model.requests[0]["messages"][-1]["content"]
-    assert "red_cube 52x52x52 at 300,-80 (right) points" in words
 
 
 def test_what_cannot_be_carried_out_goes_back_with_its_reason():
@@ -93,12 +85,6 @@ def test_bad_answers_move_nothing(answer, why):
     assert len(plan.transcript) == 2
 
 
-@pytest.mark.parametrize("answer", ['[["a","b","c","d"]]', "[[1,2,3]]"])
-def test_bad_bare_answers_move_nothing(answer):
-    plan = planned(answer, tries=1, waypoints="bare")
-    assert plan.abstention.kind == "other"
-
-
 @pytest.mark.parametrize(
     ("answer", "kind"),
     [
@@ -126,10 +112,42 @@ def test_remembered_paths_come_with_the_names_of_now():
     with LocalModel(lambda _: said(LIFT)) as model:
         planner(model, programs=2).plan(asked)
         planner(model, programs=0).plan(asked)
-        planner(model, waypoints="bare", tries=1).plan(asked)
-        with_memory, without, bare = (
-            "\n".join(m["content"] for m in r["messages"]) for r in model.requests[:3]
-        )
+        with_memory, without = ("\n".join(m["content"] for m in r["messages"]) for r in model.requests[:2])
     assert with_memory.count("Task: raise the cube") == 2
     assert '["blue_cube", 0, 0, -23, 0]'.replace(" ", "") in with_memory
-    assert "raise the cube" not in without + bare
+    assert "raise the cube" not in without
+
+
+def path_of_skill(call, asked):
+    """The path of a call's plan, as memory stores it."""
+    plan = sound(carry_out([call], asked), asked)
+    steps = relative_steps(plan.trajectory, asked.scene, plan.roles)
+    return waypoints_program(steps, asked.scene, roles=plan.roles, skill=plan.skill, instruction="do it")
+
+
+def shown(asked, *programs):
+    """How many of these remembered paths the prompt shows."""
+    with LocalModel(lambda _: said(LIFT)) as model:
+        planner(model, tries=1).plan(replace(asked, advice=Advice(programs=programs), instruction="go"))
+        return "\n".join(m["content"] for m in model.requests[0]["messages"]).count("Task: do it")
+
+
+@pytest.mark.parametrize(
+    ("call", "objects"),
+    [
+        (SkillCall("place", "a", "tray", relation="in"), (A, TRAY)),
+        (SkillCall("insert", "ring", "post"), (RING, POST)),
+        (SkillCall("push", "a", "patch"), (A, PATCH)),
+    ],
+)
+def test_the_path_of_a_skill_can_be_followed_where_it_was_taken(call, objects):
+    asked = request(*objects)
+    assert shown(asked, path_of_skill(call, asked)) == 1
+
+
+def test_a_path_that_leads_nowhere_here_is_not_shown():
+    asked = request(A, PATCH)
+    path = path_of_skill(SkillCall("place", "a", "patch"), asked)
+    aside = tuple((step[0], 300, *step[2:]) for step in path.steps)  # closes 30 cm beside the cube
+    assert shown(asked, replace(path, steps=aside), path) == 1
+    assert shown(asked, replace(path, steps=aside)) == 0

@@ -79,9 +79,7 @@ def test_random_table_tops_with_noise():
     assert np.mean(tally.colours) >= 0.97
 
 
-@pytest.mark.parametrize(
-    "options", [{"jump": 0.0}, {"min_points": 1}, {"robot_margin": -1}, {"gap": float("nan")}]
-)
+@pytest.mark.parametrize("options", [{"jump": 0.0}, {"min_points": 1}, {"gap": float("nan")}])
 def test_options_out_of_range_are_refused(options: dict):
     with pytest.raises(PerceptionError, match="out of range"):
         ClassicalPerceiver(ClassicalConfig(**options))

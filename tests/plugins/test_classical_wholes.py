@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gvla2.skills.part_hierarchy import called
+from gvla2.planning.part_hierarchy import called
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots

@@ -1,4 +1,4 @@
-"""Tiny random checkpoints: loading, prompts and shapes are real, what is found means nothing."""
+"""A tiny random checkpoint: loading, prompts and shapes are real, what is found means nothing."""
 
 import json
 
@@ -8,36 +8,31 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_perceiver, inputs
 from gvla2_plugins.open_vocabulary import VocabularyConfig
-from gvla2_plugins.open_vocabulary.models import load_detector, load_sam3
+from gvla2_plugins.open_vocabulary.models import load_sam3
 from gvla2_plugins.open_vocabulary.perceiver import FoundMask, VocabularyPerceiver, named_in
 
 
 class Knows:
-    """Finds colours in the picture by their name, as masks or as boxes."""
+    """Finds colours in the picture by their names."""
 
-    def __init__(self, loose=False):
-        self.loose, self.asked = loose, []
+    def __init__(self):
+        self.asked = []
 
     def find(self, image, words, threshold):
         self.asked.append(words)
         found = []
         for word in words:
             channel = {"red": 0, "blue": 2}.get(word.split()[0])
-            if channel is None:
-                continue
-            rest = [c for c in range(3) if c != channel]
-            mask = image[..., channel].astype(int) > image[..., rest].max(axis=-1).astype(int) + 60
-            if self.loose and mask.any():
-                rows, columns = np.nonzero(mask)
-                mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
-            found.append(FoundMask(mask, 0.9, word, self.loose))
+            if channel is not None:
+                rest = [c for c in range(3) if c != channel]
+                mask = image[..., channel].astype(int) > image[..., rest].max(axis=-1).astype(int) + 60
+                found.append(FoundMask(mask, 0.9, word))
         return found
 
 
-@pytest.mark.parametrize("loose", [False, True])
-def test_what_words_name_is_found_and_named(loose):
+def test_what_words_name_is_found_and_named():
     config = VocabularyConfig(name="sam3", words=["red block", "blue block", "green mug"])
-    perceiver = VocabularyPerceiver("sam3", config, Knows(loose))
+    perceiver = VocabularyPerceiver(config, Knows())
     scene = perceiver.perceive(inputs.observation(), "", inputs.WORKSPACE)
     assert [o.label for o in scene.objects] == ["red block", "blue block"]
     assert scene.objects[0].centre == pytest.approx(inputs.RED.world_from_block[:3, 3], abs=0.008)
@@ -46,11 +41,11 @@ def test_what_words_name_is_found_and_named(loose):
 
 def test_without_words_the_instruction_names_them():
     knows = Knows()
-    VocabularyPerceiver("sam3", VocabularyConfig(name="sam3"), knows).perceive(
+    VocabularyPerceiver(VocabularyConfig(name="sam3"), knows).perceive(
         inputs.observation(), "put the red cube left of the blue cube", inputs.WORKSPACE
     )
     assert knows.asked[0] == ["red cube", "blue cube"]
-    silent = VocabularyPerceiver("sam3", VocabularyConfig(name="sam3"), knows)
+    silent = VocabularyPerceiver(VocabularyConfig(name="sam3"), knows)
     assert "names nothing" in silent.perceive(inputs.observation(), "", inputs.WORKSPACE).notes[0]
 
 
@@ -68,7 +63,7 @@ def test_names_stand_between_verbs_and_prepositions(instruction, names):
 
 def test_options_that_cannot_be():
     with pytest.raises(ConfigurationError, match="threshold"):
-        VocabularyPerceiver("sam3", VocabularyConfig(name="sam3", threshold=0), Knows())
+        VocabularyPerceiver(VocabularyConfig(name="sam3", threshold=0), Knows())
 
 
 def test_weights_that_are_absent_or_another_model(tmp_path):
@@ -77,11 +72,9 @@ def test_weights_that_are_absent_or_another_model(tmp_path):
     (tmp_path / "config.json").write_text(json.dumps({"model_type": "bert"}))
     with pytest.raises(ConfigurationError, match="is a 'bert'"):
         load_sam3(str(tmp_path))
-    with pytest.raises(ConfigurationError, match="grounding-dino"):
-        load_detector(str(tmp_path))
     (tmp_path / "config.json").write_text("{")
     with pytest.raises(ConfigurationError, match="cannot be read"):
-        load_detector(str(tmp_path))
+        load_sam3(str(tmp_path))
 
 
 @pytest.fixture
@@ -131,27 +124,3 @@ def test_sam3_loads_and_answers_at_the_pictures_size(tmp_path, tokenizer):
     assert {one.label for one in found} == {"red cube", "cube"}
     assert all(one.mask.shape == (40, 60) and one.mask.dtype == bool and 0 <= one.score <= 1 for one in found)
     assert model.find(IMAGE, ["cube"], 0.9999) == []
-
-
-def test_owlv2_loads_and_answers_with_boxes(tmp_path, tokenizer):
-    import torch
-    from transformers import Owlv2Config, Owlv2ForObjectDetection
-
-    torch.manual_seed(0)
-    small = {"hidden_size": 32, "intermediate_size": 32, "num_attention_heads": 4, "num_hidden_layers": 1}
-    config = Owlv2Config(
-        text_config={
-            **small,
-            "vocab_size": 8,
-            "max_position_embeddings": 8,
-            "pad_token_id": 0,
-            "eos_token_id": 3,
-        },
-        vision_config={**small, "image_size": 32, "patch_size": 16},
-        projection_dim=32,
-    )
-    Owlv2ForObjectDetection(config).save_pretrained(tmp_path)
-    tokenizer.save_pretrained(tmp_path)
-    found = load_detector(str(tmp_path)).find(IMAGE, ["red cube"], 1e-6)
-    assert 1 <= len(found) <= 4
-    assert all(one.mask.shape == (40, 60) and one.loose for one in found)

@@ -6,41 +6,38 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, PerceptionError
 from gvla2.geometry.views import Views
-from gvla2.perception.clicks import Prompt, Segments
+from gvla2.perception.clicks import Segments
 from gvla2.perception.options import VisionOptions
 from gvla2.testing import check_perceiver, inputs
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.sam import SamConfig
 from gvla2_plugins.sam.models import model_files
-from gvla2_plugins.sam.perceiver import SamPerceiver
+from gvla2_plugins.sam.perceiver import SamPerceiver, sheets_of
 
 
 class ByColour:
     """A segmenter without weights: all of the box that has the colour of the clicked pixel."""
 
-    def __init__(self):
+    def __init__(self, score=0.9):
         self.encodes = self.prompts = 0
+        self.score = score
 
     def encode(self, image):
         self.encodes += 1
-        return _Picture(self, image.astype(float))
-
-
-class _Picture:
-    def __init__(self, model, image):
-        self.model, self.image = model, image
+        self.image = image.astype(float)
+        return self
 
     def segment(self, prompts):
-        self.model.prompts += len(prompts)
+        self.prompts += len(prompts)
         size = self.image.shape[:2]
         rows, columns = np.indices(size) + 0.5
         logits = np.full((len(prompts), 1, *size), -5.0, dtype=np.float32)
-        for k, prompt in enumerate(prompts):
+        for k, prompt in enumerate(prompts if self.score else ()):
             u, v = prompt.points[0].astype(int)
             left, top, right, bottom = prompt.box or (0, 0, size[1], size[0])
             box = (columns > left - 2) & (columns < right + 2) & (rows > top - 2) & (rows < bottom + 2)
             logits[k, 0][box & (np.linalg.norm(self.image - self.image[v, u], axis=-1) < 120)] = 5.0
-        return Segments(logits, np.full((len(prompts), 1), 0.9))
+        return Segments(logits, np.full((len(prompts), 1), self.score))
 
 
 @pytest.fixture
@@ -85,29 +82,15 @@ def test_all_depth_missing_from_one_camera_leaves_the_others(perceiver):
 
 
 def test_where_the_model_is_unsure_geometry_draws_the_outline():
-    class Unsure(ByColour):
-        def encode(self, image):
-            self.encodes += 1
-            return _Nothing(image.shape[:2])
-
-    class _Nothing:
-        def __init__(self, size):
-            self.size = size
-
-        def segment(self, prompts):
-            return Segments(
-                np.full((len(prompts), 1, *self.size), -5.0, np.float32), np.zeros((len(prompts), 1))
-            )
-
-    scene = SamPerceiver(SamConfig(name="sam"), Unsure()).perceive(inputs.observation(), "", inputs.WORKSPACE)
-    assert len(scene.objects) == 2
+    unsure = SamPerceiver(SamConfig(name="sam"), ByColour(score=0.0))
+    assert len(unsure.perceive(inputs.observation(), "", inputs.WORKSPACE).objects) == 2
 
 
 def test_clicks_find_what_the_instruction_means():
     seen = inputs.observation()
 
     def answer(request):
-        return said(json.dumps({"done": len(model.requests) > 1, "x": x, "y": y, "on": True}))
+        return said(json.dumps({"done": len(model.requests) > 1, "x": x, "y": y}))
 
     camera = seen.views[0].camera
     centre = inputs.BLUE.world_from_block[:3, 3] + [0, 0, 0.5 * inputs.BLUE.side]
@@ -124,7 +107,6 @@ def test_clicks_find_what_the_instruction_means():
 @pytest.mark.parametrize(
     ("changes", "said_"),
     [
-        ({"model": "sam9"}, "must be one of"),
         ({"min_score": 1.5}, "min_score"),
         ({"localize": True}, "vision"),
         ({"gallery": "/nowhere"}, "no such folder"),
@@ -141,8 +123,6 @@ def test_without_weights_the_error_says_where_to_get_them(tmp_path):
     (tmp_path / "a_encoder.onnx").write_bytes(b"")
     with pytest.raises(MissingDependencyError, match=r"a_encoder\.onnx"):
         model_files(str(tmp_path))
-    with pytest.raises(MissingDependencyError, match="mobile_sam"):
-        SamPerceiver(SamConfig(name="sam", model="mobile_sam", weights=str(tmp_path / "no.pt")))
 
 
 def test_weights_of_another_hash_or_kind_are_refused(tmp_path):
@@ -155,46 +135,50 @@ def test_weights_of_another_hash_or_kind_are_refused(tmp_path):
         SamPerceiver(SamConfig(name="sam", weights=str(tmp_path)))
 
 
-def test_a_checkpoint_goes_through_kornias_own_model(tmp_path):
-    """Tiny and random: the loading code and the prompts are real, the masks mean nothing."""
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("kornia")
-    from kornia.models.sam import Sam
-    from kornia.models.sam.architecture.common import LayerNorm
-    from kornia.models.sam.architecture.image_encoder import ImageEncoderViT
-    from kornia.models.sam.architecture.mask_decoder import MaskDecoder
-    from kornia.models.sam.architecture.prompt_encoder import PromptEncoder
-    from kornia.models.sam.architecture.transformer import TwoWayTransformer
+SIZE = (256, 256)
 
-    from gvla2_plugins.sam.models import SamByKornia, fill
 
-    def tiny(width=16):
-        torch.manual_seed(0)
-        return Sam(
-            ImageEncoderViT(
-                img_size=64, patch_size=16, embed_dim=width, depth=1, num_heads=2, out_chans=16, qkv_bias=True,
-                norm_layer=LayerNorm, use_rel_pos=True, window_size=2, global_attn_indexes=(0,),
-            ),
-            PromptEncoder(16, (4, 4), (64, 64), 4),
-            MaskDecoder(
-                transformer_dim=16, num_multimask_outputs=3, iou_head_depth=2, iou_head_hidden_dim=8,
-                transformer=TwoWayTransformer(depth=1, embedding_dim=16, mlp_dim=16, num_heads=2),
-            ),
-        )  # fmt: skip
+def marked(*boxes, size=SIZE):
+    """Marks 0, 1, ... in boxes of (top, left, bottom, right)."""
+    marks = np.full(size, -1)
+    for mark, (top, left, bottom, right) in enumerate(boxes):
+        marks[top:bottom, left:right] = mark
+    return marks
 
-    made = tiny()
-    torch.save(made.state_dict(), tmp_path / "tiny.pt")
-    blank = tiny()
-    for parameter in blank.parameters():
-        torch.nn.init.zeros_(parameter)
-    model = SamByKornia(fill(blank, tmp_path / "tiny.pt"), 64)
-    image = np.random.default_rng(0).integers(0, 255, (48, 32, 3), dtype=np.uint8)
-    prompts = [Prompt.click(10, 20), Prompt(np.array([[5.0, 5.0]]), np.array([True]), (2.0, 2.0, 20.0, 30.0))]
-    answer = model.encode(image).segment(prompts)
-    assert answer.logits.shape == (2, 3, 48, 32)
-    assert answer.scores.shape == (2, 3)
-    same = SamByKornia(made.eval(), 64).encode(image).segment(prompts)
-    assert np.allclose(answer.logits, same.logits, atol=1e-5)
-    assert model.encode(image).segment([]).logits.shape[0] == 0
-    with pytest.raises(ConfigurationError, match="holds no weights of this model"):
-        fill(tiny(32), tmp_path / "tiny.pt")
+
+def picture(seed, size=SIZE):
+    return np.random.default_rng(seed).integers(0, 256, (*size, 3), dtype=np.uint8)
+
+
+def test_small_objects_of_four_pictures_share_a_sheet():
+    marks = [np.where(marked((100, 90, 130, 120)) >= 0, k, -1) for k in range(4)]
+    images = [picture(k) for k in range(4)]
+    (sheet,) = sheets_of(images, marks)
+    for tile in sheet.tiles:
+        assert (sheet.image[tile.place] == images[tile.picture][tile.area]).all()
+    assert [int((sheet.marks == k).sum()) for k in range(4)] == [900] * 4
+
+
+def test_an_answer_goes_back_to_where_it_was_asked():
+    marks = [marked((10, 10, 40, 60)), np.where(marked((200, 150, 240, 200)) >= 0, 1, -1)]
+    (sheet,) = sheets_of([picture(0), picture(1)], marks)
+    logits = np.where(sheet.marks == 1, 5.0, -5.0).astype(np.float32)[None, None]
+    answer = Segments(logits, np.array([[0.9]]))
+    assert (sheet.back(1, answer).masks()[0, 0] == (marks[1] == 1)).all()
+    assert sheet.back(1, answer).scores.tolist() == [[0.9]]
+    assert not sheet.back(0, answer).masks().any()
+
+
+def test_where_sheets_save_nothing_pictures_stay_whole():
+    full = marked((5, 5, 250, 250), (252, 5, 255, 9))
+    images = [picture(0), picture(1)]
+    sheets = sheets_of(images, [full, np.where(full >= 0, full + 2, -1)])
+    assert [sorted(tile.mark for tile in sheet.tiles) for sheet in sheets] == [[0, 1], [2, 3]]
+    assert [(s.image == i).all() for s, i in zip(sheets, images, strict=True)] == [True, True]
+
+
+def test_pictures_of_two_sizes_have_sheets_of_their_own_and_empty_ones_none():
+    images = [picture(0), picture(1, (120, 160)), picture(2)]
+    marks = [marked((5, 5, 20, 20)), marked((5, 5, 20, 20), size=(120, 160)), marked()]
+    assert sorted(s.image.shape[:2] for s in sheets_of(images, marks)) == [(120, 160), SIZE]
+    assert sheets_of(images[2:], marks[2:]) == []

@@ -104,7 +104,7 @@ class Block:
     def sample(self, rng, site, instruction=None):
         solid = Primitive("box", (0.04, 0.04, 0.04), (1.0, 0.0, 0.0))
         cube = Body("block", (solid,), rigid(translation=(*site.centre, site.table_height + 0.02)), mass=0.2)
-        return TaskInstance(Layout((cube,)), "", {"relaxed": lambda w: False, "strict": lambda w: False})
+        return TaskInstance("", Layout((cube,)), {"relaxed": lambda w: False, "strict": lambda w: False})
 
 
 def lift(config: SapienArmConfig):

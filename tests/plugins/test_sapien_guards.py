@@ -21,7 +21,7 @@ class Block:
     def sample(self, rng, site, instruction=None):
         solid = Primitive("box", (SIZE,) * 3, (0.1, 0.2, 0.8))
         body = Body("block", (solid,), rigid(translation=(0.3, 0.0, TABLE + SIZE / 2)), MASS)
-        return TaskInstance(Layout((body,)), "-", {"relaxed": lambda w: False, "strict": lambda w: False})
+        return TaskInstance("-", Layout((body,)), {"relaxed": lambda w: False, "strict": lambda w: False})
 
 
 @pytest.fixture(scope="module")

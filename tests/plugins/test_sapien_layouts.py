@@ -30,7 +30,7 @@ class Laid:
 
     def sample(self, rng, site, instruction=None):
         never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance(self.layout, "-", never)
+        return TaskInstance("-", self.layout, never)
 
 
 def cube(name: str, xyz, size=0.05, **more) -> Body:

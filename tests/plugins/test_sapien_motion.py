@@ -66,7 +66,7 @@ class Block:
 
     def sample(self, rng, site, instruction=None):
         never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance(Layout((self.body,)), "-", never)
+        return TaskInstance("-", Layout((self.body,)), never)
 
 
 def test_joint_moves_track_their_samples(panda):

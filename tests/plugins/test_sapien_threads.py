@@ -24,7 +24,7 @@ class Laid:
 
     def sample(self, rng, site, instruction=None):
         never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance(self.layout, "-", never)
+        return TaskInstance("-", self.layout, never)
 
 
 @pytest.fixture(scope="module")

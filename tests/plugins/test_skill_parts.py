@@ -14,11 +14,11 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import part_fits
 from gvla2.planning.contracts import Abstention, Advice, Plan, PlanRequest
+from gvla2.planning.part_hierarchy import assembled, rise, way_out
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
 from gvla2.robot.workcell import make_cell
 from gvla2.skills.grasps import DEFAULT, holds
-from gvla2.skills.part_hierarchy import assembled, rise, way_out
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig

@@ -46,6 +46,6 @@ def test_without_solution_or_truth_there_is_no_demonstration(panda):
     instance = laid(panda, "take_umbrella", 1)
     with pytest.raises(ConfigurationError, match="does not expose the true state"):
         demonstrate(object(), instance)
-    bare = TaskInstance(instance.layout, "-", instance.succeeded)
+    bare = TaskInstance("-", instance.layout, instance.succeeded)
     with pytest.raises(ConfigurationError, match="without a demonstration"):
         demonstrate(panda, bare)

@@ -88,7 +88,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     assert 'href="trajectory.json"' in html
 
 
-def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
+def test_a_refined_scene_and_a_second_plan_replace_the_first(
     tmp_path: Path, episode: Callable[..., EpisodeRecord]
 ) -> None:
     recorder, record = RunRecorder(tmp_path, ""), episode()

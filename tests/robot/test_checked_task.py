@@ -14,7 +14,7 @@ from gvla2.testing.robot import SITE, _AtRest
 WHO = "The task 'mine' of plugin 'yours'"
 BLOCK = Body("block", (Primitive("box", (0.05,) * 3, (0.8, 0.2, 0.1)),), rigid(translation=(0.25, 0.0, 0.8)))
 GOOD = TaskInstance(
-    Layout((BLOCK,)), "raise the block", {"relaxed": lambda w: False, "strict": lambda w: np.bool_(True)}
+    "raise the block", Layout((BLOCK,)), {"relaxed": lambda w: False, "strict": lambda w: np.bool_(True)}
 )
 
 

@@ -40,7 +40,7 @@ class Push:
         said = self.instructions[int(rng.integers(4))] if instruction is None else instruction
         never = {"relaxed": lambda world: False, "strict": lambda world: False}
         return TaskInstance(
-            Layout((block, chest, drawer), (slide,)), said, never, keep_clear=((0.3, 0.35, 0.08),)
+            said, Layout((block, chest, drawer), (slide,)), never, keep_clear=((0.3, 0.35, 0.08),)
         )
 
 

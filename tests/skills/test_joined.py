@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.part_hierarchy import joined
 from gvla2.planning.scene import SceneObject
-from gvla2.skills.part_hierarchy import joined
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 from tests.skills import scenes

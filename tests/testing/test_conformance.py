@@ -33,7 +33,6 @@ OWN = {
     ("perceiver", "oracle"): "needs a simulated robot",
     ("perceiver", "sam"): "perceiver.weights=",
     ("perceiver", "sam3"): "perceiver.weights=",
-    ("perceiver", "detector"): "perceiver.weights=",
     ("robot", "sapien_arm"): "robot.urdf=",
     ("task", "tabletop_objects"): "task.objects.root=",
 }
@@ -135,7 +134,7 @@ def sampling(
     def sample(rng: np.random.Generator, site: Any, instruction: str | None = None) -> TaskInstance:
         layout = Layout((a_body(noise or rng, site.table_height),))
         done = {p: lambda state: state.held("cube") for p in ("relaxed", "strict")}
-        made = change(TaskInstance(layout, "lift the cube", done))
+        made = change(TaskInstance("lift the cube", layout, done))
         return replace(made, **({"instruction": instruction} if instruction else {}))
 
     return sample

@@ -1,9 +1,10 @@
 from gvla2 import hookimpl
-from gvla2.skills.skill import Parameter, Role, Skill
+from gvla2.planning.skill import Parameter, Role, Skill
 
 
 def propose(job):
-    from gvla2.skills.proposals import Path, Proposal, horizontal, pointing
+    from gvla2.planning.skill import Proposal
+    from gvla2.skills.proposals import Path, horizontal, pointing
 
     (x, y, _), theta = job.theme.centre, job.theta
     touch = job.theme.top + job.hand.tip_beyond_tcp

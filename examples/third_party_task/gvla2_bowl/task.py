@@ -79,8 +79,8 @@ class BallInBowl:
             return relaxed(world) and world.resting(name)
 
         return TaskInstance(
-            Layout((*balls, bowl)),
             drawn if instruction is None else instruction,
+            Layout((*balls, bowl)),
             {"relaxed": relaxed, "strict": strict},
             f"relaxed: the {colours[target]} ball is in the bowl, let go of; strict: it lies still there{aside}",
             solution=put_in(name, "bowl", HEIGHT),

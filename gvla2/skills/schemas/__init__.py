@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from gvla2.planning.contracts import Abstention
-from gvla2.skills.proposals import Job, Proposal
+from gvla2.planning.skill import Job, Proposal
 from gvla2.skills.schemas.hinge import propose_close, propose_open
 from gvla2.skills.schemas.pick_place import propose_insert, propose_pick, propose_place
 from gvla2.skills.schemas.pull import propose_draw, propose_pull

@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.part_hierarchy import CLEAR
 from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.skills.grasps import Grasp, grasps
-from gvla2.skills.part_hierarchy import CLEAR
-from gvla2.skills.proposals import Job, Path, Proposal
+from gvla2.skills.proposals import Path
 
 LEANING = 0.03
 """A stuck object that leans by a smaller share of its length is lifted straight up."""

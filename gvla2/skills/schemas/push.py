@@ -17,8 +17,9 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard
-from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.proposals import Path, horizontal, pointing
 from gvla2.skills.schemas.pick_place import goal_spots
 
 EDGE = 0.006

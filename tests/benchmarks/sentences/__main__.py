@@ -23,10 +23,10 @@ from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.suites.robot_design import PAPER
+from gvla2.planning.part_hierarchy import root_of
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
 from gvla2.skills.grounding import Meant, meant
-from gvla2.skills.part_hierarchy import root_of
 
 LAYOUT = 310
 ACTS = {

@@ -1,0 +1,288 @@
+"""An arm from its URDF: kinematics, hand, home, collision model, and how it looks."""
+
+from __future__ import annotations
+
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.raycast import Surface
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.geometry.views import View
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import Box, Scene
+from gvla2.planning.trajectory import grasp_rotation
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.collision import CollisionModel
+from gvla2.robot.grippers import (
+    CUP_LENGTH,
+    SUCTION_HAND,
+    SUNK,
+    TIP_BEYOND_TCP,
+    Gripper,
+    known,
+    measured,
+    mount,
+    own_gripper,
+)
+from gvla2.robot.kinematics import Kinematics, library
+from gvla2.robot.looks import OWN_DEPTH, RobotLooks, link_surfaces
+from gvla2.robot.options import ArmConfig
+from gvla2.robot.urdf import find_file, freeze, read_urdf, without_looks
+
+NEAREST, FARTHEST, STEP, LOW, HIGH = 0.15, 1.4, 0.05, 0.04, 0.20
+"""Where pointing down is tested: range before the base, step, heights over the table; metres."""
+
+HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
+"""Heights over the middle of the working area, in shares of the arm's reach: home is at the first reachable one."""
+
+LENGTHS = {"base_position": 3, "tool_rpy": 3, "tool_offset": 3, "workspace_low": 3, "workspace_high": 3}
+OPTIONAL = ("tool_offset", "workspace_low", "workspace_high")
+"""Lengths of list options, and which of them are determined automatically if empty."""
+
+
+@dataclass(frozen=True)
+class UrdfArm:
+    """An arm as its URDF and options describe it; metres, world frame.
+
+    ``arm`` plans and checks motions. ``urdf`` is a text without visuals and materials, its meshes by absolute path.
+    ``surfaces`` are the links' looks in their own frames, by name; ``base_links`` don't move. ``hand_from_tcp`` (4, 4)
+    is the tool centre point in the frame of the gripper's palm; closed fingers are ``gap`` apart.
+    """
+
+    robot: str
+    arm: ArmModel
+    urdf: str
+    surfaces: Mapping[str, Surface]
+    world_from_base: FloatArray
+    base_links: frozenset[str]
+    gripper: Gripper
+    hand_from_tcp: FloatArray
+    gap: float
+
+    @cached_property
+    def looks(self) -> RobotLooks:
+        """The links for ray casting."""
+        return RobotLooks(self.surfaces)
+
+    def mask(
+        self, views: Sequence[View], joints: FloatArray, gripper_width: float, tolerance: float = OWN_DEPTH
+    ) -> tuple[View, ...]:
+        """The views with the robot's own pixels marked, cast from its model at ``joints`` (dof,) radians and fingers
+        ``gripper_width`` metres apart: where depth is within ``tolerance`` metres before the model, or behind it.
+        """
+        opening = gripper_width / self.arm.hand.max_width
+        return self.looks.mark(views, self.arm.kinematics.link_poses(joints, opening), tolerance)
+
+
+def arm_from_urdf(config: ArmConfig) -> UrdfArm:
+    """The arm that the options describe; raises :class:`RobotError` on what is wrong with its URDF.
+
+    Raises :class:`ConfigurationError` for options that are missing or contradict each other.
+    """
+    _check(config)
+    file = find_file(config.urdf, "robot.urdf")
+    robot = read_urdf(file)
+    links = [link.get("name", "") for link in robot.iterfind("link")]
+    known("robot.tool_link", config.tool_link, links)
+    gripper = own_gripper(robot, config) if config.gripper_joints else mount(robot, config)
+    freeze(robot, (config.tool_link, gripper.palm), [finger.joint for finger in gripper.fingers])
+    base = rigid(Rotation.from_euler("z", config.base_yaw).as_matrix(), np.array(config.base_position))
+    urdf = without_looks(robot)
+    with tempfile.TemporaryDirectory(prefix="gvla2-arm-") as folder:
+        path = Path(folder) / file.name
+        path.write_text(urdf)
+        kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
+        srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
+        collisions = CollisionModel(kinematics, path, (), hand_links=gripper.links, srdf=srdf)
+    frames = {
+        str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
+    }
+    palm = frames[gripper.palm]
+    if palm.parentJoint != kinematics.tcp_joint:
+        raise RobotError(
+            f"robot.tool_link={config.tool_link} and the gripper's {gripper.palm} are not one rigid part: a joint of "
+            "the arm moves between them. Name a link behind the arm's last joint."
+        )
+    return UrdfArm(
+        robot=config.name,
+        arm=_at_home(config, kinematics, collisions, hand),
+        urdf=urdf,
+        surfaces=link_surfaces(robot),
+        world_from_base=base,
+        base_links=frozenset(n for n in links if n in frames and frames[n].parentJoint == 0),
+        gripper=gripper,
+        hand_from_tcp=invert_rigid(palm.placement.homogeneous) @ kinematics.joint_from_tcp,
+        gap=max(0.0, hand.max_width - sum(abs(f.opened - f.closed) for f in gripper.fingers)),
+    )
+
+
+def check_lengths(config: ArmConfig, lengths: Mapping[str, int], optional: Sequence[str]) -> None:
+    """Raises :class:`ConfigurationError` for list options of the wrong length; ``optional`` ones may be empty."""
+    wrong = [
+        f"robot.{name}={list(value)} ({length} numbers)"
+        for name, length in lengths.items()
+        if len(value := getattr(config, name)) != length and (value or name not in optional)
+    ]
+    if wrong:
+        raise ConfigurationError(f"Options of the wrong length: {', '.join(wrong)}.")
+
+
+def _check(config: ArmConfig) -> None:
+    missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
+    if missing:
+        raise ConfigurationError(
+            f"robot={config.name} simulates any arm and needs {' and '.join(missing)}: its URDF, and the link that "
+            "carries the tool (docs/your_arm.md)."
+        )
+    check_lengths(config, LENGTHS, OPTIONAL)
+    if config.gripper_joints and config.gripper != ArmConfig.gripper:
+        raise ConfigurationError(
+            f"robot.gripper={config.gripper} is mounted on an arm without fingers of its own, and this one has "
+            f"{list(config.gripper_joints)}: add robot.gripper_joints=[]."
+        )
+
+
+def _tool(
+    urdf: Path, robot: ET.Element, config: ArmConfig, gripper: Gripper, base: FloatArray
+) -> tuple[Kinematics, Gripper, Hand]:
+    """The arm's kinematics to its tool centre point, and the hand's geometry, measured if not given."""
+
+    def kinematics(tool_from_tcp: FloatArray) -> Kinematics:
+        return Kinematics(
+            urdf,
+            world_from_base=base,
+            tcp_frame=config.tool_link,
+            frame_from_tcp=rigid(Rotation.from_euler("xyz", config.tool_rpy).as_matrix()) @ tool_from_tcp,
+            fingers=gripper.fingers,
+            limit_margin=config.limit_margin,
+        )
+
+    if not gripper.fingers:
+        at = config.tool_offset or (0.0, 0.0, CUP_LENGTH + SUNK)
+        return kinematics(rigid(translation=at)), gripper, SUCTION_HAND
+    shapes = link_surfaces(robot, drawn=False)
+    bare = [link for link in gripper.links if link not in shapes]
+    if bare:
+        raise RobotError(
+            f"The gripper's links {bare} have no shape; give them a <collision>, or name other joints."
+        )
+    vertices = {link: np.asarray(shapes[link].vertices) for link in gripper.links}
+    gripper, tool_from_tips, sizes = measured(kinematics(np.eye(4)), gripper, vertices)
+    tcp = tool_from_tips @ rigid(translation=(0.0, 0.0, -TIP_BEYOND_TCP))
+    if config.tool_offset:
+        tcp[:3, 3] = config.tool_offset
+    sizes["tip_beyond_tcp"] = float(tool_from_tips[2, 3] - tcp[2, 3])
+    unknown = sorted(config.hand.keys() - sizes.keys())
+    if unknown:
+        raise ConfigurationError(
+            f"robot.hand has no {', '.join(unknown)}; it has {', '.join(sorted(sizes))}."
+        )
+    return kinematics(tcp), gripper, Hand(**{**sizes, **config.hand})
+
+
+def _at_home(config: ArmConfig, kinematics: Kinematics, collisions: CollisionModel, hand: Hand) -> ArmModel:
+    """The arm with its home, given or found, clear of itself and of the table."""
+    x, y, _ = config.base_position
+    far = FARTHEST + 0.1
+    low = np.array(config.workspace_low or (x - far, y - far, config.table_height))
+    high = np.array(config.workspace_high or (x + far, y + far, config.table_height + 1.0))
+
+    def at(home: FloatArray) -> ArmModel:
+        return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=Box(low, high))
+
+    names, rest = kinematics.joint_names, np.array(config.home, dtype=np.float64)
+    if not len(rest):
+        return at(_find_home(config, at(0.5 * (kinematics.low + kinematics.high))))
+    if len(rest) != len(names) or kinematics.limit_distance(rest) < 0:
+        limits = zip(names, kinematics.low, kinematics.high, strict=True)
+        listing = ", ".join(f"{n} {a:.2f}…{b:.2f}" for n, a, b in limits)
+        raise RobotError(
+            f"robot.home={list(config.home)} must be {len(names)} angles (radians) within the limits: {listing}. "
+            "If empty, a home is searched."
+        )
+    arm = at(rest)
+    clear = arm.clearance(rest, 1.0, Scene((), config.table_height, arm.workspace))
+    if clear.distance < 0:
+        raise RobotError(
+            f"At robot.home={list(config.home)} {clear.robot_part} is {-1e3 * clear.distance:.0f} mm in {clear.other}. "
+            "Give another, or leave it empty to search one. If the two may touch, name the pair in robot.srdf."
+        )
+    return arm
+
+
+def _find_home(config: ArmConfig, arm: ArmModel) -> FloatArray:
+    """Joints with the hand over the middle of the working area, pointing down, clear of everything.
+
+    The best are those from which the arm reaches, clear of the table and itself, most places of the site: planning
+    takes the joints nearest to home, so a home with its elbow down would keep it down.
+    """
+    scene = Scene((), config.table_height, arm.workspace)
+    run = pointing_down(config, arm)
+    middle, places = (
+        0.5 * (run[0] + run[-1]),
+        [(run[i], y) for i in (0, len(run) // 2, -1) for y in (-0.2, 0.0, 0.2)],
+    )
+    best, worth = None, -np.inf
+    for height in (share * run[-1] for share in HOME_HEIGHTS):
+        solutions = [s for sign in (1.0, -1.0) for s in arm.ik.solutions(_down(config, middle, height, sign))]
+        for solution in (s for s in solutions if arm.clearance(s.joints, 1.0, scene).distance > 0.01):
+            home = _unwound(solution.joints, arm)
+            value = (
+                min(solution.limit_margin, 0.5) + solution.manipulability - 0.1 * float(np.abs(home).max())
+            )
+            for before, beside in places:
+                found = arm.inverse(_down(config, before, LOW, 1.0, beside), home)
+                value += found is not None and arm.clearance(found.joints, 1.0, scene).distance > 0.0
+            if value > worth:
+                best, worth = home, value
+        if best is not None:
+            return np.asarray(best)
+    raise RobotError(
+        f"No home is free of collisions {middle:.2f} m before the base, over the table, with the hand pointing down. "
+        "Give robot.home=[...] (radians), or robot.srdf with the pairs of links that may touch."
+    )
+
+
+def _unwound(joints: FloatArray, arm: ArmModel) -> FloatArray:
+    """The same posture with each joint less than half a turn from zero, if its limits allow it."""
+    turned = joints - 2 * np.pi * np.round(joints / (2 * np.pi))
+    low, high = arm.limits
+    return np.where((turned > low) & (turned < high), turned, joints)
+
+
+def pointing_down(config: ArmConfig, arm: ArmModel) -> list[float]:
+    """Distances before the base, metres, at which the hand points down near the table and above it: the longest run."""
+    runs: list[list[float]] = [[]]
+    for before in np.arange(NEAREST, FARTHEST, STEP).tolist():
+        if all(_gets_to(arm, config, before, height) for height in (LOW, HIGH)):
+            runs[-1].append(before)
+        elif runs[-1]:
+            runs.append([])
+    longest = max(runs, key=len)
+    if len(longest) < 2:
+        raise RobotError(
+            f"The hand of robot={config.name} points down at the table nowhere before its base: z of "
+            f"robot.tool_link={config.tool_link}, turned by robot.tool_rpy, must point out of the hand; else the table "
+            f"(robot.table_height={config.table_height}) is too low or too high for the base ({config.base_position})."
+        )
+    return longest
+
+
+def _gets_to(arm: ArmModel, config: ArmConfig, before: float, height: float) -> bool:
+    found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
+    return any(s is not None and s.manipulability >= config.ease for s in found)
+
+
+def _down(config: ArmConfig, before: float, height: float, closing: float, beside: float = 0.0) -> FloatArray:
+    """world_from_tcp (4, 4), pointing down ``before`` and ``beside`` the base, ``height`` over the table."""
+    x, y, _ = config.base_position
+    turn = grasp_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, closing, 0.0]))
+    return rigid(turn, (x + before, y + beside, config.table_height + height))

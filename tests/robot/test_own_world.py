@@ -1,0 +1,111 @@
+"""A world that somebody else built, as a robot backend with tasks of its own."""
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from gvla2 import Component, ComponentConfig, hookimpl, register, unregister
+from gvla2.commands import tasks
+from gvla2.commands.hydra_job import composed
+from gvla2.commands.run import run_episodes
+from gvla2.errors import UnknownComponentError
+from gvla2.gym.env import TaskEnv
+from gvla2.robot.backend import SuccessCheck
+from gvla2.robot.report import ExecutionReport
+from gvla2.robot.task import TaskInstance
+from gvla2.testing import inputs
+from gvla2.testing.robot import check_robot
+
+SENTENCES = {"kitchen/0": "lift the red cube", "kitchen/1": "lift the blue cube"}
+
+
+class Kitchen:
+    """A world with its own scene, sentences and success check, whose arm does not move."""
+
+    def __init__(self, config: ComponentConfig) -> None:
+        self.arm, self.chosen = inputs.gantry(), None
+
+    def tasks(self):
+        return SENTENCES
+
+    def reset(self, task, seed, instruction=None):
+        self.chosen = task
+        return TaskInstance(instruction or SENTENCES[task]) if task else None
+
+    def observe(self):
+        return inputs.observation()
+
+    def execute(self, trajectory, scene, listener=None):
+        return ExecutionReport(())
+
+    def success_check(self):
+        return SuccessCheck(True, True)
+
+    def close(self):
+        pass
+
+
+class Plugin:
+    @hookimpl
+    def gvla2_robots(self):
+        return [Component("kitchen", ComponentConfig, Kitchen)]
+
+
+@pytest.fixture(autouse=True)
+def kitchen():
+    register(Plugin(), name="kitchen")
+    yield
+    unregister("kitchen")
+
+
+def test_a_run_takes_the_robots_own_task_by_name(tmp_path: Path):
+    config, registry = composed("run", ["robot=kitchen", "task=kitchen/1", "memory=none", "quiet=true"])
+    (record,) = run_episodes(config, registry, tmp_path)
+    assert (record.task, record.instruction) == ("kitchen/1", "lift the blue cube")
+    assert record.success_check == SuccessCheck(True, True)
+
+
+def test_without_a_task_the_sentence_is_the_callers(tmp_path: Path):
+    overrides = ["robot=kitchen", "task=none", "instruction=lift the red cube", "memory=none", "quiet=true"]
+    config, registry = composed("run", overrides)
+    (record,) = run_episodes(config, registry, tmp_path)
+    assert (record.task, record.instruction) == ("none", "lift the red cube")
+
+
+@pytest.mark.parametrize(
+    ("robot", "task", "message"),
+    [
+        ("kitchen", "kitchen/2", "No task of robot 'kitchen' named 'kitchen/2'. Did you mean 'kitchen/"),
+        ("kitchen", "pick_and_lift", "Available: kitchen/0, kitchen/1. `gvla2 tasks robot=kitchen` lists"),
+        (
+            "sapien_panda",
+            "kitchen/1",
+            "No task of robot 'sapien_panda' named 'kitchen/1'. Available: none at all",
+        ),
+    ],
+)
+def test_other_tasks_are_refused(robot: str, task: str, message: str):
+    config, registry = composed("run", [f"robot={robot}", f"task={task}"])
+    with pytest.raises(UnknownComponentError) as raised:
+        registry.build_all(config, ("robot", "task"))
+    assert message in str(raised.value)
+
+
+def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]):
+    assert tasks.main(["robot=kitchen"]) == 0
+    listing = capsys.readouterr().out
+    assert all(name in listing and sentence in listing for name, sentence in SENTENCES.items())
+
+
+def test_as_an_environment():
+    with closing(TaskEnv("kitchen/0", robot="kitchen")) as env:
+        _, info = env.reset(seed=0)
+        assert info["instruction"] == "lift the red cube"
+    with closing(TaskEnv("none", robot="kitchen")) as env:
+        _, info = env.reset(seed=0, options={"instruction": "look"})
+        assert info["instruction"] == "look"
+
+
+def test_it_conforms():
+    check_robot(Kitchen(ComponentConfig()), move=False)
