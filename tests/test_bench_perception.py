@@ -149,7 +149,7 @@ def test_choices(parts, tmp_path):
         "scale": 0.9,
     }
     with pytest.raises(UnknownComponentError, match="pickup_cup"):
-        chosen_tasks(config_for(parts, tmp_path, tasks=["pickup_cups"]), parts)
+        chosen_components(config, parts, "pickup_cups", "classical")
     with pytest.raises(ConfigurationError, match="perceivers must name"):
         config_for(parts, tmp_path, perceivers=[])
 

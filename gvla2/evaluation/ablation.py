@@ -21,37 +21,38 @@ from gvla2.errors import Gvla2Error
 from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.evaluation.results import Cell
-from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
+from gvla2.reconstruction.depth_evidence import camera_scale
+from gvla2.reconstruction.inset import inset, outward_normals
+from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.options import BranchOptions
+from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
+from gvla2.reconstruction.surfels import surfels
 from gvla2.record.drawing import png
 
-REFERENCE = "baseline"
+REFERENCE, CARVING = "baseline", "carving"
 VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
     {
         REFERENCE: None,
-        "carving": None,
-        "aligned_tsdf": None,
+        CARVING: None,
         "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
         "a_soft_hull": {"axis": False, "fusion": False},
         "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
         "ab_fusion": {},
     }
 )
-"""The rows by name, with the stages that each disables; None means no branch: G0 itself, or a plain use of depth."""
-PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], TriangleMesh | None]] = MappingProxyType(
-    {"carving": carved, "aligned_tsdf": aligned_tsdf}
-)
-"""Rows that use the branch's prior without the branch."""
+"""The rows by name, with the stages that each disables; None means no branch: G0, or the hull carved by depth."""
 PICTURED = (REFERENCE, "ab_fusion")
 """Rows with pictures in a report: the first target view, with the true view left of the reference's."""
 SURFELS = 15_000
-"""Gaussians of a plain row where G0 has none."""
+"""Gaussians of a carved hull where G0 has none."""
 
 
 def _learned(**errors: float) -> Mapping[str, Any]:
@@ -161,7 +162,7 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class AblationParts(BranchParts):
+class AblationComponents(BranchParts):
     """The components that a bench runs with: the branch's, and what makes G0."""
 
     reconstructor: Reconstructor
@@ -183,15 +184,15 @@ class Wanted:
 def measure_object(
     views: ObjectViews,
     wanted: Sequence[Wanted],
-    parts_for: Callable[[int, str], AblationParts],
+    components_for: Callable[[int, str], AblationComponents],
     judge_for: Callable[[Renderer], ReconstructionJudge],
     options: BranchOptions,
 ) -> Iterator[tuple[Cell, bytes | None]]:
     """Measure cells of one object and one baseline, in their order, some with a PNG of the first target view.
 
-    ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor object shared by two
-    of them is run once. The baseline row's seconds are the reconstruction's; any other row's are only its own. A
-    :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
+    ``components_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor object shared
+    by two of them is run once. The baseline row's seconds are the reconstruction's; any other row's are only its own.
+    A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
     """
     judge: ReconstructionJudge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}
@@ -202,15 +203,15 @@ def measure_object(
         )
         seed, picture = int(want.factors["seed"]), None
         try:
-            parts = parts_for(seed, noise)
-            judge = judge or judge_for(parts.renderer)
-            if id(parts.reconstructor) not in first:
-                first[id(parts.reconstructor)] = _reconstruct(parts, views)
-            g0, seconds = first[id(parts.reconstructor)]
+            chosen = components_for(seed, noise)
+            judge = judge or judge_for(chosen.renderer)
+            if id(chosen.reconstructor) not in first:
+                first[id(chosen.reconstructor)] = _reconstruct(chosen, views)
+            g0, seconds = first[id(chosen.reconstructor)]
             size = DRIFTS[drift]
             start = g0 if size is None else Drift.drawn(size, views.name, seed).applied(g0)
             began = time.perf_counter()
-            made, notes = _made(variant, start, views.inputs, parts, options)
+            made, notes = _made(variant, start, views.inputs, chosen, options)
             if variant != REFERENCE:
                 seconds = time.perf_counter() - began
             scores = judge.measure(made)
@@ -225,36 +226,60 @@ def measure_object(
         yield Cell(want.key, want.factors, measures, notes), picture
 
 
+def _reconstruct(components: AblationComponents, views: ObjectViews) -> tuple[Reconstruction, float]:
+    """G0 and its seconds."""
+    began = time.perf_counter()
+    made = components.reconstructor.reconstruct(views.inputs)
+    if made is None:
+        raise Gvla2Error("The reconstructor made nothing; choose baselines that reconstruct, such as hull.")
+    return made, time.perf_counter() - began
+
+
 def _made(
-    variant: str, g0: Reconstruction, views: Views, parts: AblationParts, options: BranchOptions
+    variant: str, g0: Reconstruction, views: Views, components: AblationComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
     """A row's reconstruction, and its notes."""
     switches = VARIANTS[variant]
     if switches is not None:
-        chosen = replace(options, **cast(dict[str, Any], switches))
-        refined = refine_geometry(g0, views, parts, chosen)
+        refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
         return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}
-    made = _plain(variant, g0, views, parts) if variant in PLAIN else g0
-    return made, {"g0_status": g0.status}
-
-
-def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts) -> Reconstruction:
-    """The result of a plain use of the prior's depth, coloured from the views; G0 without a prior."""
-    estimate = parts.prior.predict(views)
+    estimate = components.prior.predict(views) if variant == CARVING else None
     if estimate is None:
-        return g0
-    mesh = PLAIN[variant](views, estimate)
-    if mesh is None:
-        raise Gvla2Error("Nothing is left of the object.")
-    return dressed(mesh, views, SURFELS if g0.gaussians is None else len(g0.gaussians), parts.renderer)
+        return g0, {"g0_status": g0.status}
+    count = SURFELS if g0.gaussians is None else len(g0.gaussians)
+    return _dressed(carved(views, estimate), views, count, components.renderer), {"g0_status": g0.status}
 
 
-def _reconstruct(parts: AblationParts, views: ObjectViews) -> tuple[Reconstruction, float]:
-    began = time.perf_counter()
-    made = parts.reconstructor.reconstruct(views.inputs)
-    if made is None:
-        raise Gvla2Error("The reconstructor made nothing; choose baselines that reconstruct, such as hull.")
-    return made, time.perf_counter() - began
+def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh:
+    """The visual hull without the voxels in front of a depth map: the plain use of the branch's prior.
+
+    Raises :class:`Gvla2Error` when nothing is left.
+    """
+    field = hull_field(views, resolution)
+    shape = field.values.shape
+    points, values = field.points(np.indices(shape).reshape(3, -1).T), field.values.ravel().copy()
+    for view, known in zip(views, prior.depth * camera_scale(prior, views), strict=True):
+        uv, z = view.camera.project(points)
+        inside = view.camera.inside(uv)
+        column, row = uv[inside].astype(np.intp).T
+        seen = known[row, column]
+        behind = np.where(seen > 0, z[inside] - seen, np.inf)  # metres along the camera's z
+        values[inside] = np.minimum(values[inside], behind)
+    try:
+        return surface_of(Field(values.reshape(shape), field.origin, field.step))
+    except ValueError as error:
+        raise Gvla2Error("Nothing is left of the object.") from error
+
+
+def _dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
+    """A bare mesh with colours from the views and about ``count`` Gaussians on it, inset as the branch's are."""
+    shown, _ = mask_silhouettes(views)
+    normals = outward_normals(mesh)
+    depths = [depth_map(mesh, silhouette.camera) for silhouette in shown]
+    tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())
+    colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
+    mesh = TriangleMesh(mesh.vertices, mesh.faces, colours)
+    return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]
 
 
 def _picture(

@@ -43,6 +43,8 @@ SAME_SURFACE = 0.012
 """Metres between a point's depth and the picture's within which the point is seen there: noisy depth included."""
 WIDEST_GAP = 8
 """Pixels between projected points beyond which they are not joined."""
+MARGIN = 0.002
+"""Metres about a box within which a pixel counts as in it, and above its foot from which it is not on the table."""
 
 BoolArray = NDArray[np.bool_]
 _disk: Callable[[int], BoolArray] = morphology.disk
@@ -309,23 +311,27 @@ def object_masks(observation: Observation, objects: Sequence[SceneObject]) -> Bo
     """(N, P) pixels of each object, among those of all views that have a depth (see :func:`measured`).
 
     A perceiver keeps some thousand points of an object, fewer than its pixels, so gaps as wide as the points' own
-    spacing are closed, and sparse points grow by half of it.
+    spacing are closed; where points are sparse, pixels nearby that lie in the object's box count too.
     """
     rows: list[list[BoolArray]] = [[] for _ in objects]
     valid = measured(observation)
     for view, ok in zip(observation.views, valid, strict=True):
+        points = None if view.depth is None else view.points()
         for row, obj in zip(rows, objects, strict=True):
-            row.append(_mask(view, obj.points)[ok])
+            row.append(_mask(view, obj, points)[ok])
     total = sum(int(ok.sum()) for ok in valid)
     return np.array([np.concatenate(row) for row in rows], dtype=bool).reshape(len(objects), total)
 
 
-def _mask(view: View, points: FloatArray) -> BoolArray:
-    """(H, W) the pixels that world points (N, 3) in sight cover, without the robot's."""
+def _mask(view: View, obj: SceneObject, measured_points: FloatArray | None) -> BoolArray:
+    """(H, W) the pixels that an object's points cover where they are in sight, without the robot's.
+
+    ``measured_points`` (H, W, 3) are the view's own, world.
+    """
     mask = np.zeros(view.image.shape[:2], dtype=bool)
-    if not len(points):
+    if not len(obj.points):
         return mask
-    uv, depth = view.camera.project(points)
+    uv, depth = view.camera.project(obj.points)
     inside = view.camera.inside(uv)
     columns, rows = np.floor(uv[inside]).astype(int).T
     if view.depth is not None:
@@ -336,8 +342,19 @@ def _mask(view: View, points: FloatArray) -> BoolArray:
     reach = _spacing(mask)
     # Padded, so that what touches the picture's border is not eaten from there.
     mask = binary_closing(np.pad(mask, reach), _disk(reach))[reach:-reach, reach:-reach]
-    mask = binary_dilation(mask, _disk(reach // 2)) if reach > 1 else mask
+    if reach > 1 and measured_points is not None:
+        near = binary_dilation(mask, _disk(2 * reach)) & ~mask
+        near[near] = _in_box(obj, measured_points[near])
+        mask = mask | near
     return mask if view.robot_mask is None else np.asarray(mask & ~view.robot_mask)
+
+
+def _in_box(obj: SceneObject, points: FloatArray) -> BoolArray:
+    """(N,) bool: world points (N, 3) in the object's box and not on what it stands on; NaN is nowhere."""
+    local = transform_points(invert_rigid(obj.world_from_object), points)
+    inside = (np.abs(local) <= 0.5 * obj.extents + MARGIN).all(axis=1)
+    flat = obj.top - obj.bottom <= 2 * MARGIN
+    return np.asarray(inside & (flat | (points[:, 2] > obj.bottom + MARGIN)))
 
 
 def _spacing(mask: BoolArray) -> int:

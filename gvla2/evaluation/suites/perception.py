@@ -18,7 +18,7 @@ import numpy as np
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
-from gvla2.evaluation.components import code_of, given_label, noise_label, task_options
+from gvla2.evaluation.components import code_of, given_label, named_tasks, noise_label, task_options
 from gvla2.evaluation.config import PerceptionBench
 from gvla2.evaluation.engine import Suite, Unit
 from gvla2.evaluation.perception_scoring import ObjectScore, Segmented, score, true_objects
@@ -26,6 +26,7 @@ from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, 
 from gvla2.evaluation.tables import Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
 from gvla2.planning.scene import Scene
+from gvla2.plugins.kinds import NONE
 from gvla2.plugins.registry import Registry
 from gvla2.robot.depth_noise import apply_noise
 
@@ -112,12 +113,10 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
 
 
 def chosen_tasks(config: PerceptionBench, registry: Registry) -> list[str]:
-    """The tasks by name, each once; by default all that need no option. Raises for an unknown one."""
-    for name in config.tasks:
-        registry.get("task", name)
+    """The tasks by name, each once; by default all that need no option."""
     tasks = registry.components("task").items()
-    whole = [name for name, task in tasks if name != "none" and not task.config.required]
-    return list(dict.fromkeys(config.tasks or whole))
+    whole = [name for name, task in tasks if name != NONE and not task.config.required]
+    return named_tasks(config, registry) or whole
 
 
 def chosen_components(

@@ -14,9 +14,9 @@ from omegaconf import OmegaConf
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
-from gvla2.evaluation.ablation import DRIFTS, NOISES, VARIANTS, AblationParts, Wanted, measure_object
+from gvla2.evaluation.ablation import DRIFTS, NOISES, VARIANTS, AblationComponents, Wanted, measure_object
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
-from gvla2.evaluation.components import code_of, given_label
+from gvla2.evaluation.components import changed_options, code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
 from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
@@ -36,7 +36,6 @@ LAYOUT = TableLayout(
     labels={
         "baseline": "G0 (baseline, no prior)",
         "carving": "carving with the same prior",
-        "aligned_tsdf": "aligned TSDF with the same prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
         "b_axis": "B: axis only (no prior)",
@@ -76,10 +75,7 @@ LAYOUT = TableLayout(
 MEASURING_CODE = (
     "gvla2.geometry",
     "gvla2.reconstruction",
-    *(
-        f"gvla2.evaluation.{name}"
-        for name in ("ablation", "datasets", "lpips", "metrics", "protocol", "volume_baselines")
-    ),
+    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "lpips", "metrics", "protocol")),
 )
 """Code whose change outdates stored rows, besides the chosen plugins."""
 _PICTURE_NAME = ("object", "baseline", "drift", "noise", "variant")
@@ -208,14 +204,8 @@ def _prior_label(config: ReconstructionBench) -> str:
 
 def _protocol_label(config: ReconstructionBench) -> str:
     """How the measuring differs from the protocol; "" where it does not."""
-    usual = ReconstructionBench()
-    changed = {
-        "surface_samples": (config.surface_samples, usual.surface_samples),
-        "lpips_weights": (config.lpips_weights, usual.lpips_weights),
-        "size": (config.data.size, usual.data.size),
-        "samples": (config.data.samples, usual.data.samples),
-    }
-    return ", ".join(f"{name}={value}" for name, (value, default) in changed.items() if value != default)
+    own = changed_options(config, ("surface_samples", "lpips_weights"))
+    return ", ".join(filter(None, (own, changed_options(config.data, ("size", "samples")))))
 
 
 def chosen_components(
@@ -256,20 +246,20 @@ def _measured(unit: ObjectUnit, registry: Registry) -> Iterator[tuple[Cell, byte
         return
     built: dict[tuple[str, str], Any] = {}
 
-    def parts_for(seed: int, noise: str) -> AblationParts:
+    def components_for(seed: int, noise: str) -> AblationComponents:
         """The components for a seed and a noise, each built once for its options: one G0 serves all priors."""
         root = chosen_components(config, registry, unit.baseline, seed, noise)
         for kind in GEOMETRY:
             if (kind, repr(root[kind])) not in built:
                 built[kind, repr(root[kind])] = registry.build(root, kind)
-        return AblationParts(**{kind: built[kind, repr(root[kind])] for kind in GEOMETRY})
+        return AblationComponents(**{kind: built[kind, repr(root[kind])] for kind in GEOMETRY})
 
     def judge_for(renderer: Renderer) -> ReconstructionJudge:
         threads = 1 if in_a_worker() else -1
         lpips = lpips_of(config.lpips_weights)
         return ReconstructionJudge(views, renderer, lpips, threads, config.surface_samples)
 
-    yield from measure_object(views, unit.wanted, parts_for, judge_for, config.branch)
+    yield from measure_object(views, unit.wanted, components_for, judge_for, config.branch)
 
 
 @cache

@@ -17,6 +17,7 @@ from gvla2.evaluation.components import (
     given_label,
     given_options,
     model_label,
+    named_tasks,
     noise_label,
     options_of,
     require_among,
@@ -26,7 +27,7 @@ from gvla2.evaluation.config import LEARNABLE, RobotBench
 from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
 from gvla2.plugins.assembly import GEOMETRY, LOOP
-from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry, nothing_in
 
 SUITE = "robot"
@@ -145,7 +146,7 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
-    names = ordered(config.tasks or _default_tasks(config, registry))
+    names = ordered(named_tasks(config, registry) or _default_tasks(config, registry))
     require_among("task_options", config.task_options, names, "tasks")
     world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
@@ -153,7 +154,7 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
-        if "family" not in options_of(registry, "task", name):
+        if OWN_TASK in name or "family" not in options_of(registry, "task", name):
             raise ConfigurationError(f"world is {LEARNABLE}, but the task '{name}' has no option 'family'.")
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
@@ -245,7 +246,8 @@ def _around(
     shared = (asdict(config.depth_noise), asdict(config.branch), config.replan, config.max_parts, versions())
     found = {}
     for subject, task in rows.items():
-        typed = configured(registry, components(config, task), (*LOOP, *GEOMETRY))
+        kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
+        typed = configured(registry, components(config, task), kinds)
         code = code_of(typed, *MEASURING_CODE, *asking)
         found[subject] = (list(map(asdict, typed)), *shared, code, VERSION)
     return found
