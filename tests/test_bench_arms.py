@@ -132,9 +132,7 @@ def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: 
 def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     def places(*given: str) -> dict[str, tuple[object, object]]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[off]", *given), registry)
-        return {
-            one.keys[1]: (one.factors["seed"], one.factors["episode"]) for one in design.plan
-        }
+        return {one.keys[1]: (one.factors["seed"], one.factors["episode"]) for one in design.plan}
 
     named = places("layouts=[20001,203]")
     assert list(named.values()) == [(1, 1), ("layouts", 203)]

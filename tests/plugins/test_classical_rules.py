@@ -12,7 +12,7 @@ from gvla2.geometry.views import Observation, Views
 from gvla2.planning.scene import Scene
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from tests.benchmarks.perception import TABLE_TOP, WORKSPACE, put, render
+from tests.table_tops import TABLE_TOP, WORKSPACE, put, render
 
 
 def perceive(observation: Observation) -> Scene:
