@@ -55,15 +55,25 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     order = list(grouped(given, *PLANNER))
     once = latest(given, lambda cell: cell.texts(*HOUSE, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.texts(*HOUSE), order.index(cell.texts(*PLANNER))))
-    named = [replace(cell, factors={**cell.factors, "arm": _arm_name(cell)}) for cell in kept]
-    return [sheet for found in grouped(named, *HOUSE).values() for sheet in _of_house(found)]
+    return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(_with_arms(found))]
 
 
-def _arm_name(cell: Cell) -> str:
-    """The arm in a table: with a variant's options, another exploring planner, and how it learns where unusual."""
-    arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
-    options = ", ".join(filter(None, (variant, f"taught by {teacher}" if teacher else "", learning)))
-    return f"{arm} ({options})" if options else arm
+def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with their arms' names in tables: with a variant's options, the exploring planner if another, and how
+    it learns where cells differ.
+    """
+    several, named = len(_learnings(cells)) > 1, []
+    for cell in cells:
+        arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
+        taught = f"taught by {teacher}" if teacher else ""
+        options = ", ".join(filter(None, (variant, taught, learning if several else "")))
+        named.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
+    return named
+
+
+def _learnings(cells: Sequence[Cell]) -> set[str]:
+    """How memory learns in these cells, "" for as usual; arms that do not learn are left out."""
+    return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
 
 
 def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
@@ -80,8 +90,10 @@ def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
 
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
-    """What all these cells share."""
+    """What all these cells share; how memory learns is among it unless the arms' names say so."""
     shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
+    learnings = _learnings(cells)
+    shared += [f"memory with {one}" for one in learnings if one and len(learnings) == 1]
     return f"Robot ({', '.join(shared)})"
 
 
