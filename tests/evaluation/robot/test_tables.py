@@ -80,12 +80,17 @@ def test_every_format_can_be_made():
 
 
 def test_arms_that_learned_otherwise_have_columns_of_their_own():
-    on = [c for c in cells() if c.factors["arm"] == "on"]
-    few = [
-        replace(c, key=c.key + "few", factors={**c.factors, "learning": "exploration_seeds=[5]"}) for c in on
+    on, off = ([c for c in cells() if c.factors["arm"] == arm] for arm in ("on", "off"))
+    ways = [
+        replace(c, key=c.key + way, factors={**c.factors, "learning": way})
+        for way in ("", "exploration_seeds=[5]")
+        for c in on
     ]
-    (relaxed, *_) = robot_sheets([*cells(), *few])
+    (relaxed, *_) = robot_sheets([*off, *ways])
     assert relaxed.headings == ("memory off", "memory on", "memory on (exploration_seeds=[5])")
+    (relaxed, *_) = robot_sheets([*off, *ways[len(on) :]])
+    assert relaxed.headings == ("memory off", "memory on")
+    assert "memory with exploration_seeds=[5]" in relaxed.title
 
 
 def test_layouts_without_a_seed_have_no_deviation_over_seeds():
