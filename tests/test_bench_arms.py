@@ -142,7 +142,6 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["arms=[off]", "arms.z={memory: off, explored: 3}"], "learns from nothing"),
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
         (["arms=[on]", "layouts=[1]", "exploration_seeds=[0,1]"], "explored layout cannot be a test"),

@@ -7,21 +7,15 @@ drift are labelled as such and never mixed with others.
 from __future__ import annotations
 
 import hashlib
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
-from gvla2.evaluation.protocol import ObjectViews
-from gvla2.evaluation.results import Cell
-from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
@@ -35,7 +29,6 @@ from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
 from gvla2.reconstruction.surfels import surfels
-from gvla2.record.drawing import png
 
 REFERENCE, CARVING = "baseline", "carving"
 VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
@@ -49,8 +42,6 @@ VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
     }
 )
 """The rows by name, with the stages that each disables; None means no branch: G0, or the hull carved by depth."""
-PICTURED = (REFERENCE, "ab_fusion")
-"""Rows with pictures in a report: the first target view, with the true view left of the reference's."""
 SURFELS = 15_000
 """Gaussians of a carved hull where G0 has none."""
 
@@ -168,77 +159,10 @@ class AblationComponents(BranchParts):
     reconstructor: Reconstructor
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """One cell to measure: its key and factors, among them ``drift``, ``noise``, ``variant`` and ``seed``."""
-
-    key: str
-    factors: Mapping[str, str | int]
-
-    def failed(self, error: Exception) -> Cell:
-        """The cell of a failed measurement."""
-        empty = dict.fromkeys((*MEASURES, "seconds"))
-        return Cell(self.key, self.factors, empty, {"status": f"failed: {error}"})
-
-
-def measure_object(
-    views: ObjectViews,
-    wanted: Sequence[Wanted],
-    components_for: Callable[[int, str], AblationComponents],
-    judge_for: Callable[[Renderer], ReconstructionJudge],
-    options: BranchOptions,
-) -> Iterator[tuple[Cell, bytes | None]]:
-    """Measure cells of one object and one baseline, in their order, some with a PNG of the first target view.
-
-    ``components_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor object shared
-    by two of them is run once. The baseline row's seconds are the reconstruction's; any other row's are only its own.
-    A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
-    """
-    judge: ReconstructionJudge | None = None
-    first: dict[int, tuple[Reconstruction, float]] = {}
-    pictured: set[tuple[str, ...]] = set()
-    for want in wanted:
-        drift, noise, variant = place = tuple(
-            str(want.factors[name]) for name in ("drift", "noise", "variant")
-        )
-        seed, picture = int(want.factors["seed"]), None
-        try:
-            chosen = components_for(seed, noise)
-            judge = judge or judge_for(chosen.renderer)
-            if id(chosen.reconstructor) not in first:
-                first[id(chosen.reconstructor)] = _reconstruct(chosen, views)
-            g0, seconds = first[id(chosen.reconstructor)]
-            size = DRIFTS[drift]
-            start = g0 if size is None else Drift.drawn(size, views.name, seed).applied(g0)
-            began = time.perf_counter()
-            made, notes = _made(variant, start, views.inputs, chosen, options)
-            if variant != REFERENCE:
-                seconds = time.perf_counter() - began
-            scores = judge.measure(made)
-            if variant in PICTURED and place not in pictured and made.gaussians is not None:
-                pictured.add(place)
-                picture = _picture(judge, made.gaussians, views, beside_truth=variant == REFERENCE)
-        except Gvla2Error as error:
-            yield want.failed(error), None
-            continue
-        measures = {**scores.measures, "seconds": seconds}
-        notes = {"status": "ok", "cd_points": scores.cd_points, **notes}
-        yield Cell(want.key, want.factors, measures, notes), picture
-
-
-def _reconstruct(components: AblationComponents, views: ObjectViews) -> tuple[Reconstruction, float]:
-    """G0 and its seconds."""
-    began = time.perf_counter()
-    made = components.reconstructor.reconstruct(views.inputs)
-    if made is None:
-        raise Gvla2Error("The reconstructor made nothing; choose baselines that reconstruct, such as hull.")
-    return made, time.perf_counter() - began
-
-
-def _made(
+def refined_row(
     variant: str, g0: Reconstruction, views: Views, components: AblationComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
-    """A row's reconstruction, and its notes."""
+    """A row's reconstruction from a (drifted) G0, and its notes."""
     switches = VARIANTS[variant]
     if switches is not None:
         refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
@@ -280,13 +204,3 @@ def _dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -
     colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
     mesh = TriangleMesh(mesh.vertices, mesh.faces, colours)
     return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]
-
-
-def _picture(
-    judge: ReconstructionJudge, gaussians: Gaussians, views: ObjectViews, *, beside_truth: bool
-) -> bytes:
-    """PNG of the first target view as rendered, to the right of the true view if asked for."""
-    picture = np.rint(255 * judge.pictures(gaussians, 1)[0]).astype(np.uint8)
-    if beside_truth:
-        picture = np.hstack([views.targets[0].image, picture])
-    return png(Image.fromarray(picture))

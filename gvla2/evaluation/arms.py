@@ -51,15 +51,13 @@ class BenchArm:
     """One arm: its ``name``, source and configuration.
 
     ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
-    ``replan`` further attempts are allowed in an episode, None for the bench's number. ``explored`` is how many of the
-    explored layouts of a row it learns from, None for all.
+    ``replan`` further attempts are allowed in an episode, None for the bench's number.
     """
 
     name: str
     source: str
     options: Mapping[str, Any] = field(default_factory=dict)
     replan: int | None = None
-    explored: int | None = None
 
     @property
     def memory(self) -> str:
@@ -75,8 +73,8 @@ class BenchArm:
     def variant(self) -> str:
         """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
-        counts = {"replan": self.replan, "explored": self.explored}
-        options = {**dict(sorted(self.options.items())), **{k: n for k, n in counts.items() if n is not None}}
+        options = dict(sorted(self.options.items()))
+        options |= {} if self.replan is None else {"replan": self.replan}
         return ", ".join([*([] if plain else [self.source]), *(f"{k}={v}" for k, v in options.items())])
 
 
@@ -87,11 +85,10 @@ def arm_named(config: MemoryArms, name: str) -> BenchArm:
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
     options = dict(given)
     source = str(options.pop("memory", name if name == "shuffled" else MEMORY_OF.get(name, name)))
-    counts = {count: options.pop(count, None) for count in ("replan", "explored")}
-    for count, value in counts.items():
-        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
-            raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
-    return BenchArm(name, source, options, **counts)
+    replan = options.pop("replan", None)
+    if replan is not None and (not isinstance(replan, int) or isinstance(replan, bool) or replan < 0):
+        raise ConfigurationError(f"arms.{name}.replan is {replan!r}; it is a count, 0 or more.")
+    return BenchArm(name, source, options, replan)
 
 
 def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
@@ -107,12 +104,8 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
                 f"No arm '{arm.source}'. Available: {available}; or a variant of one of them with a name of its own: "
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
-        if not arm.learns and arm.explored is not None:
-            raise ConfigurationError(
-                f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing."
-            )
         known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
-        own = {*known, "replan", "explored"} - {"url"}
+        own = {*known, "replan"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
     return arms
 

@@ -108,17 +108,6 @@ def test_an_unreachable_waypoint_moves_nothing_and_is_reported(small):
     assert not small.step(to(small, (0.3, 0.0, 1.2)))[4]["waypoint"]["abort"]  # and the episode goes on
 
 
-def test_where_no_straight_line_leads_it_goes_around(small):
-    small.reset(seed=0)
-    aside = (0.1, 0.45, 1.0)
-    turned = rigid(
-        np.diag([-1.0, 1.0, -1.0]), aside
-    )  # by half a turn, more than the wrist can follow on the way
-    observation, *_, info = small.step(small.unwrapped.actions.action(turned, 1.0))
-    assert info["waypoint"]["status"] in ("direct", "rrt_connect")
-    np.testing.assert_allclose(observation["tcp"][:3], aside, atol=2e-3)
-
-
 def test_a_task_is_solved_through_the_interface_alone(registry: Registry):
     """The `skill` planner sees what the environment observed; the block stays held from waypoint to waypoint."""
     env = gymnasium.make("gvla2/put_block-v0", image_size=192, profile="strict")
@@ -239,10 +228,3 @@ def test_a_task_is_solved_by_changes_of_the_joints(driven):
                 assert reward == 1.0
                 return
     pytest.fail("the block is not on its target")
-
-
-@pytest.mark.parametrize("action", [np.zeros(7), np.full(8, np.nan)])
-def test_an_action_that_is_none_is_refused(driven, action):
-    driven.reset(seed=0)
-    with pytest.raises(RobotError, match="8 finite numbers"):
-        driven.unwrapped.step(action)

@@ -204,7 +204,7 @@ def _measure(
         "status": "ok",
         "instruction": instance.instruction,
         "seen": [_numbers(one, one.true.name in split) for one in result.objects],
-        "false": [
+        "false_objects": [
             f"{scene.objects[k].label}: {f'a piece of {of}' if of else 'none'}" for k, of in result.false
         ],
         "note": note,

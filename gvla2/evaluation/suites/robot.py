@@ -102,7 +102,7 @@ class School:
         key = subject, arm.name
         if key in self._lessons:
             return self._lessons[key]
-        known = {row: first_layouts(some, arm.explored) for row, some in self._experiences.items()}
+        known = dict(self._experiences)
         rows = list(self._design.subjects)
         bank, asked = arm.name, None
         if arm.source == "best_theta":
@@ -131,9 +131,3 @@ class School:
                 for some in known.values():
                     teach(memory, some)
         return str(path)
-
-
-def first_layouts(experiences: Sequence[Experience], layouts: int | None) -> list[Experience]:
-    """Experience from the first ``layouts`` explored layouts of a row; all of it for None."""
-    seeds = list(dict.fromkeys(one.seed for one in experiences))[:layouts]
-    return [one for one in experiences if one.seed in seeds]

@@ -226,7 +226,7 @@ def _design(config: RobotBench, teaching: RobotBench, registry: Registry, arms: 
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
-        past = (past, arm.replan, arm.explored)
+        past = (past, arm.replan)
         own = {"variant": arm.variant} if arm.variant else {}
         if arm.learns:
             own |= {"learning": _learning_label(config), "teacher": teacher if teacher != label else ""}

@@ -77,14 +77,6 @@ def test_an_object_in_two_pieces_is_found_once_and_has_a_piece_too_many(world, b
     assert shown.objects[0].iou > 0.98 > result.objects[0].iou
 
 
-def test_two_objects_taken_for_one(world, body, perceived, scene_of):
-    lab = world(body("a", 0.2), body("b", 0.05, label="blue cube"))
-    both = perceived(body("both", 0.1), lab.points("a", "b"))
-    result = scored(lab, scene_of(both))
-    assert sum(obj.found for obj in result.objects) <= 1
-    assert sum(obj.index == 0 for obj in result.objects) == 1
-
-
 @pytest.mark.parametrize("cut", [True, False])
 def test_how_finely_a_pile_is_cut_is_no_error(world, body, perceived, scene_of, cut):
     bodies = [body(name, 0.1005 * k - 0.1) for k, name in enumerate("abc")]
