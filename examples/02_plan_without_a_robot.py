@@ -16,8 +16,8 @@ planner = load_plugins().build({"planner": {"name": "skill"}}, "planner")
 
 # A table with a red and a blue cube, as a flawless perceiver would report it, under a gantry.
 request = plan_request(instruction)
-for thing in request.scene.objects:
-    print(f"I see a {thing.label} at {thing.centre.round(3)}")
+for obj in request.scene.objects:
+    print(f"I see a {obj.label} at {obj.centre.round(3)}")
 
 plan = planner.plan(request)
 print(f'"{instruction}": skill {plan.skill or "-"}, roles {dict(plan.roles)}')

@@ -13,7 +13,7 @@ from hydra import compose, initialize_config_module
 
 import gvla2
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.plugins.hydra_config import register
@@ -49,7 +49,7 @@ def gvla2_planners() -> list[Component[RisePlanner]]:
 
 gvla2.register(SimpleNamespace(gvla2_planners=gvla2_planners), "rise")  # or a module, or a class
 registry = load_plugins()
-register(registry, PRIMARY)
+register(registry, schemas())
 with initialize_config_module("gvla2.conf", version_base="1.3"):
     config = compose("run", overrides=["planner=rise", *sys.argv[1:]])
 

@@ -59,6 +59,6 @@ for stage in refined.stages:
     print(f"  {stage.stage:<11} {stage.status:<9} {stage.reason}")
 
 truth = Truth.of(TriangleMesh(solid.vertices, solid.faces), samples=20_000)
-for name, thing in (("carved", carved), ("drifted", refined.g0), ("refined", refined.out)):
-    points, _ = surface_points(thing.mesh, None, samples=20_000)
+for name, made in (("carved", carved), ("drifted", refined.g0), ("refined", refined.out)):
+    points, _ = surface_points(made.mesh, None, samples=20_000)
     print(f"{name:<8} Chamfer distance {cd_surface(points, truth):6.2f} thousandths of its length")

@@ -40,7 +40,7 @@ class RememberingAgent(DefaultAgent):
         transcript = "\n".join([*(f"$ {command}" for command in commands), done["output"]])
         success = done["returncode"] == 0
         learned = self.bank.learn(task, transcript, success=success, recalled=recalled)
-        print(f"{task}: {success=}, learnt {', '.join(learned.added + learned.merged) or 'nothing'}")
+        print(f"{task}: {success=}, learned {', '.join(learned.added + learned.merged) or 'nothing'}")
         return result
 
 

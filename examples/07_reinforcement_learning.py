@@ -3,7 +3,7 @@
     python examples/07_reinforcement_learning.py [STEPS [EPISODES]]
 
 Sparse success alone teaches little, so the wrapper adds what a trainer would: a reward for coming closer. Some three
-minutes of a processor for 40,000 steps; EPISODES judge it, 20 unless told. Needs `pip install "gvla2[sim,gym,rl]"`.
+minutes of a processor for 40,000 steps; EPISODES judge it, 20 by default. Needs `pip install "gvla2[sim,gym,rl]"`.
 """
 
 import sys

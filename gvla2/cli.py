@@ -7,9 +7,48 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
-from gvla2.commands import COMMANDS
+COMMANDS = {
+    "run": "run one episode, or many: observe, plan, execute, verify, learn",
+    "reconstruct": "refine an object's geometry from a folder of calibrated views",
+    "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
+    "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
+    "memory": "search and list a memory bank, verify it, import, export, forget",
+    "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
+    "export": "write runs as a data set for training: LeRobot",
+    "tasks": "list the tasks that a robot can be given",
+    "plugins": "list robots, planners, memories and everything else to choose from, with options",
+    "doctor": "check this installation, list data sets, and say how to get what is missing",
+}
+"""Sub-commands and what they do."""
+HYDRA = ("run", "reconstruct", "bench", "report", "calibrate")
+"""The commands that Hydra configures."""
+
+
+def run_command(command: str, argv: list[str]) -> int:
+    """Run one of :data:`COMMANDS`; only its own module is imported."""
+    match command:
+        case "run":
+            from gvla2.commands.run import main
+        case "reconstruct":
+            from gvla2.commands.reconstruct import main
+        case "bench":
+            from gvla2.commands.bench import main
+        case "report":
+            from gvla2.commands.report import main
+        case "memory":
+            from gvla2.commands.memory import main
+        case "calibrate":
+            from gvla2.commands.calibrate import main
+        case "export":
+            from gvla2.commands.export import main
+        case "tasks":
+            from gvla2.commands.tasks import main
+        case "plugins":
+            from gvla2.commands.plugins import main
+        case _:
+            from gvla2.commands.doctor import main
+    return main(argv)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,16 +90,29 @@ def _dispatch(arguments: list[str]) -> int:
         print(f"gvla2 {__version__}")
         return 0
     if command in ("--shell-completion", "-sc"):
-        from gvla2.commands.hydra_job import complete
-
-        return complete(rest, COMMANDS)
+        return _complete(rest)
     if command not in COMMANDS:
         from gvla2.errors import did_you_mean
 
         hint = did_you_mean(command, COMMANDS)
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
-    return int(import_module(f"gvla2.commands.{command}").main(rest))
+    return run_command(command, rest)
+
+
+def _complete(arguments: list[str]) -> int:
+    """Hydra's ``--shell-completion``: ``install=SHELL``, ``uninstall=SHELL`` or ``query=SHELL``.
+
+    A query has the line so far in COMP_LINE. Its first word completes to a command here, overrides by Hydra.
+    """
+    name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
+    command, space, rest = rest.lstrip().partition(" ")
+    if command not in HYDRA and "".join(arguments).startswith("query="):
+        print("" if space else "\n".join(each for each in COMMANDS if each.startswith(command)))
+        return 0
+    before, _, last = rest.rpartition(" ")
+    os.environ["COMP_LINE"] = " ".join([name, *(word for word in before.split() if "=" in word), last])
+    return run_command(command if command in HYDRA else "run", ["--shell-completion", *arguments])
 
 
 def usage() -> str:
@@ -77,7 +129,7 @@ Commands:
 
 Options:
   -h, --help             this text; `gvla2 <command> --help` explains a command
-  -V, --version          the version (also: gvla2 version)
+  -V, --version          the version
   -sc install=bash|zsh|fish
                          print a completion script for your shell: eval "$(gvla2 -sc install=bash)"
 

@@ -1,4 +1,4 @@
-"""What plugin authors use: components with options, the marker of hooks, and registration without a distribution."""
+"""For plugin authors: components with options, the marker of hooks, and registration without a distribution."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 """The two pluggy markers: ``hookspec`` declares an extension point, ``hookimpl`` fills it."""
 
 Range = tuple[float, float, str]
-"""Least and greatest value of a numeric option, both allowed, and its unit, "" for none."""
+"""Minimum and maximum of a numeric option, both allowed, and its unit, "" for none."""
 
 _REGISTERED: dict[str, object] = {}
 """Plugins of this process, which have no distribution or entry point. Worker processes know installed ones only."""

@@ -54,8 +54,9 @@ def kept_alive() -> Iterator[None]:
     except (Exception, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        told = f"{error!r} would have ended the process"
-        raise RuntimeError(told).with_traceback(error.__traceback__) from None
+        raise RuntimeError(f"{error!r} would have ended the process").with_traceback(
+            error.__traceback__
+        ) from None
 
 
 class MissingDependencyError(Gvla2Error):

@@ -9,15 +9,14 @@ kind's Hydra group: ``gvla2 run planner=mine``. :data:`gvla2.plugins.kinds.KINDS
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
     robot      perceiver   reconstructor  memory    planner  (core)   robot     verifier  memory
 
-pluggy's options keep their meaning. Of two components of one kind and name the one that is called first wins:
-``tryfirst=True`` comes before all others, then what was registered in this process, then gvla2's own plugins, then
-others by distribution and name. A ``wrapper=True`` gets from its ``yield`` the list of what each plugin returned, and
-returns the list that counts.
+The order is pluggy's. Of two components of one kind and name the one that is called first wins: ``tryfirst=True``
+comes before all others, then what was registered in this process, then gvla2's own plugins, then others by distribution
+and name, last ``trylast=True``. Hooks have no wrappers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from gvla2.component import hookspec
@@ -164,3 +163,45 @@ def gvla2_config_search_path() -> Iterable[str]:
 KINDS_HOOK = gvla2_kinds.__name__
 SEARCH_PATH_HOOK = gvla2_config_search_path.__name__
 SKILL_HOOK = gvla2_skills.__name__
+
+
+def protocol_of(hook: Callable[[], object]) -> type:
+    """The protocol of what a hook's components build. Imports the packages that declare the protocols."""
+    from gvla2.agents.contracts import Agent
+    from gvla2.language.contracts import LanguageModel
+    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
+    from gvla2.planning.contracts import Perceiver, Planner
+    from gvla2.reconstruction.contracts import (
+        AxisCompensation,
+        FusionStrategy,
+        GeometryPrior,
+        Reconstructor,
+        Renderer,
+    )
+    from gvla2.record.tracker import Tracker, Viewer
+    from gvla2.robot.backend import DepthCamera, RobotBackend
+    from gvla2.robot.task import Task
+
+    protocols: dict[Callable[[], object], type] = {
+        gvla2_robots: RobotBackend,
+        gvla2_cameras: DepthCamera,
+        gvla2_tasks: Task,
+        gvla2_perceivers: Perceiver,
+        gvla2_reconstructors: Reconstructor,
+        gvla2_geometry_priors: GeometryPrior,
+        gvla2_axis_compensations: AxisCompensation,
+        gvla2_fusion_strategies: FusionStrategy,
+        gvla2_renderers: Renderer,
+        gvla2_memories: Memory,
+        gvla2_retrievers: Retriever,
+        gvla2_embedders: Embedder,
+        gvla2_inducers: Inducer,
+        gvla2_judges: Judge,
+        gvla2_planners: Planner,
+        gvla2_verifiers: Verifier,
+        gvla2_agents: Agent,
+        gvla2_trackers: Tracker,
+        gvla2_views: Viewer,
+        gvla2_language_models: LanguageModel,
+    }
+    return protocols[hook]

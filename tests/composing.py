@@ -8,7 +8,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.commands.primary import all_schemas
+from gvla2.commands.hydra_job import schemas, suite_schemas
 from gvla2.evaluation.config import BenchConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry
@@ -23,7 +23,7 @@ def composition(command: str, *overrides: str) -> DictConfig:
 
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new one of ``gvla2 bench``: choices of components are composed once, values are put into what was composed."""
-    register(registry, all_schemas())
+    register(registry, schemas() | suite_schemas())
     words = [re.sub("^suite=", "bench_suite=", word) for word in overrides]
     parsed = OverridesParser.create().parse_overrides(words)
     kept = {*registry.groups, "bench_suite", "depth_noise", "branch", "experiment", "data"}

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import RunConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
@@ -115,7 +115,7 @@ def registry() -> Registry:
 @pytest.fixture
 def compose_run(registry: Registry, tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
-    register(registry, PRIMARY)
+    register(registry, schemas())
 
     def composed(*overrides: str) -> RunConfig:
         config = OmegaConf.to_object(composition("run", "quiet=true", *overrides))  # a new object each time

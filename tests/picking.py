@@ -21,7 +21,9 @@ FAIL = Verdict.from_criteria({"task_completion": 0.0, "collision_safety": 0.2})
 UNCERTAIN = Verdict.from_criteria({"task_completion": 0.5})
 
 
-def thing(id_: str, x: float, y: float, colour: str, shape: Any = "box", size: float = 0.05) -> SceneObject:
+def scene_object(
+    id_: str, x: float, y: float, colour: str, shape: Any = "box", size: float = 0.05
+) -> SceneObject:
     pose = np.eye(4)
     pose[:3, 3] = x, y, TABLE + size / 2
     rgb = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2)}[colour]
@@ -30,12 +32,12 @@ def thing(id_: str, x: float, y: float, colour: str, shape: Any = "box", size: f
                        extents, np.zeros((0, 3)), np.array(rgb))  # fmt: skip
 
 
-def scene(*things: SceneObject) -> Scene:
-    return Scene(things, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])))
+def scene(*objects: SceneObject) -> Scene:
+    return Scene(objects, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])))
 
 
-SCENE = scene(thing("a", 0.3, 0.1, "red"), thing("b", 0.3, -0.2, "blue"),
-              thing("goal", 0.5, 0.1, "green", "region", 0.1))  # fmt: skip
+SCENE = scene(scene_object("a", 0.3, 0.1, "red"), scene_object("b", 0.3, -0.2, "blue"),
+              scene_object("goal", 0.5, 0.1, "green", "region", 0.1))  # fmt: skip
 DOWN = Orientation("grasp")
 SIDE = Orientation("grasp", (1.0, 0.0, -0.1), (0.0, 1.0, 0.0))
 PICK = (
@@ -90,8 +92,8 @@ def kinds(record: EpisodeRecord) -> list[str]:
 
 def effects_of(lessons: Any) -> list[Effect]:
     """The effects on parameters; programs aside."""
-    told = (lesson.effect for lesson in lessons if lesson.effect)
-    return [effect_from_json(effect) for effect in told if effect["kind"] != "program"]
+    effects = (lesson.effect for lesson in lessons if lesson.effect)
+    return [effect_from_json(effect) for effect in effects if effect["kind"] != "program"]
 
 
 SCALES = {"grasp_depth": ("height", 0.05)}

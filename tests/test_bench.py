@@ -11,9 +11,8 @@ import pytest
 import trimesh
 from rich.console import Console
 
-from gvla2 import cli
+from gvla2.commands import doctor
 from gvla2.commands.bench import run_bench
-from gvla2.commands.data import DataCommandConfig, take_stock
 from gvla2.component import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.config import DataConfig, ReconstructionBench, ResultsConfig
@@ -187,25 +186,14 @@ def test_progress_without_a_terminal(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_data_lists_what_is_installed(meshes, tmp_path, monkeypatch, capsys):
+def test_the_doctor_says_which_data_are_here_and_how_to_get_the_others(tmp_path, monkeypatch):
     monkeypatch.setenv("GVLA2_DATA", str(tmp_path))
     monkeypatch.setenv("GVLA2_CACHE", str(tmp_path / "empty"))
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model").mkdir(parents=True)
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model" / "000.png").write_bytes(b"")
-    out = Console(width=200, force_terminal=False)
-    assert take_stock(DataCommandConfig(roots={"meshes": str(meshes)}), out) >= 2
-    text = capsys.readouterr().out
-    assert f"2 objects in {meshes}" in text
-    assert "toy: views are missing (000.npy" in text
-    assert "gvla2 data fetch=[lpips]" in text
-    assert "CC BY 4.0" in text
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["data", f"roots.meshes={meshes}"]) == 0
-    assert f"2 objects in {meshes}" in " ".join(capsys.readouterr().out.split())
-    with pytest.raises(Gvla2Error, match="No data set x"):
-        take_stock(DataCommandConfig(roots={"x": "y"}), out)
-    with pytest.raises(ConfigurationError, match="Cannot fetch ycb"):
-        DataCommandConfig(fetch=["ycb"])
+    checks = {check.name: check for check in doctor.data()}
+    assert checks["data gso30"].found.startswith(f"1 objects in {tmp_path / 'gso30'} (CC BY 4.0")
+    assert checks["LPIPS weights"].advice == "python -m gvla2.evaluation.lpips"
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from omegaconf import OmegaConf
 
 from gvla2 import Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
@@ -55,25 +54,6 @@ def a_registry(**components: Component[Any]) -> Registry:
     return Registry({kind: {c.name: Offer(c, Plugin("p"))} for kind, c in components.items()}, [Plugin("p")])
 
 
-@pytest.mark.parametrize(
-    "root",
-    [
-        {"planner": {"name": "mine", "depth": 5, "inner": {"gain": 0.5}}},
-        OmegaConf.create({"planner": {"name": "mine", "depth": "5", "inner": {"gain": 0.5}}}),
-        {"planner": Options(name="mine", depth=5, inner=Nested(0.5))},
-        OmegaConf.create({"planner": OmegaConf.structured(Options(name="mine", depth=5, inner=Nested(0.5)))}),
-    ],
-)
-def test_build_takes_any_form_of_configuration(root: object):
-    built = a_registry(planner=Component("mine", Options, Stand)).build(root, "planner")
-    assert built.config == Options(name="mine", depth=5, inner=Nested(0.5))
-
-
-def test_a_bare_name_takes_the_defaults():
-    built = a_registry(planner=Component("mine", Options, Stand)).build({"planner": "mine"}, "planner")
-    assert built.config == Options(name="mine")
-
-
 def test_needs_are_built_first_and_shared():
     made: list[str] = []
 
@@ -97,7 +77,7 @@ def test_needs_are_built_first_and_shared():
     assert both["embedder"] is both["memory"].needs["embedder"]
 
 
-def test_a_circle_of_needs_is_told():
+def test_a_circle_of_needs_is_reported():
     registry = a_registry(
         memory=Component("m", Options, Stand, needs=("retriever",)),
         retriever=Component("r", Options, Stand, needs=("memory",)),
@@ -115,18 +95,15 @@ def test_a_circle_of_needs_is_told():
             PluginError,
             r"built a object, which lacks plan\(\)",
         ),
-        (Component("a", Options, lambda c: None), "a", PluginError, "built a NoneType"),
         (
             Component("a", Options, lambda c: 1 / 0),
             "a",
             PluginError,
             "of plugin 'p' could not be built: ZeroDiv",
         ),
-        (Component("a", Options, lambda: 1), "a", PluginError, "could not be built: TypeError"),
         (Component("a", Options, Stand), "b", UnknownComponentError, "No planner named 'b'"),
         (Component("a", Options, Stand), None, ConfigurationError, "chooses no planner"),
         (Component("a", Options, Stand), {"name": "a", "dept": 1}, ConfigurationError, "'dept'"),
-        (Component("a", Options, Stand), {"name": "a", "depth": "x"}, ConfigurationError, "Integer"),
         (
             Component("a", Options, Stand),
             Demanding(name="a"),
@@ -147,17 +124,6 @@ def test_building_fails_in_words(
 ):
     with pytest.raises(error, match=message):
         a_registry(planner=component).build({"planner": root}, "planner")
-
-
-def test_a_component_may_answer_through_getattr():
-    class Proxy:
-        def __init__(self, config: ComponentConfig) -> None:
-            self.inner = Stand(config)
-
-        def __getattr__(self, name: str) -> object:
-            return getattr(self.inner, name)
-
-    assert a_registry(planner=Component("a", Options, Proxy)).build({"planner": "a"}, "planner").plan
 
 
 def test_after_a_failure_what_was_built_is_closed():

@@ -4,49 +4,35 @@ import json
 import os
 import subprocess
 import sys
-import types
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from gvla2 import __version__, cli
-from gvla2.commands import COMMANDS
+from gvla2.commands import doctor
 from gvla2.plugins.kinds import KINDS
 
 HEAVY = {"numpy", "scipy", "torch", "sapien", "ompl", "numba", "pinocchio"}
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_exists(command: str):
-    module = import_module(f"gvla2.commands.{command}")
-    assert callable(module.main)
-
-
-@pytest.mark.parametrize("argv", [["--help"], ["-h"], ["help"]])
-def test_help_names_the_commands(argv: list[str], capsys: pytest.CaptureFixture[str]):
-    assert cli.main(argv) == 0
+def test_help_names_the_commands(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["--help"]) == 0
     out = capsys.readouterr().out
-    assert all(f"  {name}" in out for name in COMMANDS)
-
-
-def test_without_a_command_the_usage_goes_to_stderr(capsys: pytest.CaptureFixture[str]):
+    assert all(f"  {name}" in out for name in cli.COMMANDS)
     assert cli.main([]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert "Usage: gvla2" in captured.err
+    assert capsys.readouterr().err == out
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"gvla2 {__version__}\n"
 
 
-def test_an_unknown_command_names_its_neighbour(capsys: pytest.CaptureFixture[str]):
+def test_an_unknown_command_names_its_neighbour_and_an_interrupt_has_its_status(monkeypatch, capsys):
     assert cli.main(["rum"]) == 2
     assert "no command 'rum'. Did you mean 'run'?" in capsys.readouterr().err
 
-
-def test_an_interrupt_has_its_status(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     def interrupted(argv: list[str]) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(sys.modules, "gvla2.commands.doctor", types.SimpleNamespace(main=interrupted))
+    monkeypatch.setattr(doctor, "main", interrupted)
     assert cli.main(["doctor"]) == 130
     assert "interrupted" in capsys.readouterr().err
 
@@ -81,7 +67,7 @@ def test_a_reader_that_left_is_no_error(argv: list[str]):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
-@pytest.mark.parametrize("argv", [["--help"], ["--version"], ["plugins", "task"], ["plugins", "--json"]])
+@pytest.mark.parametrize("argv", [["--help"], ["plugins", "task"]])
 def test_a_full_disk_is_no_traceback(argv: list[str]):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
@@ -96,9 +82,6 @@ def test_a_full_disk_is_no_traceback(argv: list[str]):
     assert len(done.stderr.splitlines()) == 1
 
 
-# -- gvla2 plugins ----------------------------------------------------------------------------------------------
-
-
 def test_plugins_lists_every_component(registry, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["plugins"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -108,22 +91,13 @@ def test_plugins_lists_every_component(registry, capsys: pytest.CaptureFixture[s
     assert not any("broken" in line for line in lines)
 
 
-def test_plugins_shows_options_with_types_and_defaults(capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["plugins", "planner", "skill"]) == 0
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
-    (lift,) = [row for row in rows if row and row[0] == "planner.lift_height"]
-    assert lift[1] == "float"
-    assert float(lift[2]) > 0
-
-
 def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["plugins", "task", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert set(answer["components"]) == {"task"}
     push = next(c for c in answer["components"]["task"] if c["name"] == "push_block")
     assert push["plugin"]["distribution"] == "gvla2"
-    assert {"name": "distance", "type": "tuple[float, float]", "default": "[0.15, 0.3]"} in push["options"]
-    assert push["defaults"]["distance"] == [0.15, 0.3]
+    assert {"name": "scale", "type": "float", "default": "1.0"} in push["options"]
 
 
 @pytest.mark.parametrize(
@@ -156,9 +130,6 @@ def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: 
     assert json.loads(capsys.readouterr().out)["problems"][0]["plugin"] == "bad"
 
 
-# -- completion -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("line", "expected", "unexpected"),
     [
@@ -168,8 +139,7 @@ def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: 
         ("gvla2 run planner=skill planner.lift", ["planner.lift_height="], ["planner.speed="]),
         ("gvla2 run -m task=p", ["task=pick_and_lift", "task=push_block"], ["task=lamp_on"]),
         ("gvla2 nonsense x", [], ["run"]),
-        ("gvla2 bench robot expl", ["exploration="], ["robot"]),
-        ("gvla2 memory search cup bank=x embedder=", ["embedder=static"], []),
+        ("gvla2 bench robot sui", [], ["robot"]),
     ],
 )
 def test_completion(
@@ -195,12 +165,6 @@ def test_the_script_completes_in_a_real_bash(tmp_path):
     assert done.stdout.strip() == "task=push_block"
 
 
-@pytest.mark.parametrize("word", ["version", "--version", "-V"])
-def test_version(word: str, capsys: pytest.CaptureFixture[str]):
-    assert cli.main([word]) == 0
-    assert capsys.readouterr().out == f"gvla2 {__version__}\n"
-
-
 def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["reconstruct", "views=nowhere", "-m", "fusion=none,blend", "views_spec=0"]) == 1
@@ -208,15 +172,3 @@ def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pyt
     assert "nowhere" in answer
     assert "unrecognized" not in answer
     assert list(tmp_path.glob("outputs/reconstruct/*/*-sweep"))
-
-
-def test_escape_bytes_of_a_plugin_are_not_printed(install, capsys: pytest.CaptureFixture[str]):
-    install(
-        "@hookimpl\ndef gvla2_planners():\n"
-        "    Config.__doc__ = 'Options\\x1b[31m of mine.'\n"
-        "    return [Component('mine', Config, Made, summary='red\\x1b[31m'), '\\x1b]0;title\\x07']"
-    )
-    assert cli.main(["plugins", "planner", "mine"]) == 0
-    captured = capsys.readouterr()
-    assert "red" in captured.out
-    assert not {"\x1b", "\x07"} & set(captured.out + captured.err)

@@ -17,8 +17,8 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 import gvla2
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.plugins import options
-from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import run_episodes
 from gvla2.evaluation.config import SUITES
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
@@ -69,23 +69,9 @@ def test_the_links_of_the_page_lead_somewhere(page: Path):
 @pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path: Path):
     pytest.importorskip("material", reason="pip install 'gvla2[docs]'")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mkdocs",
-            "build",
-            "--strict",
-            "--quiet",
-            "--site-dir",
-            str(tmp_path / "site"),
-        ],
-        cwd=ROOT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = f"{sys.executable} -m mkdocs build --strict --quiet --site-dir {tmp_path}/site".split()
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "configuration" / "choices" / "planner.html").read_text()
     assert "planner.lift_height" in page
@@ -100,7 +86,7 @@ def test_the_configuration_reference_has_every_option_of_every_component(registr
         for name, component in registry.components(kind).items():
             assert f"## `{kind}={name}`" in page
             assert all(f"| `{kind}.{o.name}` |" in page for o in options(component.config))
-    for command, config in PRIMARY.items():
+    for command, config in schemas().items():
         for option in options(config):
             if not option.name.endswith(".name"):
                 assert f"| `{option.name}` |" in pages[f"configuration/{command}.md"]
@@ -140,13 +126,15 @@ def test_the_commands_of_the_page_name_what_there_is(name: str, registry: Regist
     page = (ROOT / "docs" / f"{name}.md").read_text().replace("\\\n", "")
     found = re.findall(r"^gvla2 (\w+) ([^#\n]*)|`gvla2 (\w+) ([^`]*)`", page, re.MULTILINE)
     for command, words in [(line or shown, after or then) for line, after, shown, then in found]:
-        if command in PRIMARY and "planner=point" not in words:  # the reader's own
+        if command in schemas() and "planner=point" not in words:  # the reader's own
             _check_choices(registry, command, re.sub(r"\bhydra\S*=\S*", "", words))
 
 
 def _check_choices(registry: Registry, command: str, words: str) -> None:
     """Every component, option and key of a command line exists; of a sweep's values the last is looked at."""
-    given = [word.partition("=")[::2] for word in shlex.split(words) if re.match(r"\w[\w.]*=", word)]
+    given = [
+        word.partition("=")[::2] for word in shlex.split(words) if re.match(r"\w[\w.]*=(?![A-Z]{2})", word)
+    ]
     chosen = {key: value.rpartition(",")[2] for key, value in given if key in registry.groups}
     for group, name in chosen.items():
         assert name in registry.components(SLOTS.get(group, group)), (command, words)
@@ -158,7 +146,7 @@ def _check_choices(registry: Registry, command: str, words: str) -> None:
             ).config
             assert option in {o.name for o in options(config)}, (command, words)
         elif group not in registry.groups:
-            known = [PRIMARY[command], *(SUITES.values() if command == "bench" else ())]
+            known = [schemas()[command], *(SUITES.values() if command == "bench" else ())]
             assert group in {field.name for one in known for field in dataclasses.fields(one)}, (
                 command,
                 words,
@@ -170,12 +158,12 @@ def _check_choices(registry: Registry, command: str, words: str) -> None:
 )
 def test_the_preset_of_the_page_is_found(plugin: ModuleType, registry: Registry):
     assert plugin.gvla2_config_search_path()[0] in load_plugins().search_paths
-    register(load_plugins(), PRIMARY)
+    register(load_plugins(), schemas())
     try:
         with initialize_config_module("gvla2.conf", version_base="1.3"):
             config = compose("run", overrides=["+experiment=careful", "replan=0"])
     finally:
-        register(registry, PRIMARY)
+        register(registry, schemas())
     assert (config.replan, config.planner.speed, config.depth_noise.kind) == (0, 0.1, "realistic")
 
 
@@ -189,7 +177,7 @@ def test_the_planner_of_the_tutorial_does_what_it_says(
         r"^gvla2 run (planner=point .*)$", (ROOT / "docs" / "tutorial.md").read_text(), re.M
     )
     offered = load_plugins()
-    register(offered, PRIMARY)
+    register(offered, schemas())
     try:
         with initialize_config_module("gvla2.conf", version_base="1.3"):
             words = [
@@ -202,7 +190,7 @@ def test_the_planner_of_the_tutorial_does_what_it_says(
             config = OmegaConf.to_object(compose("run", overrides=words))
         run_episodes(config, offered, tmp_path)
     finally:
-        register(registry, PRIMARY)
+        register(registry, schemas())
     shown = json.loads((tmp_path / "result.json").read_text())
     assert shown["verdict"] == "uncertain"
     assert shown["failure"]["kind"] == "goal_not_reached"

@@ -12,10 +12,9 @@ from hydra.errors import HydraException
 from hypothesis import given, settings
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 from gvla2.plugins.registry import Registry, load_plugins
-from gvla2.plugins.validation import structured
 
 Install = Callable[..., str]
 
@@ -35,18 +34,10 @@ def offered(group: str) -> set[str]:
     return set(ComponentSource("test", "gvla2://").list(group, None))
 
 
-def test_own_options_are_typed_when_they_are_chosen():
-    """Only others' are checked at the start: here all of gvla2's are."""
-    registry = load_plugins()
-    found = [c for kind in registry.kinds for c in registry.components(kind).values()]
-    assert len(found) > 80
-    assert {structured(component).name for component in found} == {component.name for component in found}
-
-
 def test_third_party_options_are_overridable_and_typed(install: Install):
     install(GOOD)
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     config = composed("planner=mine", "planner.depth=9")
     assert OmegaConf.to_container(config.planner) == {"name": "mine", "depth": 9}
     assert registry.build(config, "planner").config.depth == 9
@@ -55,7 +46,7 @@ def test_third_party_options_are_overridable_and_typed(install: Install):
 
 
 def test_options_whose_keys_are_the_users_are_open():
-    register(load_plugins(), PRIMARY)
+    register(load_plugins(), schemas())
     for words in (
         "robot.hand={max_width: 0.08}",
         "robot.hand.max_width=0.08",
@@ -68,11 +59,11 @@ def test_options_whose_keys_are_the_users_are_open():
 
 def test_registering_another_registry_replaces_the_first(install: Install):
     module = install(GOOD)
-    register(load_plugins(), PRIMARY)
+    register(load_plugins(), schemas())
     assert offered("planner") > {"mine", "skill"}
     Path(sys.modules[module].__file__ or "").with_suffix(".py").write_text("1 / 0")
     del sys.modules[module]
-    register(load_plugins(), PRIMARY)
+    register(load_plugins(), schemas())
     assert "mine" not in offered("planner")
     assert "skill" in offered("planner")
 
@@ -85,11 +76,11 @@ def test_presets_of_a_plugin_are_found(install: Install, tmp_path: Path):
     hook = f"@hookimpl\ndef gvla2_config_search_path():\n    return ['pkg://{package}']\n"
     install(GOOD + hook)
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     try:
         assert registry.build(composed("planner=deep"), "planner").config.depth == 99
     finally:
-        register(Registry({}), PRIMARY)
+        register(Registry({}), schemas())
 
 
 @settings(max_examples=60, deadline=None)
@@ -98,8 +89,3 @@ def test_folder_names_are_short_and_safe(text: str):
     name = short_name(text)
     assert len(name) <= LONGEST_FOLDER_NAME
     assert not set(name) & set('/\\ \n:*?"<>|')
-
-
-def test_long_overrides_get_different_folders():
-    a, b = (short_name("x=" + "1" * 200 + end) for end in "ab")
-    assert a != b

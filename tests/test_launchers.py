@@ -19,7 +19,7 @@ import trimesh
 
 from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.view_formats import write_plain
+from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import View, Views
 
 CLUSTER = """
@@ -28,17 +28,6 @@ ray.init(num_cpus=2, object_store_memory=80_000_000, include_dashboard=False, lo
 print(json.dumps(ray.get_runtime_context().gcs_address), flush=True)
 sys.stdin.read()  # until the test lets go
 ray.shutdown()
-"""
-LONELY = """
-from hydra.core.config_store import ConfigStore
-from hydra.plugins.launcher import Launcher
-
-class Lonely(Launcher):
-    def setup(self, **given): pass
-    def launch(self, job_overrides, initial_job_idx): raise ConnectionError("Nobody at 10.0.0.1:6379.")
-
-node = {"_target_": "hydra_plugins.lonely.Lonely"}
-ConfigStore.instance().store(group="hydra/launcher", name="lonely", node=node)
 """
 FAST = ("quiet=true", "frames=2", "reconstructor.resolution=16", "reconstructor.gaussians=300")
 TIMEOUT = 240
@@ -159,20 +148,3 @@ def test_joblib_and_submitit_find_the_same(views: Path, joblib: dict, tmp_path: 
         tmp_path / "submitit", views, "hydra/launcher=submitit_local", "hydra.launcher.timeout_min=3"
     )
     assert submitit == joblib
-
-
-def test_a_cluster_that_does_not_answer_is_reported_as_such(tmp_path: Path):
-    """Not as a folder that cannot be written, which is the other error of the system that Hydra may meet."""
-    (tmp_path / "hydra_plugins").mkdir()
-    (tmp_path / "hydra_plugins" / "lonely.py").write_text(LONELY)
-    done = subprocess.run(
-        [sys.executable, "-m", "gvla2.cli", "run", "-m", "seed=1,2", "hydra/launcher=lonely"],
-        cwd=tmp_path,
-        env={**ENVIRONMENT, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert "gvla2: ConnectionError: Nobody at 10.0.0.1:6379" in done.stderr
-    assert "Traceback" not in done.stderr

@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from omegaconf import OmegaConf
 
 from gvla2 import cli
-from gvla2.commands import hydra_job
-from gvla2.commands.memory import VERBS, MemoryCommandConfig
+from gvla2.commands.memory import VERBS
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.plugins.registry import Registry
 
-DEFAULTS = {"retriever": "hybrid", "embedder": "static"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
 BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
 LINE = {
@@ -58,33 +54,17 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def command(path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
     """The whole command."""
 
     def run_(*argv: str) -> tuple[int, str, str]:
         capsys.readouterr()
-        status = cli.main(["memory", *argv, f"url=sqlite:///{path}"])
+        status = cli.main(["memory", *argv, f"url=sqlite:///{path}", "embedder=static"])
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err
         return status, captured.out, captured.err
 
     return run_
-
-
-@pytest.fixture
-def run(command: Run, monkeypatch: pytest.MonkeyPatch, registry: Registry) -> Run:
-    """The command, its options set as Hydra would set them: Hydra takes a second."""
-
-    def composed(name: str, overrides: list[str]) -> tuple[Any, Registry]:
-        config = OmegaConf.to_object(
-            OmegaConf.merge(OmegaConf.structured(MemoryCommandConfig), OmegaConf.from_dotlist(overrides))
-        )
-        for kind, name in DEFAULTS.items():
-            setattr(config, kind, registry.get(kind, name).config(name=name))
-        return config, registry
-
-    monkeypatch.setattr(hydra_job, "composed", composed)
-    return command
 
 
 def data(run: Run, *argv: str, status: int = 0) -> Any:
@@ -134,9 +114,10 @@ def test_search_shows_every_term(run: Run):
 
 
 def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
-    assert data(run, "verify")["sound"] is True
-    head = data(run, "stats")["head"]
-    assert head in run("stats")[1]
+    sound = data(run, "verify")
+    assert (sound["sound"], sound["states"]) == (True, {"active": 2})
+    head = sound["head"]
+    assert head in run("verify")[1]
     assert run("verify", f"head={head}")[0] == 0
     assert data(run, "verify", f"head=99{head}", status=1)["problems"][0]["where"] == "chain"
     with sqlite3.connect(path) as raw:
@@ -176,7 +157,7 @@ def test_import_reads_a_pipe(tmp_path: Path):
     )
     assert done.returncode == 1, done.stderr
     document = json.loads(done.stdout)
-    assert len(document["added"]) == 1
+    assert len(document["held_back"]) == 1
     assert "line 2: " in document["broken"][0]
 
 
@@ -207,11 +188,6 @@ def test_forget_takes_an_answer_from_a_terminal(run: Run, answer: str, status: i
     assert found == status
     assert "cannot be undone" in err
     assert len(data(run, "list")) == left
-
-
-def test_upkeep(run: Run):
-    assert data(run, "stats")["states"] == {"active": 2}
-    assert isinstance(data(run, "govern"), dict)
 
 
 @pytest.mark.parametrize(
@@ -255,19 +231,19 @@ def test_what_is_missing_is_named(run: Run, argv: list[str], message: str):
     [
         (["list", "limti=3"], "Did you mean 'limit'?"),
         (["list", "states=[actve]"], "States: active"),
-        (["search", "x", "embedder=nimilm"], "No embedder named 'nimilm'"),
+        (["search", "x", "retriever=nothing"], "No retriever named 'nothing'"),
     ],
 )
-def test_wrong_options_are_explained_as_in_other_commands(command: Run, argv: list[str], message: str):
-    found, out, err = command(*argv)
+def test_wrong_options_are_explained_as_in_other_commands(run: Run, argv: list[str], message: str):
+    found, out, err = run(*argv)
     assert (found, out) == (1, "")
     assert message in err
 
 
-def test_the_whole_command(command: Run, tmp_path: Path):
-    status, out, err = command("list", "--json", "states=[active]")
+def test_options_choose_states_and_retrievers(run: Run, tmp_path: Path):
+    status, out, err = run("list", "--json", "states=[active]")
     assert (status, err, len(json.loads(out))) == (0, "", 2)
-    status, out, err = command("search", "cup", "retriever=semantic", "limit=1", "--json")
+    status, out, err = run("search", "cup", "retriever=semantic", "limit=1", "--json")
     assert (status, err) == (0, "")
     assert len(json.loads(out)["found"]) == 1
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith((".", "m.db"))) == []
@@ -278,7 +254,7 @@ def test_banks_are_called_as_typed(run: Run, tmp_path: Path):
     names = ["2026_11", "1e3", "true", "b\u00fccher"]
     for name in names:
         assert run("import", "m.jsonl", f"bank={name}")[0] == 0
-    assert data(run, "stats", "bank=bu\u0308cher")["banks"] == sorted([*names, "default"])
+    assert data(run, "verify", "bank=bu\u0308cher")["banks"] == sorted([*names, "default"])
 
 
 def test_looking_makes_no_database_and_compiles_nothing(tmp_path: Path):

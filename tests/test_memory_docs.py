@@ -34,7 +34,7 @@ def test_the_second_agent_hears_of_the_first(tmp_path: Path):
     first, second = shown.splitlines()
     assert "success=True" in first
     assert "success=False" in second
-    learnt = re.search(r"learnt (hint-\w+)", first)
+    learnt = re.search(r"learned (hint-\w+)", first)
     assert learnt is not None
     assert f"[{learnt[1]} |" in prompt
     assert "sort -o names.txt" in prompt

@@ -80,12 +80,6 @@ def test_every_plugin_folder_is_announced():
     assert set(gvla2_plugins.PLUGINS) == {f"gvla2_plugins.{name}" for name in folders}
 
 
-def test_the_version_is_told_once():
-    from gvla2 import __version__
-
-    assert PROJECT["project"]["version"] == __version__
-
-
 def test_the_wheel_has_every_file(wheel: Path):
     with zipfile.ZipFile(wheel) as archive:
         packed = set(archive.namelist())

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.commands.hydra_job import launch
+from gvla2 import cli
 from gvla2.commands.report import ReportConfig, ResultsConfig, job
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results
@@ -42,17 +42,8 @@ def test_all_formats(url, tmp_path, capsys):
     assert "10.50 ± 0.71" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_a_selection(url, tmp_path, capsys):
-    config = ReportConfig(
-        results=ResultsConfig(url), where={"object": ["apple"]}, runs=[2], formats=["terminal"]
-    )
-    assert made(config, tmp_path / "out") == 2
-    assert "11.00" in capsys.readouterr().out
-    assert not (tmp_path / "out").exists()
-
-
 def test_what_is_not_there(url, tmp_path):
-    with pytest.raises(ConfigurationError, match=r"object: apple, bowl\."):
+    with pytest.raises(ConfigurationError, match=r"object: apple, bowl"):
         made(ReportConfig(results=ResultsConfig(url), where={"object": ["pear"]}), tmp_path)
     with pytest.raises(ConfigurationError, match="There is no results database"):
         made(ReportConfig(results=ResultsConfig(f"sqlite:///{tmp_path}/none.sqlite")), tmp_path)
@@ -74,7 +65,7 @@ def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
     made(ReportConfig(results=ResultsConfig(url), formats=["terminal", "markdown"]), tmp_path / "one")
     assert "all jobs" in capsys.readouterr().out
     assert (tmp_path / "one" / "report.md").is_file()
-    with pytest.raises(ConfigurationError, match=r"There are others: `gvla2 report suite=run`\."):
+    with pytest.raises(ConfigurationError, match=r"It holds run \(1 cells\)"):
         made(ReportConfig(suite="robot", results=ResultsConfig(url)), tmp_path)
     with Results.open(url) as results:
         run = results.begin("reconstruction", tmp_path, "")
@@ -89,9 +80,7 @@ def test_without_a_suite_all_that_are_there_are_shown(tmp_path, capsys):
 
 def test_as_a_command(url, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder = Path("out")
-    status = launch("report", job, [f"results.url={url}", "formats=[markdown]", f"hydra.run.dir={folder}"])
-    assert status == 0
-    assert (folder / "report.md").is_file()
-    assert launch("report", job, ["results.url=sqlite:///gone.sqlite", f"hydra.run.dir={folder}"]) == 1
+    assert cli.main(["report", f"results.url={url}", "formats=[markdown]", "hydra.run.dir=out"]) == 0
+    assert Path("out/report.md").is_file()
+    assert cli.main(["report", "results.url=sqlite:///gone.sqlite", "hydra.run.dir=out"]) == 1
     assert "gone.sqlite. `gvla2 bench` makes one" in capsys.readouterr().err

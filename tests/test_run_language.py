@@ -4,10 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from gvla2.commands.run import build_components, run_episodes
-from gvla2.errors import MissingDependencyError
 from gvla2.testing.language import LocalModel, said
 from tests.quick import QUICK
 
@@ -47,10 +44,3 @@ def test_a_model_that_nobody_asks_is_not_even_made(registry, compose_run, monkey
     parts.robot.close()
     assert parts.language is None
     assert "language" not in parts.choices
-
-
-def test_one_that_is_asked_needs_its_packages_before_the_robot_moves(registry, compose_run, monkeypatch):
-    config = compose_run(*QUICK, "memory=none", "verifier=llm")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingDependencyError, match=r"gvla2\[llm\]"):
-        build_components(config, registry)

@@ -124,7 +124,7 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert {row["episodes"] for row in rows} == {"1"}
     assert [Path(row["page"]).is_file() for row in rows] == [True, True]
     page = (folder / "index.html").read_text()
-    assert page.count("episode.gif") + page.count("before.png") >= 2
+    assert page.count("episode.mp4") + page.count("before.png") >= 2
     assert len(list(folder.glob("*/memory.db"))) == 2, "each job has a bank of its own"
     assert not (here / "home").exists()
 
@@ -192,13 +192,6 @@ def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Pa
     assert sweeps.with_fresh_bank(nothing, tmp_path) is nothing
 
 
-def test_what_an_unfinished_job_left_in_its_bank_is_taken_away(tmp_path: Path):
-    for name in ("memory.db", "memory.db-wal"):
-        (tmp_path / name).write_bytes(b"half")
-    sweeps.clear(tmp_path)
-    assert not list(tmp_path.glob("memory.db*"))
-
-
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
     digest = sweeps.digest_of(compose_run("seed=1"))
     row: dict[str, Any] = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
@@ -211,15 +204,3 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
     assert sweeps.done_before(tmp_path, digest) is None, "its memory was not there"
     (tmp_path / sweeps.JOB).write_text("{half")
     assert sweeps.done_before(tmp_path, digest) is None
-
-
-def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
-    from gvla2.commands.run import bank_line
-
-    config = compose_run()
-    memory = registry.build(config, "memory")
-    output = bank_line(config, memory)
-    memory.close()
-    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", output)
-    nothing = compose_run("memory=none")
-    assert bank_line(nothing, registry.build(nothing, "memory")) == "memory none keeps no bank"

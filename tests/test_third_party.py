@@ -80,11 +80,6 @@ def test_its_skill_is_offered_beside_the_standard_ones(gvla2):
     assert listed["pick"] == "standard_skills"
 
 
-def test_it_composes(gvla2):
-    done = gvla2("run", "--cfg", "job", "-p", "planner", "planner=hover", "planner.height=0.2")
-    assert done.stdout == "# @package planner\nname: hover\nheight: 0.2\n", done.stderr
-
-
 def test_they_conform(python):
     tests = [str(example / "tests") for example in (EXAMPLE, TASK)]
     done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
@@ -113,15 +108,6 @@ def test_its_task_is_listed(gvla2):
     assert "task.ball " in done.stdout
 
 
-def test_its_task_is_on_the_page_of_tasks(gvla2, tmp_path: Path):
-    """Demonstrated by its own script, in the simulator."""
-    done = gvla2("tasks", "ball_in_bowl", "--seed", "1", "--output", "page.html")
-    assert done.returncode == 0, done.stderr
-    page = (tmp_path / "page.html").read_text()
-    assert "ball_in_bowl" in page
-    assert "relaxed reached, strict reached" in page
-
-
 def test_its_task_runs(gvla2, tmp_path: Path):
     """Seen, planned and done by the reference plugins, which never heard of it."""
     memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
@@ -130,13 +116,6 @@ def test_its_task_runs(gvla2, tmp_path: Path):
     (result,) = [json.loads(p.read_text()) for p in tmp_path.glob("outputs/run/*/*/result.json")]
     assert result["task"] == "ball_in_bowl"
     assert result["success"] is True, result["failure"]
-
-
-def test_its_wrong_options_say_what_fits(gvla2):
-    done = gvla2("run", "task=ball_in_bowl", "task.ball=0.1", "quiet=true")
-    assert done.returncode == 1
-    assert "takes task.ball from 0.03 to 0.07 m" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_its_task_is_an_environment(python):

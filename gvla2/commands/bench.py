@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,14 +61,15 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     return 1 - sum(failed.values()) / max(len(cells), 1)
 
 
-def main(argv: list[str]) -> int:
+def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 bench [suite] [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
+    from gvla2.commands.hydra_job import launch, suite_schemas
+    from gvla2.evaluation.config import BenchConfig
 
-    return launch("bench", run_bench, as_overrides(argv))
+    return launch("bench", {"bench": BenchConfig, **suite_schemas()}, run_bench, as_overrides(argv))
 
 
-def as_overrides(argv: list[str]) -> list[str]:
+def as_overrides(argv: Sequence[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
     A leading word, as in ``gvla2 bench robot``, or ``suite=robot`` chooses the suite: the Hydra group ``bench_suite``.

@@ -22,7 +22,7 @@ DESCRIPTION = """\
 Write the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
 the film, the instruction. A RUN is the folder of a run, of a sweep, or any folder above them. only=success, the
 default, takes the episodes that the success check, or without one the verifier, calls a success.
-Needs gvla2[export], at the time of the run too: without it a run keeps no film.
+Needs gvla2[export].
 """
 
 
@@ -46,9 +46,8 @@ def main(argv: Sequence[str]) -> int:
 
 def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
     """Write the data set of all episodes below ``runs``; returns a sentence on what it holds and what was left out."""
-    lacking = [name for name in ("pyarrow", "imageio_ffmpeg") if find_spec(name) is None]
-    if lacking:
-        raise MissingDependencyError(" and ".join(lacking), "gvla2 export", "pip install 'gvla2[export]'")
+    if find_spec("pyarrow") is None:
+        raise MissingDependencyError("pyarrow", "gvla2 export", "pip install 'gvla2[export]'")
     from gvla2.record.lerobot import write_dataset
 
     episodes: list[Demonstration] = []

@@ -1,4 +1,4 @@
-"""Running a sub-command as a Hydra job: composing, sweeping, completion, and errors in one line."""
+"""Running a sub-command as a Hydra job: composing, sweeping, and errors in one line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from importlib.resources import files
@@ -24,8 +24,6 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.commands.bench import as_overrides
-from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE, suite_schemas
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
@@ -33,11 +31,38 @@ from gvla2.plugins.kinds import KINDS, NONE, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.text import printable
 
+CONFIG_MODULE = "gvla2.conf"
+VERSION_BASE = "1.3"
+
 JobFunction = Callable[[Any, Registry, Path], object]
 """Gets the typed configuration (an instance of the command's dataclass), the catalog and the job's folder."""
 
 log = logging.getLogger(__name__)
 _MAY_SWEEP = ("+", "experiment=", "hydra.mode=")
+
+
+def schemas() -> dict[str, type]:
+    """The dataclass of each command that Hydra configures, by the command's name."""
+    from gvla2.commands.calibrate import CalibrateConfig
+    from gvla2.commands.reconstruct import ReconstructConfig
+    from gvla2.commands.report import ReportConfig
+    from gvla2.commands.run import RunConfig
+    from gvla2.evaluation.config import BenchConfig
+
+    return {
+        "run": RunConfig,
+        "reconstruct": ReconstructConfig,
+        "bench": BenchConfig,
+        "report": ReportConfig,
+        "calibrate": CalibrateConfig,
+    }
+
+
+def suite_schemas() -> dict[str, type]:
+    """The dataclasses of the bench's suites, by their place in Hydra's store."""
+    from gvla2.evaluation.config import SUITES
+
+    return {f"bench_suite_schema/{name}": schema for name, schema in SUITES.items()}
 
 
 class HydraTask:
@@ -51,7 +76,7 @@ class HydraTask:
         self.function = function
         self.registry = registry
         self.error: Exception | None = None
-        """What a single job raised: Hydra would print a line of its own about it."""
+        """The error of a single job: raised again after Hydra, which would print a line of its own about it."""
 
     def __getstate__(self) -> dict[str, object]:
         return {"function": self.function, "registry": None, "error": None}
@@ -81,10 +106,11 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
 
 
-def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
+def launch(command: str, own: Mapping[str, type], function: JobFunction, argv: Sequence[str]) -> int:
     """Run ``function`` as the Hydra application ``gvla2 <command>`` with overrides and Hydra's own flags.
 
-    Returns the exit status: 0; 1 after an error; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
+    ``own`` has the command's dataclass by its name, and those of its groups. Returns the exit status: 0; 1 after an
+    error; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
     """
     for word in argv:  # Hydra would merge the options of several components into one
         kind, _, value = word.partition("=")
@@ -92,17 +118,19 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
             print(f"gvla2: {kind} takes one name; a sweep: -m {kind}={value.strip('[]')}", file=sys.stderr)
             return 2
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
-    registry = _register(command)
+    registry = _register(own, own[command])
     if {"-h", "--help"} & set(argv):
         suite = next((word.partition("=")[2] for word in argv if word.startswith("bench_suite=")), "")
-        print_help(command, registry, suite)
+        schema = own[f"bench_suite_schema/{suite}" if suite else command]
+        print_help(command, schema, registry, f"bench_suite/{suite}" if suite else command)
         return 0
     task = HydraTask(function, registry)
     try:
         with _terminable(), _command_line(f"gvla2 {command}", argv):
             # Only flags and presets ask for a sweep, to learn which Hydra composes a configuration more.
             if any(not _is_override(word) or word.startswith(_MAY_SWEEP) for word in argv):
-                _hydra_main(command, task)
+                path = f"pkg://{CONFIG_MODULE}"
+                hydra.main(config_path=path, config_name=command, version_base=VERSION_BASE)(task)()
             else:
                 _run_once(command, task, argv)
         if task.error is not None:
@@ -119,86 +147,57 @@ def launch(command: str, function: JobFunction, argv: Sequence[str]) -> int:
     return 0
 
 
-def print_help(command: str, registry: Registry, suite: str = "") -> None:
-    """Print the options of a command, or of a suite of ``bench``, and the components to choose (Hydra's is slow)."""
+def print_help(command: str, schema: type, registry: Registry, chosen: str) -> None:
+    """Print the options of a command's dataclass, and the components to choose: Hydra's own help composes for a second.
+
+    ``chosen`` is the configuration file with the default components.
+    """
     from gvla2.commands.plugins import options
     from gvla2.commands.tables import console, row, table
 
-    schema = suite_schemas()[f"bench_suite_schema/{suite}"] if suite else PRIMARY[command]
-    out = console()
-    folder = files(CONFIG_MODULE)
-    file: Any = OmegaConf.create((folder / f"{command}.yaml").read_text(encoding="utf-8"))
-    chosen: Any = (
-        OmegaConf.create((folder / "bench_suite" / f"{suite}.yaml").read_text("utf-8")) if suite else file
-    )
+    def read(name: str) -> Any:
+        return OmegaConf.create((files(CONFIG_MODULE) / f"{name}.yaml").read_text(encoding="utf-8"))
+
+    words, out = read(command).hydra.help, console()
     defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
-    entries: Any = OmegaConf.to_container(chosen.defaults)
-    for entry in entries:
-        if isinstance(entry, dict):
-            defaults |= {str(key).lstrip("/"): name for key, name in entry.items()}
-    out.print(f"{file.hydra.help.header}\n\n{inspect.getdoc(schema)}", markup=False)
+    for entry in read(chosen).defaults:
+        if isinstance(entry, DictConfig):
+            defaults |= {str(key).lstrip("/"): str(name) for key, name in entry.items()}
+    about = (inspect.getdoc(schema) or "").replace("``", "`")
+    out.print(f"{words.header}\n\n{about}", markup=False)
     listing = table("option", "type", "default")
     for option in options(schema):
         if not option.name.endswith(".name"):
             row(listing, option.name, option.type, option.default)
     out.print(listing)
     names = {field.name for field in fields(schema)}
-    groups = [name for name in registry.groups if name in names or issubclass(schema, EveryKind)]
     listing = table("component", "default", "choices")
-    for name in groups:
-        row(listing, name, str(defaults[name]), ", ".join(registry.components(SLOTS.get(name, name))))
-    if groups:
+    for name in registry.groups:
+        if name in names or issubclass(schema, EveryKind):
+            row(listing, name, defaults[name], ", ".join(registry.components(name)))
+    if listing.row_count:
         out.print(listing)
-    out.print(file.hydra.help.footer, markup=False)
+    out.print(words.footer, markup=False)
 
 
-def composed(command: str, overrides: Sequence[str] = ()) -> tuple[Any, Registry]:
+def composed(
+    command: str, overrides: Sequence[str] = (), registry: Registry | None = None
+) -> tuple[Any, Registry]:
     """A command's typed configuration, without Hydra's folders and logs, and the plugins."""
-    registry = _register(command)
+    own = schemas()[command]
+    registry = _register({command: own}, own, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         return OmegaConf.to_object(hydra.compose(command, list(overrides))), registry
 
 
-def complete(argv: Sequence[str], commands: Collection[str]) -> int:
-    """Hydra's ``--shell-completion install=SHELL | uninstall=SHELL | query=SHELL``, for sub-commands too.
-
-    A query has the line so far in COMP_LINE. Its first word completes to a command here, the others by Hydra, which
-    does not know the words of ``memory``; a suite of ``bench`` becomes its override.
-    """
-    name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
-    command, space, rest = rest.lstrip().partition(" ")
-    if argv and argv[0].startswith("query=") and command not in PRIMARY:
-        print("" if space else "\n".join(each for each in commands if each.startswith(command)))
-        return 0
-    before, _, last = rest.rpartition(" ")
-    words = as_overrides(before.split()) if command == "bench" else before.split()
-    given = [word for word in words if _is_override(word)]
-    os.environ["COMP_LINE"] = " ".join([name, *given, last])
-    command = command if command in PRIMARY else "run"
-    _register(command)
-    try:
-        with _command_line("gvla2", ["--shell-completion", *argv]):
-            _hydra_main(command, lambda config: None)
-    except SystemExit as leaving:
-        return int(leaving.code or 0)
-    except Exception as error:
-        return report(error)
-    return 0
-
-
-def _register(command: str) -> Registry:
+def _register(own: Mapping[str, type], schema: type, registry: Registry | None = None) -> Registry:
     """Load the plugins that a command may choose from, and offer them to Hydra."""
-    schema = PRIMARY[command]
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
-    groups = None if command in ("run", "bench") else {f.name for f in fields(schema)} & {*KINDS, *SLOTS}
-    registry = load_plugins(groups)
-    suites = suite_schemas() if command == "bench" else {}
-    register(registry, {command: schema, **suites}, groups)
+    everything = issubclass(schema, EveryKind) or "bench" in own
+    groups = None if everything else {field.name for field in fields(schema)} & {*KINDS, *SLOTS}
+    registry = registry or load_plugins(groups)
+    register(registry, own, groups)
     return registry
-
-
-def _hydra_main(command: str, task: Callable[[DictConfig], object]) -> None:
-    hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=command, version_base=VERSION_BASE)(task)()
 
 
 def _run_once(command: str, task: HydraTask, argv: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""``gvla2 memory VERB``: search and list a bank, import and export records, govern and forget."""
+"""``gvla2 memory VERB``: search and list a bank, verify it, import, export and forget records."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.component import ComponentConfig
+from omegaconf import OmegaConf
+
 from gvla2.errors import ConfigurationError, Gvla2Error, MemoryStoreError, did_you_mean
+from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.text import count, listing, one_line, printable
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from gvla2.memory.bank import KnowledgeBank
-    from gvla2.memory.events import Event
     from gvla2.memory.records import Record
     from gvla2.memory.store import Store
     from gvla2.memory.view import BankView
-    from gvla2.plugins.registry import Registry
 
 ACTOR = "gvla2 memory"
-STATES = ("active", "provisional", "summary", "archive")
+STATES = ("active", "provisional", "archive")
 ROWS_SHOWN = 50
 """Rows that the terminal shows unless ``limit`` says otherwise; JSON has all."""
 _TIMES = ("created", "updated", "used")
@@ -45,8 +45,9 @@ class MemoryCommandConfig:
 
     ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
     processes. ``limit`` is the maximum number of rows (0: all; null: 50 on the terminal, all as JSON). ``states`` keeps
-    records of these states in `list` and `export` (default: all). ``trusted`` imports your own backup unchanged.
-    ``head`` is an earlier head of the chain to `verify` against, SEQ:HASH.
+    records of these states in `list` and `export` (default: all). ``trusted`` vouches for your own export.
+    ``head`` is an earlier head of the chain to `verify` against, SEQ:HASH. ``retriever`` and ``embedder`` are names, or
+    names with options: ``retriever={name: hybrid, OPTION: VALUE}``.
     """
 
     url: str = ""
@@ -56,8 +57,8 @@ class MemoryCommandConfig:
     states: list[str] = field(default_factory=list)
     trusted: bool = False
     head: str = ""
-    retriever: ComponentConfig = field(default_factory=ComponentConfig)
-    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    retriever: Any = "hybrid"
+    embedder: Any = "auto"
 
     def __post_init__(self) -> None:
         unknown = [state for state in self.states if state not in STATES]
@@ -74,12 +75,12 @@ class NotFoundError(Gvla2Error):
 
 @dataclass(frozen=True)
 class Request:
-    """A verb's words, the configuration, and the plugins. ``yes``: `forget` does not ask."""
+    """A verb's words and the configuration. ``yes``: `forget` does not ask; ``json``: a program reads the answer."""
 
     words: Sequence[str]
     config: MemoryCommandConfig
-    registry: Registry
     yes: bool = False
+    json: bool = False
 
     @property
     def url(self) -> str:
@@ -114,19 +115,15 @@ class Request:
             yield store
 
     @contextmanager
-    def view(self) -> Iterator[BankView]:
-        """The bank for reading."""
-        with self.store() as store, store.reading(self.config.bank) as view:
-            yield view
-
-    @contextmanager
-    def knowledge_bank(self) -> Iterator[KnowledgeBank]:
+    def knowledge_bank(self, *, create: bool = False) -> Iterator[KnowledgeBank]:
         """The bank with the chosen retriever and embedder; errors as those of :meth:`store`."""
         from gvla2.memory.bank import KnowledgeBank
 
-        with self.store():  # its errors come before those of components
+        with self.store(create=create):  # its errors come before those of components
             pass
-        built = self.registry.build_all(self.config, ("retriever", "embedder"))
+        kinds = ("retriever", "embedder")
+        registry: Registry = load_plugins(kinds)
+        built = registry.build_all(vars(self.config), kinds)
         with KnowledgeBank(
             self.url, bank=self.config.bank, busy_seconds=self.config.busy_seconds, **built
         ) as bank:
@@ -135,13 +132,10 @@ class Request:
 
 @dataclass(frozen=True)
 class Answer:
-    """``data`` is one JSON document, a list where it is a listing; ``show`` makes tables and lines of it.
-
-    ``show`` gets the rows to show where ``data`` is a list. ``status`` is the exit status.
-    """
+    """``data`` is one JSON document; ``shown`` the same for a person: tables and lines. ``status``: the exit status."""
 
     data: Any
-    show: Callable[[Any], Sequence[Table | str]]
+    shown: Sequence[Table | str]
     status: int = 0
 
 
@@ -155,39 +149,41 @@ def find_record(view: BankView, word: str, *, whole: bool = False) -> Record:
     starting = [id for id in records if id.startswith(word)]
     if len(starting) == 1 and not whole:
         return records[starting[0]]
-    if starting:
-        raise NotFoundError(
-            f"'{word}' is the beginning of {count(len(starting), 'id')} of bank '{view.bank}': {listing(starting)}. "
-            "Give the whole id."
-        )
     hint = did_you_mean(word, records) or " `gvla2 memory list` shows what is there."
+    if starting:
+        hint = f" Its ids that begin so: {listing(starting)}. Give a whole one."
     raise NotFoundError(f"No record '{word}' in bank '{view.bank}'.{hint}")
 
 
 def list_records(request: Request) -> Answer:
     """The records, most recently changed first."""
-    with request.view() as view:
+    with request.store() as store, store.reading(request.config.bank) as view:
         records = view.records(request.config.states or None)
-    records = sorted(records, key=lambda record: (-record.updated, record.id))
-    return Answer([_columns(record) for record in records], _records_table)
+    limit = request.config.limit
+    most = (len(records) if request.json else ROWS_SHOWN) if limit is None else limit or len(records)
+    shown = sorted(records, key=lambda record: (-record.updated, record.id))[:most]
+    rows = [(r.id, r.state, r.outcome, f"{r.confidence:.2f}", one_line(r.content)) for r in shown]
+    columns = ("id", "state", "outcome", "confidence", "content")
+    lines: list[Table | str] = [_table(columns, rows) if rows else "The bank has no such records."]
+    if len(shown) < len(records):
+        lines.append(f"{len(shown)} of {len(records)} are shown; limit=0 shows all.")
+    return Answer([_columns(record) for record in shown], lines)
 
 
 def show(request: Request) -> Answer:
     """Everything about one record: its fields, links and events, oldest first."""
-    with request.view() as view:
+    with request.store() as store, store.reading(request.config.bank) as view:
         record = find_record(view, request.words[0])
         links, events = view.links([record.id]), view.history(record.id)
-
-    def shown(data: Mapping[str, Any]) -> Sequence[Table | str]:
-        rows = [(name, _value(name, value)) for name, value in data["record"].items()]
-        for link in links:
-            forward = link.source == record.id
-            rows.append(
-                ("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}")
-            )
-        return [_table(("field", "value"), rows), _events_table(data["events"])]
-
-    return Answer({"record": _columns(record), "links": links, "events": [*map(_event, events)]}, shown)
+    rows = [(name, _value(name, value)) for name, value in _columns(record).items()]
+    for link in links:
+        forward = link.source == record.id
+        rows.append(("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}"))
+    changes = [_columns(event, "scores", "change") | {"erased": event.erased} for event in events]
+    return Answer(
+        {"record": _columns(record), "links": links, "events": changes},
+        [_table(("field", "value"), rows), _events_table(changes)],
+    )
 
 
 def search(request: Request) -> Answer:
@@ -196,92 +192,74 @@ def search(request: Request) -> Answer:
     with request.knowledge_bank() as bank:
         limit = ROWS_SHOWN if request.config.limit is None else request.config.limit
         hits = bank.search(words, limit or len(bank.records()))
+    rows = []
+    for hit in hits:
+        terms = " ".join(f"{name} {round(value, 2) + 0.0:+.2f}" for name, value in hit.terms.items())
+        state = "recalled" if hit.reliable else "passed over"
+        rows.append((hit.record.id, state, f"{hit.score:.3f}", f"{one_line(hit.record.content)}\n{terms}"))
     found = [
         {"record": _columns(h.record), "score": h.score, "terms": dict(h.terms), "reliable": h.reliable}
         for h in hits
     ]
-
-    def shown(data: Mapping[str, Any]) -> Sequence[Table | str]:
-        rows = []
-        for hit in data["found"]:
-            terms = " ".join(f"{name} {round(value, 2) + 0.0:+.2f}" for name, value in hit["terms"].items())
-            state = "recalled" if hit["reliable"] else "passed over"
-            content = f"{one_line(hit['record']['content'])}\n{terms}"
-            rows.append((hit["record"]["id"], state, f"{hit['score']:.3f}", content))
-        if not rows:
-            return ["Nothing is similar."]
-        recalled = sum(hit["reliable"] for hit in data["found"]) or "none"
-        columns = ("id", "would be", "score", "content and score terms")
-        return [_table(columns, rows), f"A recall for these words would show {recalled} of them."]
-
-    return Answer({"query": words, "found": found}, shown)
-
-
-def stats(request: Request) -> Answer:
-    """The numbers of records by state and type, of events and bytes, and the head of the chain."""
-    with request.store() as store:
-        counts = store.stats(request.config.bank)
-        data = {"database": store.name, "banks": store.banks(), "bank": request.config.bank, **counts}
-    data["head"] = f"{counts['seq']}:{counts['hash']}"
-    rows = [
-        (name, _value(name, value)) for name, value in data.items() if name not in ("seq", "hash", "head")
+    recalled = sum(hit.reliable for hit in hits) or "none"
+    columns = ("id", "would be", "score", "content and score terms")
+    lines: list[Table | str] = [
+        _table(columns, rows),
+        f"A recall for these words would show {recalled} of them.",
     ]
-    return Answer(data, lambda data: [_table(("what", "value"), rows), f"Head of the chain: {data['head']}"])
+    return Answer({"query": words, "found": found}, lines if rows else ["Nothing is similar."])
 
 
 def verify(request: Request) -> Answer:
-    """Check the chain of events, the rows and the vectors; the exit status is 1 when something is wrong."""
+    """Count what the bank holds, and check its chain of events, rows and vectors; the exit status is 1 for damage."""
     with request.knowledge_bank() as bank:
-        problems = bank.verify(head=request.config.head)
-        counts = bank.stats()
-
-    def shown(data: Mapping[str, Any]) -> Sequence[Table | str]:
-        if not problems:
-            events = count(counts["events"], "event")
-            return [f"The bank '{request.config.bank}' is sound: {events}, and all rows agree."]
+        problems, counts = bank.verify(head=request.config.head), bank.stats()
+        banks = bank.store.banks()
+    head = f"{counts.pop('seq')}:{counts.pop('hash')}"
+    data = {"bank": request.config.bank, "banks": banks, **counts, "head": head}
+    lines: list[Table | str] = [
+        _table(("what", "value"), [(n, _value(n, value)) for n, value in data.items()])
+    ]
+    if problems:
         rows = [(problem.where, problem.id, problem.what) for problem in problems]
         advice = "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are."
-        return [_table(("where", "id", "what"), rows), f"{count(len(problems), 'problem')}. {advice}"]
-
-    head = f"{counts['seq']}:{counts['hash']}"
-    data = {"bank": request.config.bank, "sound": not problems, "problems": problems, "head": head}
-    return Answer(data, shown, status=int(bool(problems)))
+        lines += [_table(("where", "id", "what"), rows), f"{count(len(problems), 'problem')}. {advice}"]
+    else:
+        lines.append(f"The bank '{request.config.bank}' is sound: all rows agree with its events.")
+    return Answer({**data, "sound": not problems, "problems": problems}, lines, int(bool(problems)))
 
 
 def import_records(request: Request) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
-    from gvla2.memory.transfer import import_jsonl
-
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
         raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
-    with request.store(create=True) as store:
-        done = import_jsonl(store, config.bank, path, trusted=config.trusted, actor=ACTOR)
-    lines = [
-        f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
-    ]
+    with request.knowledge_bank(create=True) as bank:
+        done = bank.import_(path, trusted=config.trusted)
+    new = count(len(done.added) + len(done.held_back), "record")
+    lines = [f"New in the bank '{config.bank}': {new}; known already: {done.known}."]
     if done.held_back:
-        lines.append(f"Provisional until verified episodes confirm them: {done.held_back}.")
-        lines += [] if config.trusted else ["trusted=true imports your own backup with its states."]
+        lines.append(f"Provisional until verified episodes confirm them: {len(done.held_back)}.")
+        lines += (
+            [] if config.trusted else ["trusted=true makes the active lessons of your own export active."]
+        )
+    if done.left_out:
+        lines.append(f"Left out: {count(done.left_out, 'archived record')}.")
     if done.broken:
         lines.append(f"{count(len(done.broken), 'line')} could not be read.")
-    lines += done.broken[:ROWS_SHOWN]
-    return Answer(done, lambda _: lines, status=int(bool(done.broken)))
+    return Answer(done, [*lines, *done.broken[:ROWS_SHOWN]], status=int(bool(done.broken)))
 
 
 def export(request: Request) -> Answer:
     """Write the bank as a file of JSON lines that import reads."""
     from gvla2.memory.transfer import export_jsonl
 
-    config = request.config
+    path, states = Path(request.words[0]).expanduser(), request.config.states or None
     with request.store() as store:
-        done = export_jsonl(
-            store, config.bank, Path(request.words[0]).expanduser(), states=config.states or None
-        )
-    line = f"{count(done.records, 'record')}: {done.file}."
+        done = export_jsonl(store, request.config.bank, path, states=states)
     left_out = f" Left out: {count(done.left_out, 'record')} of other states." if done.left_out else ""
-    return Answer(done, lambda _: [line + left_out])
+    return Answer(done, [f"{count(done.records, 'record')}: {done.file}.{left_out}"])
 
 
 def forget(request: Request) -> Answer:
@@ -293,11 +271,10 @@ def forget(request: Request) -> Answer:
             for record in records:
                 print(f"{printable(record.id)}: {one_line(record.content, 200)}", file=sys.stderr)
             if not _confirmed():
-                return Answer({"forgotten": []}, lambda _: ["Nothing was forgotten."], status=1)
+                return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.config.bank, actor=ACTOR, now=time.time()) as transaction:
             gone = transaction.forget(*(record.id for record in records), why="asked for")
-    lines = [f"Forgotten: {', '.join(gone) or 'nothing'}.", *transaction.also]
-    return Answer({"forgotten": gone, "also": transaction.also}, lambda _: lines)
+    return Answer({"forgotten": gone}, [f"Forgotten: {', '.join(gone) or 'nothing'}."])
 
 
 def _confirmed() -> bool:
@@ -309,37 +286,26 @@ def _confirmed() -> bool:
     return sys.stdin.readline().strip().casefold() in ("y", "yes")
 
 
-def govern(request: Request) -> Answer:
-    """One pass over the bank: stale failures, contradictions, summaries, the budget."""
-    with request.knowledge_bank() as bank:
-        return Answer(bank.govern(), _changes)
-
-
 VERBS: Mapping[str, tuple[Callable[[Request], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("states=[active]", "limit=20")),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
-    "stats": (stats, {}, ()),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
     "export": (export, {"PATH": None}, ("states=[active]",)),
     "forget": (forget, {"ID": "+"}, ()),
-    "govern": (govern, {}, ()),
 }
 """The verbs: function, words as argparse takes them, notable options."""
 
-_OVERRIDE = re.compile(r"[+~]{0,2}[A-Za-z_][\w./@:-]*=.*", re.DOTALL)
+_OVERRIDE = re.compile(r"[A-Za-z_]\w*=.*", re.DOTALL)
 _NAMES = ("bank", "url", "head")
-"""Options that are taken as typed: to Hydra bank=2026_11 would be a number, and bank=a,b a sweep."""
+"""Options that are taken as typed: as YAML, bank=2026_11 would be a number."""
 
 
 def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 memory``: 0 success, 1 not found, problems found or an error, 2 wrong usage."""
-    from gvla2.commands.hydra_job import composed, report
-
     end = list(argv).index("--") if "--" in argv else len(argv)
     overrides = [word for word in argv[:end] if _OVERRIDE.fullmatch(word)]
-    names = {name: text for name, _, text in (word.partition("=") for word in overrides) if name in _NAMES}
     words = [word for word in argv[:end] if not _OVERRIDE.fullmatch(word)]
     asked = parser().parse_args([*words, *argv[end:]])
     if asked.verb == "forget" and asked.json and not asked.yes:
@@ -348,19 +314,31 @@ def main(argv: Sequence[str]) -> int:
     given = [getattr(asked, name) for name in arguments]
     given = given[0] if given and isinstance(given[0], list) else given
     try:
-        config, registry = composed("memory", [o for o in overrides if o.partition("=")[0] not in _NAMES])
-        config = dataclasses.replace(config, **names)
-        answer = function(Request(given, config, registry, getattr(asked, "yes", False)))
+        config = read_options(overrides)
+        answer = function(Request(given, config, getattr(asked, "yes", False), asked.json))
     except Exception as error:
+        from gvla2.commands.hydra_job import report
+
         status = report(error)
         if asked.json:
             print(json.dumps({"error": printable(str(error))}))
         return status
-    return _print(answer, config.limit, as_json=asked.json)
+    _print(answer, as_json=asked.json)
+    return answer.status
+
+
+def read_options(overrides: Sequence[str]) -> MemoryCommandConfig:
+    """The options, from words such as ``limit=20``; raises :class:`omegaconf.OmegaConfBaseException` for wrong ones."""
+    pairs = [word.partition("=")[::2] for word in overrides]
+    typed = OmegaConf.from_dotlist([f"{name}={text}" for name, text in pairs if name not in _NAMES])
+    as_typed = {name: text for name, text in pairs if name in _NAMES}
+    made = OmegaConf.to_object(OmegaConf.merge(MemoryCommandConfig, typed, as_typed))
+    assert isinstance(made, MemoryCommandConfig)
+    return made
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line of ``gvla2 memory``, besides overrides."""
+    """The command line of ``gvla2 memory``, besides options such as ``limit=20``."""
     made = argparse.ArgumentParser("gvla2 memory", description=__doc__, allow_abbrev=False)
     verbs = made.add_subparsers(dest="verb", metavar="VERB", required=True)
     common = "url=sqlite:///PATH (the database; by default that of `gvla2 run`), bank=NAME"
@@ -377,30 +355,20 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def _print(answer: Answer, limit: int | None, *, as_json: bool) -> int:
+def _print(answer: Answer, *, as_json: bool) -> None:
+    if as_json:
+        from gvla2.io.files import plain
+
+        text = json.dumps(plain(answer.data), indent=2, ensure_ascii=False, allow_nan=False)
+        sys.stdout.write(text.encode("utf-8", "replace").decode() + "\n")
+        return
     from rich.text import Text
 
     from gvla2.commands.tables import console
-    from gvla2.io.files import plain
 
-    data = plain(answer.data)
-    rows = ROWS_SHOWN if limit is None and not as_json else limit or None
-    left_out = max(0, len(data) - rows) if isinstance(data, list) and rows else 0
-    if isinstance(data, list):
-        data = data[:rows]
-    if as_json:
-        text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
-        sys.stdout.write(text.encode("utf-8", "replace").decode() + "\n")
-        return answer.status
     out = console()
-    for part in answer.show(data):
-        if isinstance(part, str):
-            out.print(Text(printable(part)), soft_wrap=True)
-        else:
-            out.print(part)
-    if left_out:
-        out.print(f"{len(data)} of {len(data) + left_out} are shown; limit=0 shows all.")
-    return answer.status
+    for part in answer.shown:
+        out.print(Text(printable(part)) if isinstance(part, str) else part, soft_wrap=isinstance(part, str))
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
@@ -410,14 +378,6 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for cells in rows:
         row(made, *cells)
     return made
-
-
-def _records_table(records: Sequence[Mapping[str, Any]]) -> Sequence[Table | str]:
-    rows = [
-        (r["id"], r["state"], r["outcome"], f"{r['confidence']:.2f}", one_line(r["content"])) for r in records
-    ]
-    columns = ("id", "state", "outcome", "confidence", "content")
-    return [_table(columns, rows) if rows else "The bank has no such records."]
 
 
 def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
@@ -432,17 +392,6 @@ def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     return _table(("event", "time", "who", "action", "why", "change"), rows)
 
 
-def _changes(data: Mapping[str, Any]) -> Sequence[Table | str]:
-    """A row for each change of a pass."""
-    rows = [
-        (name, one_line(_value(name, item), 300))
-        for name, value in data.items()
-        for item in (value if isinstance(value, list) else [value])
-        if item not in (0, None, "", {}, [])
-    ]
-    return [_table(("what", "which"), rows) if rows else "Nothing needed a change."]
-
-
 def _columns(row: Any, *names: str) -> dict[str, Any]:
     """A record's or event's fields with JSON columns parsed; a damaged one stays text."""
     data: dict[str, Any] = {f.name: getattr(row, f.name) for f in dataclasses.fields(row)}
@@ -450,10 +399,6 @@ def _columns(row: Any, *names: str) -> dict[str, Any]:
         with suppress(ValueError):
             data[name] = json.loads(data[name]) if data[name] else None
     return data
-
-
-def _event(event: Event) -> dict[str, Any]:
-    return _columns(event, "scores", "change") | {"erased": event.erased}
 
 
 def _value(name: str, value: Any) -> str:

@@ -8,7 +8,7 @@ import inspect
 import json
 import sys
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -20,7 +20,6 @@ from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry, load_plugins
-from gvla2.plugins.validation import structured
 from gvla2.record.text import printable
 
 SKILL = "skill"
@@ -57,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
     asked = parser.parse_args(argv)
     registry = load_plugins()
     try:
-        offers = {kind: find_offers(registry, kind, asked.name) for kind in _kinds(registry, asked.kind)}
+        offers = find_offers(registry, asked.kind, asked.name)
         skills = find_skills(registry, asked.name) if asked.kind in ("", SKILL) else []
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
@@ -96,18 +95,17 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _kinds(registry: Registry, kind: str) -> Iterable[str]:
-    """The kinds to list: all, one, or none for skills alone."""
-    if not kind:
-        return registry.kinds
-    return [] if kind == SKILL else [registry.kind_of(kind).name]
+def find_offers(registry: Registry, kind: str, name: str = "") -> dict[str, list[Offer]]:
+    """The offers by kind: all of them, those of one kind (none for "skill"), or the one of that name.
 
-
-def find_offers(registry: Registry, kind: str, name: str = "") -> list[Offer]:
-    """What is offered of a kind, or the one of that name; raises :class:`UnknownComponentError`."""
-    if name:
+    Raises :class:`ConfigurationError` with the names that exist.
+    """
+    kinds = [] if kind == SKILL else [registry.kind_of(kind).name] if kind else list(registry.kinds)
+    if name and kinds:
         registry.get(kind, name)
-    return [offer for found, offer in registry.offers(kind).items() if name in ("", found)]
+    return {
+        own: [offer for found, offer in registry.offers(own).items() if name in ("", found)] for own in kinds
+    }
 
 
 def find_skills(registry: Registry, name: str = "") -> list[Skill]:
@@ -185,7 +183,6 @@ def _offer_json(offer: Offer) -> dict[str, Any]:
         "plugin": dataclasses.asdict(offer.plugin),
         "needs": list(component.needs),
         "options": [dataclasses.asdict(option) for option in options(component.config)],
-        "defaults": OmegaConf.to_container(structured(component), resolve=False, enum_to_str=True),
     }
 
 

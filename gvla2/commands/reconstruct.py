@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.reconstruction.options import BranchOptions
+from gvla2.record.text import count, listing
 
 if TYPE_CHECKING:
     from gvla2.geometry.mesh import TriangleMesh
@@ -28,8 +29,6 @@ KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 NO_TARGETS = "none"
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
-FARTHEST = 1e4
-"""Most that cameras may lie from the world's origin, in their distance from one another."""
 GSO_TRUTH = Path("meshes") / "model.obj"
 
 log = logging.getLogger(__name__)
@@ -74,13 +73,11 @@ class ReconstructConfig:
 
 def spec_of(option: str, value: Any) -> str | None:
     """A view spec as text, from what the command line makes of ``0-4``, ``7``, ``[0-4,7]`` or ``null``."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, str | int | Sequence):
-        raise ConfigurationError(f"{option} is {value!r}; write views such as 0-4 or [0-4,7].")
-    if isinstance(value, str | int):
-        return str(value)
-    return ",".join(str(item) for item in value)
+    if value is None or (isinstance(value, str | int) and not isinstance(value, bool)):
+        return None if value is None else str(value)
+    if isinstance(value, Sequence):
+        return ",".join(map(str, value))
+    raise ConfigurationError(f"{option} is {value!r}; write views such as 0-4 or [0-4,7].")
 
 
 def job(config: ReconstructConfig, registry: Registry, folder: Path) -> float:
@@ -114,65 +111,58 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
-    from gvla2.record.progress import Progress
-
-    with Progress(quiet=config.quiet) as progress:
-        return _reconstruct(config, registry, folder, _Steps(progress))
-
-
-def _reconstruct(
-    config: ReconstructConfig, registry: Registry, folder: Path, steps: _Steps
-) -> ReconstructionRecord:
     from gvla2.reconstruction.branch import BranchParts, refine_geometry
+    from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
-    from gvla2.record.text import count
 
-    with steps.step("read"):
-        given = read_inputs(config)
-    views, size = given.views, given.views[0].camera
-    steps.report("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
-    recorder = ReconstructionRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)))
-    built = registry.build_all(config, KINDS)
+    with Progress(quiet=config.quiet) as progress:
+        steps = _Steps(progress)
+        with steps.step("read"):
+            given = read_inputs(config)
+        views, size = given.views, given.views[0].camera
+        steps.report("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
+        recorder = ReconstructionRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)))
+        built = registry.build_all(config, KINDS)
 
-    with steps.step("reconstruct"):
-        g0 = _checked(built["reconstructor"].reconstruct(views), config, registry)
-    steps.report("reconstruct", _sizes(g0), warn=g0.status != "ok")
-    with steps.step("refine"):
-        chosen = BranchParts(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
-        result = refine_geometry(g0, views, chosen, config.branch)
-        stages = (_with_unused_prior(stage, config, views) for stage in result.stages)
-        result = replace(result, stages=tuple(stages))
-    for stage in result.stages:
-        log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
-        line = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
-        steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, line)
-    recorder.geometry(result.out)
-    record = ReconstructionRecord(
-        given.name,
-        str(given.folder),
-        views,
-        {kind: getattr(config, kind).name for kind in KINDS},
-        asdict(config.branch),
-        result,
-        truth=given.truth_file,
-        timings=steps.timings,
-    )
-    recorder.numbers(record)
+        with steps.step("reconstruct"):
+            g0 = _checked(built["reconstructor"].reconstruct(views), config, registry)
+        steps.report("reconstruct", _sizes(g0), warn=g0.status != "ok")
+        with steps.step("refine"):
+            chosen = BranchParts(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+            result = refine_geometry(g0, views, chosen, config.branch)
+            stages = tuple(_with_unused_prior(stage, config, views) for stage in result.stages)
+            result = replace(result, stages=stages)
+        for stage in result.stages:
+            log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
+            line = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
+            progress.line(STATES[stage.status], stage.stage, stage.seconds, line)
+        recorder.geometry(result.out)
+        record = ReconstructionRecord(
+            given.name,
+            str(given.folder),
+            views,
+            {kind: getattr(config, kind).name for kind in KINDS},
+            asdict(config.branch),
+            result,
+            truth=given.truth_file,
+            timings=steps.timings,
+        )
+        recorder.numbers(record)
 
-    with steps.step("measure"):
-        # Held-out views cost more than the branch: they are measured on request.
-        asked = config.measure or config.targets is not None or config.truth is not None
-        held_out, truth = (given.held_out, given.truth) if asked else (None, None)
-        measures = measure(result, views, built["renderer"], held_out, truth)
-    record = replace(record, measures=measures)
-    steps.report("measure", ", ".join(measures.groups).replace("_", " "))
-    with steps.step("draw"):
-        pictures = recorder.pictures(record, built["renderer"], config.frames)
-    page = recorder.page(record, pictures)
-    steps.report("draw", "; ".join(recorder.notes) or "pictures and page", warn=bool(recorder.notes))
-    steps.progress.say(summary_line(record))
-    steps.progress.say(f"-> {page}")
+        with steps.step("measure"):
+            # Held-out views cost more than the branch: they are measured on request.
+            asked = config.measure or config.targets is not None or config.truth is not None
+            held_out, truth = (given.held_out, given.truth) if asked else (None, None)
+            measures = measure(result, views, built["renderer"], held_out, truth)
+        record = replace(record, measures=measures)
+        steps.report("measure", ", ".join(measures.groups).replace("_", " "))
+        with steps.step("draw"):
+            pictures = recorder.pictures(record, built["renderer"], config.frames)
+        page = recorder.page(record, pictures)
+        steps.report("draw", "; ".join(recorder.notes) or "pictures and page", warn=bool(recorder.notes))
+        progress.say(summary_line(record))
+        progress.say(f"-> {page}")
     return record
 
 
@@ -202,22 +192,15 @@ def _sizes(made: Reconstruction) -> str:
 
 
 def _with_unused_prior(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
-    """The stage's report; a warning where the chosen prior had nothing to say of any view."""
+    """The stage's report; a warning where the chosen prior had nothing to say about any view."""
     from gvla2.reconstruction.branch import NO_PRIOR
-    from gvla2.record.text import listing
 
     if config.prior.name == "none" or stage.reason != NO_PRIOR:
         return stage
     bare = [view.name for view in views if view.depth is None]
-    empty = [view.name for view in views if view.depth is not None and not (view.depth > 0).any()]
-    lacks = [
-        f"no {what} in {listing(names, 6)}"
-        for what, names in (("depth", bare), ("depth above 0", empty))
-        if names
-    ]
+    why = f"no depth in {listing(bare, 6)}" if bare else "it gave no depth"
     reason = (
-        f"prior={config.prior.name} can use no view: {'; '.join(lacks) or 'it gave no depth'}. Give depth/NAME.npy, "
-        "(H, W) in metres along z; pictures of depth are not read. G0 stays."
+        f"prior={config.prior.name} can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z."
     )
     return replace(stage, status="rejected", reason=reason)
 
@@ -253,19 +236,11 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
     held_out = _held_out(folder, config, views)
     truth, truth_file = _truth(folder, config, views)
-    shown = subject_of(folder / ARCHIVE)
-    if config.object and shown and config.object.casefold() != shown.casefold():
-        raise ConfigurationError(
-            f"object is '{config.object}', and the masks in {folder / ARCHIVE} show one object: '{shown}'. Leave "
-            f"object= out, or give the folder of a run that is about '{config.object}'."
-        )
-    name = config.object or shown or folder.resolve().name
+    name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
     return Inputs(name, folder, views, held_out, truth, truth_file)
 
 
 def _masked(views: Views, folder: Path) -> Views:
-    import numpy as np
-
     bare = [view.name for view in views if view.mask is None]
     if bare:
         raise GeometryError(
@@ -274,13 +249,6 @@ def _masked(views: Views, folder: Path) -> Views:
         )
     if not any(view.mask is not None and (view.mask > 0.5).any() for view in views):
         raise GeometryError(f"{folder}: all {len(views)} masks are empty, so no view shows the object.")
-    places = np.array([view.camera.world_from_camera[:3, 3] for view in views])
-    far, wide = float(np.linalg.norm(places, axis=1).max()), float(np.linalg.norm(np.ptp(places, axis=0)))
-    if wide > 0 and far > FARTHEST * wide:
-        raise GeometryError(
-            f"{folder}: the cameras lie {far:.4g} from the world's origin and {wide:.4g} from one another. Files of "
-            "32-bit numbers cannot tell an object's points apart there: put the origin near the object."
-        )
     return views
 
 
@@ -308,12 +276,11 @@ def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | 
 
 
 def _gso_model(folder: Path) -> Path | None:
-    """Where the numbered views lie when the folder is read as an object of a GSO-30 tree."""
-    from gvla2.geometry.view_folders import ARCHIVE
-    from gvla2.geometry.view_formats import find_cameras, find_model_folder
+    """The folder of the numbered views if this is an object of a GSO-30 tree, else None."""
+    from gvla2.geometry.view_folders import ARCHIVE, CAMERAS, gso_folder
 
-    other = find_cameras(folder) is not None or (folder / ARCHIVE).is_file()
-    return None if other else find_model_folder(folder)
+    other = (folder / CAMERAS).is_file() or (folder / ARCHIVE).is_file()
+    return None if other else gso_folder(folder)
 
 
 def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:
@@ -340,4 +307,4 @@ def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("reconstruct", job, argv)
+    return launch("reconstruct", {"reconstruct": ReconstructConfig}, job, argv)

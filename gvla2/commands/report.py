@@ -78,24 +78,13 @@ def job(config: ReportConfig, registry: Registry, folder: Path, suite: str = "")
 
 def _nothing(config: ReportConfig, stored: Mapping[str, Sequence[Cell]]) -> str:
     """Why nothing was found, and what there is, by suite."""
-    there = [suite for suite, cells in stored.items() if cells]
+    there = [f"{suite} ({len(cells)} cells)" for suite, cells in stored.items() if cells]
     if not there:
         return f"{config.results.url} is empty: `gvla2 bench` and sweeps of `gvla2 run` fill it."
-    cells = [cell for suite in there if config.suite in ("", suite) for cell in stored[suite]]
-    if not cells:
-        listed = " or ".join(f"`gvla2 report suite={suite}`" for suite in there)
-        return (
-            f"{config.results.url} holds no cells of the suite '{config.suite}'. There are others: {listed}."
-        )
-    runs = ", ".join(map(str, sorted({cell.run for cell in cells})))
-    parts = [f"Nothing in {config.results.url} fits the selection. Runs: {runs}."]
-    factors = dict.fromkeys(name for cell in cells for name in cell.factors)
-    for name in config.where:
-        values = sorted({str(cell.factors[name]) for cell in cells if name in cell.factors})
-        parts.append(
-            f"{name}: {', '.join(values)}." if values else f"No factor '{name}': {', '.join(factors)}."
-        )
-    return " ".join(parts)
+    known = [cell.factors for cells in stored.values() for cell in cells]
+    values = {name: {str(factors[name]) for factors in known if name in factors} for name in config.where}
+    factors = [f"{name}: {', '.join(sorted(found)) or 'no such factor'}" for name, found in values.items()]
+    return f"Nothing in {config.results.url} fits the selection. It holds {'; '.join([*there, *factors])}."
 
 
 def publish(
@@ -145,14 +134,16 @@ def show(sheets: Sequence[Sheet], out: Console) -> None:
         out.print(Text(explanations(sheets), style="dim"), soft_wrap=True)
 
 
-def main(argv: list[str]) -> int:
+def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
     # To Hydra `suite=` is the group that `gvla2 bench` chooses from.
     suites = [word.removeprefix("suite=") for word in argv if word.startswith("suite=")]
     others = [_plain(word) for word in argv if not word.startswith("suite=")]
-    return launch("report", partial(job, suite=suites[-1] if suites else ""), others)
+    return launch(
+        "report", {"report": ReportConfig}, partial(job, suite=suites[-1] if suites else ""), others
+    )
 
 
 def _plain(override: str) -> str:

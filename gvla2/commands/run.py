@@ -6,13 +6,10 @@ import logging
 import math
 import os
 import sys
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
-from inspect import unwrap
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
@@ -22,6 +19,7 @@ from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
+from gvla2.plugins.kinds import NONE
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count, printable
 from gvla2.robot.options import DepthNoise
@@ -36,13 +34,27 @@ if TYPE_CHECKING:
     from gvla2.plugins.registry import Registry
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
-    from gvla2.record.tracker import TrackedRun, Tracker, Viewer
+    from gvla2.record.tracker import Tracker, Viewer
     from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
 
 _OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
 """Options of a run that each of its episodes has."""
+AUTHORS: Mapping[Stage, tuple[str, ...]] = {
+    "setup": ("robot", "task"),
+    "observe": ("robot",),
+    "perceive": ("perceiver",),
+    "reconstruct": ("reconstructor",),
+    "recall": ("memory",),
+    "plan": ("planner", "fallback"),
+    "check": ("planner", "fallback"),
+    "execute": ("robot",),
+    "verify": ("verifier",),
+    "learn": ("memory",),
+    "success_check": ("robot", "task"),
+}
+"""The kinds of components whose code each stage runs."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
 
@@ -81,56 +93,41 @@ class RunConfig(EveryKind):
             )
 
 
-@dataclass
 class EpisodeReporter:
-    """Passes an episode's events to its recorder and the terminal, if any; keeps the latest record."""
+    """Passes an episode's events to its recorder and the terminal; keeps the latest record."""
 
-    recorder: RunRecorder | None = None
-    progress: Progress | None = None
-    latest: EpisodeRecord | None = None
-
-    @property
-    def wants_frames(self) -> bool:
-        """Whether a recorder keeps them."""
-        return self.recorder is not None
+    def __init__(self, recorder: RunRecorder, progress: Progress) -> None:
+        self._recorder, self._progress = recorder, progress
+        self.latest: EpisodeRecord | None = None
 
     def begin(self, stage: Stage) -> None:
         """A stage begins."""
-        if self.progress is not None:
-            self.progress.begin(stage)
+        self._progress.begin(stage)
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """A stage ended, successfully or not."""
         self.latest = record
-        if self.recorder is not None:
-            self.recorder.stage(record, stage)
-        if self.progress is not None:
-            failure, seconds = record.failure, record.timings.get(stage, 0.0)
-            log.info(
-                "%s: %s", stage, f"{failure.message} ({failure.kind})" if failure else f"{seconds:.2f} s"
-            )
-            self.progress.stage(record, stage)
+        self._recorder.stage(record, stage)
+        log.info("%s: %s", stage, record.failure or f"{record.timings.get(stage, 0.0):.2f} s")
+        self._progress.stage(record, stage)
 
     def moment(self, moment: Moment) -> None:
         """The robot's state at the next frame."""
-        if self.recorder is not None:
-            self.recorder.moment(moment)
+        self._recorder.moment(moment)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """A frame of the moving robot."""
-        if self.recorder is not None:
-            self.recorder.frame(image)
+        self._recorder.frame(image)
 
     def finish(self) -> None:
         """Write the page, even if Ctrl-C comes meanwhile; a second one cancels it."""
-        if self.progress is not None:
-            self.progress.close()
-        if self.recorder is None or self.latest is None:
+        self._progress.close()
+        if self.latest is None:
             return
         try:
-            self.recorder.finish(self.latest)
+            self._recorder.finish(self.latest)
         except KeyboardInterrupt:
-            self.recorder.finish(self.latest)
+            self._recorder.finish(self.latest)
             raise
 
 
@@ -177,9 +174,9 @@ def run_episodes(
     from gvla2.episode.loop import EpisodeRequest
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
-    from gvla2.record.page import write_summary
+    from gvla2.record.page import write_index, write_summary
     from gvla2.record.progress import Progress
-    from gvla2.record.recorder import RunRecorder, write_index
+    from gvla2.record.recorder import RunRecorder
 
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
     if config.episodes > 1:
@@ -191,7 +188,6 @@ def run_episodes(
         stack.enter_context(closing(components.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
         progress.say(bank_line(config, components.memory))
-        stack.callback(_report_unavailable_memory, records, progress)
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
         tracking = stack.enter_context(Tracking(tracker, config, folder, viewer, components.named))
         options: dict[str, Any] = {name: getattr(config, name) for name in _OF_EPISODE}
@@ -210,6 +206,10 @@ def run_episodes(
             failure = record.failure
             if failure is not None and failure.kind in ABANDONED and not planner_crashed(record):
                 raise Gvla2Error(f"{failure.message} (stage: {failure.stage}; see {target})")
+        reasons = [why for record in records if (why := record.memory_unavailable)]
+        if reasons:  # also when quiet: such episodes are no evidence about memory
+            line = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
+            progress.say(line, "yellow", always=True)
     return records
 
 
@@ -224,25 +224,17 @@ def _run_one(
         return run_episode(components, request, listener)
     except Exception as error:
         latest = listener.latest
-        if not isinstance(error, Gvla2Error) and (culprit := crashed_component(components, error)):
+        if latest is not None and latest.failure is not None and not isinstance(error, Gvla2Error):
+            culprit = crashed_component(components, latest.failure.stage)
             error.add_note(f"{culprit}.")
-            if latest is not None and latest.failure is not None:
-                failure = replace(latest.failure, message=f"{culprit}: {latest.failure.message}")
-                listener.latest = latest = replace(latest, failure=failure)
+            failure = replace(latest.failure, message=f"{culprit}: {latest.failure.message}")
+            listener.latest = latest = replace(latest, failure=failure)
         if not count_crashes or latest is None or not planner_crashed(latest):
             raise
         log.info("The planner crashed: this episode counts as a failure.", exc_info=True)
         return latest
     finally:
         listener.finish()
-
-
-def _report_unavailable_memory(records: Sequence[EpisodeRecord], progress: Progress) -> None:
-    """Say, also when quiet, in how many episodes memory was unavailable: they are no evidence about it."""
-    reasons = [why for record in records if (why := record.memory_unavailable)]
-    if reasons:
-        line = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
-        progress.say(line, "yellow", always=True)
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
@@ -259,29 +251,10 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {count(held, 'lesson')}"
 
 
-def crashed_component(components: Components, error: BaseException) -> str:
-    """Which component raised an unexpected error: "The planner 'mine' of plugin 'mine' crashed"; "" if none did.
-
-    The innermost frame of the traceback that lies in the module or package of a component decides.
-    """
-    built = {**vars(components.geometry), **vars(components)}
-    homes = {
-        kind: type(unwrap(built[kind])).__module__
-        for kind in components.choices
-        if built.get(kind) is not None
-    }
-    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
-        module = str(frame.f_globals.get("__name__", ""))
-        # Several plugins may be modules of one package: the closest is meant.
-        near = {
-            kind: len(place)
-            for kind, home in homes.items()
-            for place in (home, home.rpartition(".")[0])
-            if module == home or (place not in ("", "gvla2", home) and f"{module}.".startswith(f"{place}."))
-        }
-        if near:
-            return f"{components.named(max(near, key=near.__getitem__))} crashed"
-    return ""
+def crashed_component(components: Components, stage: Stage) -> str:
+    """Name the component whose code the stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
+    kinds = [kind for kind in AUTHORS[stage] if components.choices.get(kind, NONE) != NONE]
+    return f"{' or '.join(map(components.named, kinds))} crashed"
 
 
 class Tracking:
@@ -302,24 +275,20 @@ class Tracking:
         self._config, self._folder, self._named = config, folder, named
 
     def __enter__(self) -> Tracking:
-        self._call("tracker", lambda tracker: tracker.begin(self._run()))
-        return self
-
-    def _run(self) -> TrackedRun:
         from gvla2.record.tracker import TrackedRun
 
         config: Any = OmegaConf.to_container(OmegaConf.structured(self._config), enum_to_str=True)
-        return TrackedRun("/".join(self._folder.parts[-2:]), self._folder, config)
+        run = TrackedRun("/".join(self._folder.parts[-2:]), self._folder, config)
+        self._call("tracker", lambda tracker: tracker.begin(run))
+        return self
 
     def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
         """Report a finished episode."""
         self._call("tracker", lambda tracker: tracker.episode(number, measures_of(record), folder))
         self._call("view", lambda viewer: viewer.show(record, folder))
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._call("tracker", lambda tracker: tracker.end(well=error is None))
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._call("tracker", lambda tracker: tracker.end(well=kind is None))
 
     def _call(self, who: str, call: Callable[[Any], None]) -> None:
         try:
@@ -353,4 +322,4 @@ def main(argv: Sequence[str]) -> int:
     from gvla2.commands.hydra_job import launch
     from gvla2.commands.sweeps import conclude
 
-    return conclude(launch("run", job, argv), argv)
+    return conclude(launch("run", {"run": RunConfig}, job, argv), argv)

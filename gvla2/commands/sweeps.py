@@ -87,7 +87,7 @@ def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:
 
 
 def clear(folder: Path) -> None:
-    """Clear what an earlier, unfinished try of a job has learnt in the job's own bank."""
+    """Clear what an earlier, unfinished try of a job has learned in the job's own bank."""
     for file in folder.glob(f"{_BANK}*"):
         file.unlink()
 
@@ -151,7 +151,7 @@ def _job() -> dict[str, Any]:
 
 
 def _setting(config: RunConfig) -> dict[str, str]:
-    """What a job ran with, for the table's title; a bank's address is the job's own."""
+    """The components and options of a job, for the table's title, without the bank's address."""
     chosen = {kind: getattr(config, kind) for kind in _SHOWN}
     setting = {
         kind: described(one, only={field.name for field in fields(one)} - {"url"})
@@ -222,17 +222,14 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 
 def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
     """One line per job: its overrides, result and page."""
-    lines = [
-        {"job": row["job"], **row["overrides"]}
-        | {name: row.get(name, 0) for name in (*_MEASURES, "status")}
-        | {"page": place / "index.html"}
-        for place, row in rows
-    ]
+    columns = list(dict.fromkeys(name for _, row in rows for name in row["overrides"]))
     text = io.StringIO()
-    columns = list(dict.fromkeys(name for line in lines for name in line))
-    table = csv.DictWriter(text, columns, lineterminator="\n")
-    table.writeheader()
-    table.writerows(lines)
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["job", *columns, *_MEASURES, "status", "page"])
+    for place, row in rows:
+        overrides = [row["overrides"].get(name, "") for name in columns]
+        measures = [row.get(name, 0) for name in (*_MEASURES, "status")]
+        table.writerow([row["job"], *overrides, *measures, place / "index.html"])
     return text.getvalue()
 
 

@@ -76,7 +76,7 @@ def _cost(first: SceneObject, second: SceneObject) -> float:
 
 
 def difference(first: SceneObject, second: SceneObject) -> float:
-    """How unlike two perceived objects look: 0 for the same colour, size and label; above 1 for different objects.
+    """Dissimilarity of two perceived objects: 0 for the same colour, size and label; above 1 for different objects.
 
     Sizes may shrink in part, because a hand hides some of what it holds.
     """

@@ -1,4 +1,4 @@
-"""What went wrong in an episode, from measured signals: the basis for constraints.
+"""Diagnosis of failed episodes from measured signals: the basis for constraints.
 
 A failure without a diagnosed signal yields text only, since a bound would be a guess.
 """
@@ -23,7 +23,7 @@ from gvla2.skills.table import STANDARD
 CLEARANCE_MARGIN = 0.03
 """Metres added to the clearance at which something was touched."""
 DEPTH_MARGIN = 0.005
-"""Least metres to grasp deeper after a slip; a tenth of the object's height if that is more."""
+"""Minimum increase of the grasp depth after a slip, metres; a tenth of the object's height if that is more."""
 DROP = 0.03
 """Metres lower that count as putting down rather than as play of the stop; and sideways, as the same place."""
 
@@ -82,7 +82,7 @@ def approach_of(plan: Plan) -> str:
 
 
 def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject | None) -> Signal | None:
-    """The skill's own diagnosis of how far objects were moved; None if it has none or cannot tell.
+    """The skill's own diagnosis of how far objects were moved; None if it has none or finds none.
 
     It is asked about motions that ran to their end, or that the object may have blocked: it was lost, or the hand made
     no progress.
@@ -118,7 +118,7 @@ def _slip(plan: Plan, report: ExecutionReport, theme: SceneObject | None) -> Sig
         carrying = waypoint is not None and bool(waypoint.carries)
         lost = (held and done.held is False) or (gap and done.gripper_width <= EMPTY)
         if carrying and ((done.abort == "slipped" and held) or lost):
-            # The depth learnt for one object says nothing about another in the same plan.
+            # The depth learned for one object says nothing about another in the same plan.
             others = {i for role, i in plan.roles.items() if role.startswith("theme_")}
             own = waypoint is not None and waypoint.carries not in others - {theme.id if theme else ""}
             return Signal(
@@ -212,7 +212,7 @@ def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
 def _replaceable(plan: Plan) -> str:
     """The most specific name of the approach taken that some other viable candidate does not need; "" for none.
 
-    Candidates without named approaches cannot be told apart: then any other one will do.
+    Candidates without named approaches cannot be distinguished: then any other one will do.
     """
     viable = [c for c in plan.candidates if not c.rejected]
     if len(viable) < 2:

@@ -129,7 +129,7 @@ def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
 
 
 def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
-    """What worked: one hint per key parameter, with its value as a prior; the order of stages if there is none.
+    """One hint per key parameter, with its value as a prior; the order of stages if there is none.
 
     Values that go with the object's size are shares of it, so that they hold for other sizes.
     """
@@ -155,7 +155,7 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
 
 
 def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
-    """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
+    """The successful program: as the planner wrote it, and in the other languages as it was carried out."""
     plan, scene = record.planned.plan, record.planned.scene
     names = unique_names(scene)
     whole = not plan.remaining and not record.partial
@@ -177,7 +177,7 @@ def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
 
 
 def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain: bool) -> list[Lesson]:
-    """What to avoid: diagnosed causes; or, for a certain failure without any, that it failed and how it ended."""
+    """Diagnosed causes to avoid; or, for a certain failure without any, that it failed and how it ended."""
     subject = _subject(record, skills)
     lessons = [
         Lesson(
@@ -209,7 +209,7 @@ def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     approach = approach_of(plan)
     described = " ".join(part for part in (_size_class(theme), _look(record).split(ON)[0], shape) if part)
     whole = _look(record).partition(ON)[2]
-    described += f" of an object {whole}" if whole else ""
+    described += f" of the {whole} object" if whole else ""
     return f"{words} a {described}" + (f" from the {approach}" if approach else "")
 
 

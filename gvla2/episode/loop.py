@@ -12,15 +12,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.episode.advice import with_sound_effects
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.lessons import memory_task, transcript
-from gvla2.episode.listener import EpisodeListener, SilentListener
 from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.multi_step import (
     clear_the_view,
@@ -87,7 +87,7 @@ class Components:
 
 @dataclass(frozen=True)
 class EpisodeRequest:
-    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run.
+    """One episode to run. Without ``instruction`` the task words its own by the seed; ``source`` identifies the run.
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
@@ -101,6 +101,43 @@ class EpisodeRequest:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
+
+
+class EpisodeListener(Protocol):
+    """Follows an episode while it runs (a recorder, a progress line). Exceptions stop the episode.
+
+    One that has ``wants_frames`` and it is False gets no frames, which then need not be drawn.
+    """
+
+    def begin(self, stage: Stage) -> None:
+        """A stage starts."""
+        ...
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """A stage ended, successfully or not; ``record`` holds everything so far."""
+        ...
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """The robot moves: an RGB image (H, W, 3)."""
+        ...
+
+
+class SilentListener(EpisodeListener):
+    """Ignores everything."""
+
+    @property
+    def wants_frames(self) -> bool:
+        """Whether a subclass uses them."""
+        return type(self).frame is not SilentListener.frame
+
+    def begin(self, stage: Stage) -> None:
+        """Nothing."""
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """Nothing."""
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """Nothing."""
 
 
 _SILENT = SilentListener()
@@ -276,13 +313,13 @@ def _moving(
 
 
 def _look(components: Components, request: EpisodeRequest, number: int) -> Observation:
-    """What the robot sees, with the noise of this look."""
+    """The robot's observation, with the noise of this look."""
     noise = np.random.default_rng([request.seed, number])
     return read_only(apply_noise(components.robot.observe(), request.depth_noise, noise, request.seed))
 
 
 def _looks(record: EpisodeRecord) -> int:
-    """How many times the robot has looked and moved before this attempt's present part."""
+    """The number of looks and motions before this attempt's present part."""
     return sum(len(each.whole) for each in record.attempts) + len(record.parts)
 
 

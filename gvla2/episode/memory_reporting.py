@@ -1,4 +1,4 @@
-"""What memory is given of an episode: one story for each attempt and part, with its own verdict and conversation."""
+"""An episode as memory gets it: one story for each attempt and part, with its own verdict and conversation."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
 
 
 def rest_of_program(record: EpisodeRecord) -> Continuation:
-    """What the previous part left to do, with ids of the record's scene.
+    """The calls that the previous part left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
@@ -161,7 +161,7 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
 
 
 def words_of_part(record: EpisodeRecord) -> str:
-    """What this part alone should do, in the user's or gvla2's own words: "place the red cube in".
+    """The instruction of this part alone, in the user's or gvla2's own words: "place the red cube in".
 
     A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user
     had used it: only label words that occur in the instruction are kept.

@@ -78,7 +78,7 @@ _KINDS: Mapping[type[Gvla2Error], FailureKind] = {
 
 @dataclass(frozen=True)
 class Seen:
-    """What ``perceive`` leaves to the stages after it."""
+    """The output of ``perceive`` for the stages after it."""
 
     observation: Observation
     scene: Scene
@@ -86,7 +86,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Planned:
-    """What ``plan`` leaves to the stages after it; the plan may be an abstention."""
+    """The output of ``plan`` for the stages after it; the plan may be an abstention."""
 
     scene: Scene
     plan: Plan
@@ -94,14 +94,14 @@ class Planned:
 
 @dataclass(frozen=True)
 class Executable(Planned):
-    """What ``check`` and ``execute`` take: a plan with waypoints."""
+    """The input of ``check`` and ``execute``: a plan with waypoints."""
 
     trajectory: Trajectory
 
 
 @dataclass(frozen=True)
 class Executed(Executable):
-    """What ``execute`` leaves behind; ``after`` is the look at its end."""
+    """The output of ``execute``; ``after`` is the look at its end."""
 
     report: ExecutionReport
     after: Observation
@@ -156,7 +156,7 @@ class EpisodeRecord:
 
     @property
     def seen(self) -> Seen:
-        """What was perceived; this and the next three raise :class:`RuntimeError` before the stage that fills them."""
+        """The perceived scene; this and the next three raise :class:`RuntimeError` before the stage that fills them."""
         return Seen(_reached(self.observation, "observation"), _reached(self.scene, "scene"))
 
     @property
@@ -254,6 +254,6 @@ def failure_of(stage: Stage, error: Gvla2Error) -> Failure:
 
 
 def planner_crashed(record: EpisodeRecord) -> bool:
-    """Whether the episode ended in a crash of its planner: whoever compares planners counts it as a failure."""
+    """Whether the episode ended in a crash of its planner: a comparison of planners counts it as a failure."""
     failure = record.failure
     return failure is not None and failure.kind == "crashed" and failure.stage in PLANNING

@@ -100,7 +100,7 @@ def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory
 
 
 def pooled(parts: list[Learned]) -> Learned:
-    """What memory learned from all attempts, combined."""
+    """The lessons that memory took from all attempts, combined."""
     return Learned(
         added=tuple(i for p in parts for i in p.added),
         merged=tuple(i for p in parts for i in p.merged),

@@ -14,14 +14,14 @@ from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
 from gvla2.plugins.kinds import OWN_TASK
-from gvla2.plugins.registry import Registry, nothing_in
+from gvla2.plugins.registry import Registry
 from gvla2.robot.backend import OffersTasks
 from gvla2.robot.options import DepthNoise
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
     """The typed options of the kinds that are chosen, and of the language model if one of them needs it."""
-    chosen = [k for k in kinds if not (nothing_in(root, k) or registry.chooses_none(root, k))]
+    chosen = [k for k in kinds if not registry.chooses_nothing(root, k)]
     found = [registry.configure(root, kind) for kind in chosen]
     asking = any("language" in component.needs for _, component in found)
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]

@@ -58,7 +58,7 @@ class BenchConfig:
 class DataConfig:
     """The objects to measure on.
 
-    ``root`` is the data set's folder (searched for by default, see ``gvla2 data``); ``objects`` chooses some by name,
+    ``root`` is the data set's folder (searched for by default, see ``gvla2 doctor``); ``objects`` chooses some by name,
     in this order; ``size`` is the pictures' side in pixels and ``samples`` the rays along a pixel's side when meshes
     are rendered: the protocol's are 256 and 4.
     """

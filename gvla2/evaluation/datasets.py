@@ -189,7 +189,7 @@ def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
         ((symmetric_iou(one.vertices, views, faces=one.faces), one) for one in readings),
         key=lambda pair: pair[0],
     )
-    if score < AGREEMENT:
+    if not score >= AGREEMENT:
         log.warning("%s does not agree with its views' masks (IoU %.3f): no Chamfer distance.", path, score)
         return None
     return best

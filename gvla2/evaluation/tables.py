@@ -84,7 +84,7 @@ class Sheet:
 
 def film(caption: str, folder: str) -> Exhibit:
     """The page of an episode or job, by its folder, with its film, or the picture from before it."""
-    stills = (f"{folder}/{name}" for name in ("episode.gif", "before.png"))
+    stills = (f"{folder}/{name}" for name in ("episode.mp4", "before.png"))
     shown = next((path for path in stills if Path(path).is_file()), "")
     return Exhibit(caption, (shown,) if shown else (), f"{folder}/index.html")
 

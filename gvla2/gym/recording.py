@@ -25,7 +25,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
     One frame per step, and one at the start: the first camera's picture, the measured joints and opening. With
     ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is stored when it ends,
     or is left by :meth:`reset` or :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded.
-    The film needs the extra ``[export]``. Raises :class:`ConfigurationError` for an environment that is not gvla2's or
+    Raises :class:`ConfigurationError` for an environment that is not gvla2's or
     shows no images, or images too small for a film, and :class:`OutputError` for a folder that is not empty.
     """
 

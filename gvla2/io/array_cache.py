@@ -1,4 +1,4 @@
-"""What is slow to make and the same each time: kept on disk, in one folder."""
+"""A disk cache for expensive deterministic arrays, in one folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path:
-    """Where rendered views, weights and decompositions are kept: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache."""
+    """The folder of rendered views, weights and decompositions: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache."""
     own = os.environ.get("GVLA2_CACHE")
     if own:
         return Path(own).expanduser()

@@ -1,4 +1,4 @@
-"""What the memory and results databases share: addresses (messages never show a password) and closing."""
+"""Addresses of the memory and results databases (messages never show a password), and closing."""
 
 from __future__ import annotations
 
@@ -60,14 +60,8 @@ def parsed(address: str | Path) -> URL:
         raise ConfigurationError(f"Not a database address: {shown(text)!r}. {_GIVE}.") from error
     if scheme != "sqlite":
         return url
-    if url.host:
-        path = "/".join([url.host, *([url.database] if url.database else [])])
-        raise ConfigurationError(
-            f"{shown(text)!r} names a host, which no file has. A path follows three slashes: sqlite:///{path} from "
-            f"the working directory, sqlite:////{path} from the root."
-        )
-    if not url.database or url.database == ":memory:" or url.query:
-        raise ConfigurationError(f"{shown(text)!r} names no file. {_GIVE}.")
+    if url.host or not url.database or url.database == ":memory:" or url.query:
+        raise ConfigurationError(f"{shown(text)!r} names no file. {_GIVE}; a path follows three slashes.")
     return _file(url.database)
 
 

@@ -45,7 +45,7 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray, *, flu
 
 
 def _mode_of_new_files() -> int:
-    """What ``open`` would give a new file; mkstemp's files are private, whatever the user's umask says."""
+    """The mode that ``open`` would give a new file; mkstemp's files are private, whatever the user's umask says."""
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask

@@ -24,15 +24,12 @@ class LanguageModelError(Gvla2Error):
 class ModelUnavailableError(LanguageModelError):
     """No answer was received: no network, a time-out, too many requests after all retries, an error of the server.
 
-    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response; ``reached`` is False if
-    nothing was listening at the address.
+    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response.
     """
 
-    def __init__(
-        self, message: str, *, transient: bool = True, status: int = 0, reached: bool = True
-    ) -> None:
+    def __init__(self, message: str, *, transient: bool = True, status: int = 0) -> None:
         super().__init__(message)
-        self.transient, self.status, self.reached = transient, status, reached
+        self.transient, self.status = transient, status
 
 
 class ModelRefusedError(LanguageModelError):
@@ -53,7 +50,7 @@ class UnusableAnswerError(LanguageModelError):
 
 @dataclass(frozen=True)
 class Request:
-    """One question. Options that a server does not support are left out, and named in ``Completion.unmet``.
+    """One question. Options that a server does not support are left out.
 
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
     constrains the answer; where the server supports grammars, a grammar takes precedence over a schema. The same
@@ -115,8 +112,7 @@ class Completion:
     ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` belong to ``text``, never to the
     reasoning; empty when the server gave no log-probabilities, or none that spell the answer. ``finish`` is the
     server's finish reason ("stop", "length"). ``latency`` in seconds, with retries; a ``cached`` answer was not asked
-    for again and cost nothing. ``unmet`` names what was requested but not supported: "logprobs", "schema", "grammar",
-    "system_role".
+    for again and cost nothing.
     """
 
     text: str
@@ -127,7 +123,6 @@ class Completion:
     model: str = ""
     cached: bool = False
     latency: float = 0.0
-    unmet: tuple[str, ...] = ()
 
 
 Tally = Mapping[str, float]

@@ -10,7 +10,7 @@ import logging
 import sqlite3
 import threading
 import time
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +40,6 @@ _UNKNOWN, _BROKEN = (400, 422), 500
 """Statuses of servers that do not know an option, or whose template fails on a system role."""
 _BUSY = (408, 409, 429)
 """Transient refusals, like every 5xx; the package retries them."""
-
 _ADVICE = {
     401: "The key is missing or wrong: check api_key_env and the variable it names.",
     403: "The key does not allow this: check the account's rights and api_key_env.",
@@ -66,16 +65,11 @@ class Endpoint:
         if server is None:
             assert isinstance(options, EndpointOptions), "AskingOptions do not say where the model is"
             server = options
-        self._options, self._server, self._ledger = options, server, Ledger()
-        self._key = server.key()
+        self.ledger = Ledger()
+        self._options, self._server, self._key = options, server, server.key()
         self._cache = AnswerCache(options.cache) if options.cache else None
         self._free = threading.BoundedSemaphore(options.concurrency)
         self._model, self._without = server.model, frozenset[str]()
-
-    @property
-    def ledger(self) -> Ledger:
-        """The calls so far, by purpose."""
-        return self._ledger
 
     def complete(self, request: Request, *, purpose: str) -> Completion:
         """Ask once. Raises :class:`LanguageModelError`."""
@@ -88,45 +82,57 @@ class Endpoint:
         self, requests: Sequence[Request], *, purpose: str
     ) -> list[Completion | LanguageModelError]:
         """Ask them all at once, within the bound on concurrency: an answer or a failure each, in order."""
-        answers: dict[int, Completion | LanguageModelError] = {}
         try:
-            keys = [self._key_of(request) for request in requests]
-            answers |= {i: kept for i, key in enumerate(keys) if (kept := self._kept(key, requests[i]))}
-            fresh = [i for i in range(len(requests)) if i not in answers]
-            if fresh:
-                asked = _run(self._ask_all([(requests[i], keys[i]) for i in fresh]))
-                answers |= dict(zip(fresh, asked, strict=True))
+            answers = _run(self._ask_all(requests)) if requests else []
         except LanguageModelError as error:
-            answers |= {i: error for i in range(len(requests)) if i not in answers}
-        for answer in answers.values():
-            self._ledger.add(purpose, answer if isinstance(answer, Completion) else None)
-        return [answers[i] for i in range(len(requests))]
-
-    def model(self) -> str:
-        """The model's name: the option, or else what the server lists. Raises :class:`LanguageModelError`."""
-        if not self._model:
-            self._model = _run(self._list())
-        return self._model
-
-    async def _list(self) -> str:
-        async with connect(self._server.address(), self._key, self._options) as client:
-            return await only_model(client, self._options)
-
-    async def _ask_all(self, asked: Sequence[tuple[Request, str]]) -> list[Completion | LanguageModelError]:
-        address = self._server.address()
-        answers = await self._ask_at(address, asked)
-        lost = [i for i, a in enumerate(answers) if isinstance(a, ModelUnavailableError) and not a.reached]
-        # A server of ours that stopped just after it was found is restarted at another address.
-        if lost and (moved := self._server.address()) != address:
-            for i, answer in zip(lost, await self._ask_at(moved, [asked[i] for i in lost]), strict=True):
-                answers[i] = answer
+            answers = [error] * len(requests)
+        for answer in answers:
+            self.ledger.add(purpose, answer if isinstance(answer, Completion) else None)
         return answers
 
-    async def _ask_at(
-        self, address: str, asked: Sequence[tuple[Request, str]]
-    ) -> list[Completion | LanguageModelError]:
-        async with connect(address, self._key, self._options) as client:
-            return await asyncio.gather(*(self._in_turn(client, *each) for each in asked))
+    async def _ask_all(self, requests: Sequence[Request]) -> list[Completion | LanguageModelError]:
+        if not self._model:
+            async with self._client() as client:
+                self._model = await self._only_model(client)
+        keys = [self._key_of(request) for request in requests]
+        answers = [self._kept(key) for key in keys]
+        fresh = [i for i, answer in enumerate(answers) if answer is None]
+        if not fresh:
+            return [answer for answer in answers if answer is not None]
+        async with self._client() as client:
+            asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in fresh))
+        new = dict(zip(fresh, asked, strict=True))
+        return [answer if answer is not None else new[i] for i, answer in enumerate(answers)]
+
+    def _client(self) -> openai.AsyncOpenAI:
+        """A client to be used as an async context."""
+        import openai
+
+        address = self._server.address()
+        # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server
+        # that drips bytes would never meet them, so _sent() keeps the deadline. No proxy stands before this machine.
+        here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
+        return openai.AsyncOpenAI(
+            base_url=address,
+            api_key=self._key or "none",
+            timeout=None,
+            max_retries=self._options.retries,
+            http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
+        )
+
+    async def _only_model(self, client: openai.AsyncOpenAI) -> str:
+        """The model that the server lists; raises :class:`ModelRefusedError` unless it lists exactly one."""
+        listed = (await self._sent(client, client.models.with_raw_response.list)).get("data")
+        names = (
+            [m["id"] for m in listed if isinstance(m, dict) and "id" in m] if isinstance(listed, list) else []
+        )
+        if len(names) != 1:
+            some = ", ".join(map(str, names[:8])) or "none"
+            message = (
+                f"{client.base_url} lists {len(names)} models ({some}): choose one with the option model."
+            )
+            raise ModelRefusedError(message, status=200)
+        return str(names[0])
 
     async def _in_turn(
         self, client: openai.AsyncOpenAI, request: Request, key: str
@@ -136,20 +142,19 @@ class Endpoint:
             await asyncio.sleep(0.005)
         began = time.monotonic()
         try:
-            document, without = await self._ask(client, request)
-            answer = self._read(document, request, without)
+            document = await self._ask(client, request)
+            answer = read_completion(document)
         except LanguageModelError as error:
             return error
         finally:
             self._free.release()
         if self._cache and answer.text:
-            self._cache.put(key, {"answer": document, "without": sorted(without)})
+            self._cache.put(key, document)
         return replace(answer, latency=time.monotonic() - began)
 
-    async def _ask(
-        self, client: openai.AsyncOpenAI, request: Request
-    ) -> tuple[dict[str, Any], frozenset[str]]:
-        """The answer's JSON, and the options left out: one after another, while the server refuses."""
+    async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
+        """The answer's JSON. Options are left out one after another while the server refuses, and from then on."""
+        create = client.chat.completions.with_raw_response.create
         known = self._without
         options = [name for name in refusable(request, grammars=self._server.grammars) if name not in known]
         first: ModelRefusedError | ModelUnavailableError | None = None
@@ -158,45 +163,83 @@ class Endpoint:
                 continue
             without = known.union(less)
             body = request_body(request, self._options, without, grammars=self._server.grammars)
+            # The package sends extra_body as it is, and checks nothing in it.
+            everything = {**body, **self._options.extra}
             try:
-                document = await ask(client, self._options, {"model": self._model, **body})
+                document = await self._sent(
+                    client, create, model=self._model, messages=body["messages"], extra_body=everything
+                )
             except (ModelRefusedError, ModelUnavailableError) as error:
                 if error.status not in (*_UNKNOWN, _BROKEN):
                     raise
                 first = first or error
                 continue
             self._without |= without
-            return document, without
+            return document
         assert first is not None
         raise first
 
-    def _read(
-        self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
-    ) -> Completion:
-        answer = read_completion(document, cached=cached)
-        unmet = set(without).intersection(refusable(request, grammars=self._server.grammars)) - {
-            "alternatives"
-        }
-        if request.logprobs and not answer.tokens:
-            unmet.add("logprobs")
-        if request.grammar and not self._server.grammars:
-            unmet.add("grammar")
-        return replace(answer, unmet=tuple(sorted(unmet)))
+    async def _sent(self, client: openai.AsyncOpenAI, send: Any, **asked: Any) -> dict[str, Any]:
+        """The JSON that answers a request. What the server says, in an answer or an error, never holds the key.
 
-    def _kept(self, key: str, request: Request) -> Completion | None:
-        """A cached answer; an invalid one is requested again."""
-        kept = (self._cache.get(key) if self._cache else None) or {}
+        Raises :class:`ModelUnavailableError`, :class:`ModelRefusedError` or :class:`MalformedAnswerError`.
+        """
+        import openai
+
+        where = client.base_url
         try:
-            return self._read(kept["answer"], request, frozenset(kept["without"]), cached=True)
-        except (LanguageModelError, KeyError, TypeError):
+            async with asyncio.timeout(self._options.timeout):
+                received = (await send(**asked)).http_response.content
+        except TimeoutError as error:
+            message = f"{where} did not answer within {self._options.timeout:g} s. Raise timeout, or lower max_tokens"
+            raise ModelUnavailableError(f"{message} or concurrency.", transient=False) from error
+        except openai.APIStatusError as error:
+            raise self._status_failure(where, error) from None
+        except openai.APIConnectionError as error:
+            cause = error.__cause__ or error
+            message = f"{where} cannot be reached or broke off ({type(cause).__name__}: {cause})."
+            raise ModelUnavailableError(f"{message} Is a server running there?") from error
+        try:
+            answer = json.loads(self._redacted(received.decode(errors="replace")))
+        except (ValueError, RecursionError) as error:
+            message = f"{where} answered with {len(received)} bytes that are not JSON ({error})."
+            raise MalformedAnswerError(f"{message} Check base_url: it usually ends in /v1.") from error
+        if not isinstance(answer, dict):
+            raise MalformedAnswerError(f"{where} answered with JSON that is not an object.")
+        return answer
+
+    def _status_failure(
+        self, where: object, error: openai.APIStatusError
+    ) -> ModelUnavailableError | ModelRefusedError:
+        message = error.body.get("message") if isinstance(error.body, Mapping) else None
+        status = error.status_code
+        said = self._redacted(" ".join(str(message or error.message).split()))[:300]
+        if status in _BUSY or status >= 500:
+            return ModelUnavailableError(f"{where} answered with status {status}: {said}", status=status)
+        advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
+        message = f"{where} refused the request with status {status}: {said}. {advice}"
+        return ModelRefusedError(message, status=status)
+
+    def _redacted(self, text: str) -> str:
+        return text.replace(self._key, "[key]") if self._key else text
+
+    def _kept(self, key: str) -> Completion | None:
+        """A cached answer; an invalid one is requested again."""
+        kept = self._cache.get(key) if self._cache else None
+        try:
+            return read_completion(kept, cached=True) if kept else None
+        except MalformedAnswerError:
             return None
 
     def _key_of(self, request: Request) -> str:
+        """The key of a request in the cache: the same for equal JSON, whatever the order of its keys."""
         body = request_body(request, self._options, frozenset(), grammars=False)
         if body.get("temperature") == 0:  # the likeliest words, whatever the seed
             body.pop("seed", None)
-        about = {"server": self._server.identity, "model": self.model(), "extra": self._options.extra}
-        return digest({**about, **body, "grammar": [request.grammar, self._server.grammars]})
+        about = {"server": self._server.identity, "model": self._model, "extra": self._options.extra}
+        asked = {**about, **body, "grammar": [request.grammar, self._server.grammars]}
+        text = json.dumps(asked, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
 def _run(work: Coroutine[Any, Any, T]) -> T:
@@ -207,111 +250,6 @@ def _run(work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run(work)
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, work).result()
-
-
-def connect(address: str, key: str, options: AskingOptions) -> openai.AsyncOpenAI:
-    """A client to be used as an async context."""
-    import openai
-
-    # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server that
-    # drips bytes would never meet them, so the deadline is kept in ask(). No proxy stands before this machine itself.
-    here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
-    return openai.AsyncOpenAI(
-        base_url=address,
-        api_key=key or "none",
-        timeout=None,
-        max_retries=options.retries,
-        http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
-    )
-
-
-async def ask(client: openai.AsyncOpenAI, options: AskingOptions, body: Mapping[str, Any]) -> dict[str, Any]:
-    """The JSON that answers ``body``.
-
-    Raises :class:`ModelUnavailableError`, :class:`ModelRefusedError` or :class:`MalformedAnswerError`. What the server
-    says, in an answer or in an error, never holds the key.
-    """
-    everything = {**body, **options.extra}  # the package sends extra_body as it is, and checks nothing in it
-    create = client.chat.completions.with_raw_response.create
-    return await _sent(
-        client, options, create, model=body["model"], messages=body["messages"], extra_body=everything
-    )
-
-
-async def only_model(client: openai.AsyncOpenAI, options: AskingOptions) -> str:
-    """The model that the server lists; raises :class:`ModelRefusedError` unless it lists exactly one."""
-    answer = await _sent(client, options, client.models.with_raw_response.list)
-    listed = answer.get("data")
-    names = [m["id"] for m in listed if isinstance(m, dict) and "id" in m] if isinstance(listed, list) else []
-    if len(names) != 1:
-        some = ", ".join(map(str, names[:8])) or "none"
-        raise ModelRefusedError(
-            f"{client.base_url} lists {len(names)} models ({some}): choose one with the option model.",
-            status=200,
-        )
-    return str(names[0])
-
-
-async def _sent(
-    client: openai.AsyncOpenAI, options: AskingOptions, send: Any, **asked: Any
-) -> dict[str, Any]:
-    import openai
-
-    try:
-        async with asyncio.timeout(options.timeout):
-            received = (await send(**asked)).http_response.content
-    except TimeoutError as error:
-        raise ModelUnavailableError(
-            f"{client.base_url} did not answer within {options.timeout:g} s. Raise timeout, or lower max_tokens or "
-            "concurrency.",
-            transient=False,
-        ) from error
-    except openai.APIStatusError as error:
-        raise _status_failure(client, error) from None
-    except openai.APIConnectionError as error:
-        cause = error.__cause__ or error
-        # The package may use httpx or httpx2, so the class is known by its name.
-        raise ModelUnavailableError(
-            f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
-            "running there?",
-            reached=type(cause).__name__ != "ConnectError",
-        ) from error
-    try:
-        answer = json.loads(_redacted(client, received.decode(errors="replace")))
-    except (ValueError, RecursionError) as error:
-        raise MalformedAnswerError(
-            f"{client.base_url} answered with {len(received)} bytes that are not JSON ({error}). Check base_url: "
-            "it usually ends in /v1."
-        ) from error
-    if not isinstance(answer, dict):
-        raise MalformedAnswerError(f"{client.base_url} answered with JSON that is not an object.")
-    return answer
-
-
-def _status_failure(
-    client: openai.AsyncOpenAI, error: openai.APIStatusError
-) -> ModelUnavailableError | ModelRefusedError:
-    message = error.body.get("message") if isinstance(error.body, Mapping) else None
-    status = error.status_code
-    said = _redacted(client, " ".join(str(message or error.message).split()))[:300]
-    if status in _BUSY or status >= 500:
-        return ModelUnavailableError(
-            f"{client.base_url} answered with status {status}: {said}", status=status
-        )
-    advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
-    return ModelRefusedError(
-        f"{client.base_url} refused the request with status {status}: {said}. {advice}", status=status
-    )
-
-
-def _redacted(client: openai.AsyncOpenAI, text: str) -> str:
-    return text if client.api_key == "none" else text.replace(client.api_key, "[key]")
-
-
-def digest(asked: Mapping[str, Any]) -> str:
-    """The key of a request: the same for equal JSON, whatever the order of its keys."""
-    text = json.dumps(asked, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
 class AnswerCache:
@@ -337,7 +275,7 @@ class AnswerCache:
         """Keep a document; the last one wins."""
         self._use(lambda cache: cache.set(key, json.dumps(document)))
 
-    def _use(self, work: Any) -> Any:
+    def _use(self, work: Callable[[Any], Any]) -> Any:
         import diskcache
 
         if not self._usable:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from string import ascii_uppercase
 from typing import Literal
 
-from gvla2.language.contracts import Token
+from gvla2.language.contracts import Completion, Token
 
 LETTERS = ascii_uppercase[:20]
 ENOUGH_MASS = 0.5
@@ -31,15 +31,14 @@ Source = Literal["distribution", "tag", "midpoint"]
 class TokenScore:
     """``value`` in [0, 1] and where it comes from.
 
-    ``mass`` is the total probability of valid letters in X's place, 0 without log-probabilities; ``letters`` their
-    probabilities, not renormalised. ``source``: "distribution" (mass of at least one half), "tag" (the letter as
-    written), "midpoint" (.5: the model answered, but with no valid letter).
+    ``mass`` is the total probability of valid letters in X's place, 0 without log-probabilities. ``source``:
+    "distribution" (mass of at least one half), "tag" (the letter as written), "midpoint" (.5: the model answered, but
+    with no valid letter).
     """
 
     value: float
     mass: float
     source: Source
-    letters: Mapping[str, float] = field(default_factory=dict)
 
 
 def phi(letter: str) -> float:
@@ -59,10 +58,10 @@ def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
     mass = min(math.fsum(letters.values()), 1.0)
     if mass >= ENOUGH_MASS:
         expected = math.fsum(p * phi(v) for v, p in letters.items()) / math.fsum(letters.values())
-        return TokenScore(min(max(expected, 0.0), 1.0), mass, "distribution", letters)
+        return TokenScore(min(max(expected, 0.0), 1.0), mass, "distribution")
     if len(written) == 1 and written.isascii() and written.upper() in LETTERS:
-        return TokenScore(phi(written.upper()), mass, "tag", letters)
-    return TokenScore(0.5, mass, "midpoint", letters)
+        return TokenScore(phi(written.upper()), mass, "tag")
+    return TokenScore(0.5, mass, "midpoint")
 
 
 def _letters(tokens: Sequence[Token], at: int) -> dict[str, float]:
@@ -93,3 +92,15 @@ def _letter(alternative: str, before: str) -> str:
     if not rest[:1].isascii() or not letter or letter not in LETTERS:
         return ""
     return letter if after.startswith(_CLOSING) or _CLOSING.startswith(after) else ""
+
+
+def usage_of(answers: Sequence[Completion]) -> dict[str, int]:
+    """What answers cost, by name: cached ones are counted as such, without their tokens."""
+    paid = [answer for answer in answers if not answer.cached]
+    return {
+        "prompt_tokens": sum(answer.usage.prompt_tokens for answer in paid),
+        "completion_tokens": sum(answer.usage.completion_tokens for answer in paid),
+        "calls": len(paid),
+        "cached": len(answers) - len(paid),
+        "unmetered": sum(not answer.usage.metered for answer in paid),
+    }

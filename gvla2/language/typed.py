@@ -23,6 +23,8 @@ T = TypeVar("T")
 
 LONGEST_SHOWN = 2_000
 """Characters of a rejected answer that are sent back: an endless one would push the question out of context."""
+WARM = 0.7
+"""Temperature of a second try: at 0 the same wrong answer comes back word for word."""
 _STARTS = 200
 """Brackets that :func:`json_in` tries at most."""
 _OPENING = re.compile(r"[{\[]")
@@ -34,7 +36,7 @@ class Answered(Generic[T]):
 
     ``transcript`` is plain JSON, one mapping per call, ready for a plan's record: ``prompt`` (the messages that the
     call added), ``answer``, ``rejected`` (why, "" if it was not), ``prompt_tokens``, ``completion_tokens``,
-    ``seconds``, ``cached``, ``seed``, ``temperature``, ``unmet``. It is untrusted data.
+    ``seconds``, ``cached``, ``seed``, ``temperature``. It is untrusted data.
     """
 
     answer: T
@@ -56,15 +58,13 @@ def ask_typed(
     same: Callable[[T], Hashable] = repr,
     seed: int = 0,
     temperature: float | None = None,
-    warmth: float = 0.7,
     max_tokens: int | None = None,
 ) -> Answered[T]:
     """Ask until ``parse`` accepts the answer; it raises :class:`ValueError` with a sentence on what is wrong.
 
     The rejected answer and the sentence go back to the model, with another seed and at least the temperature
-    ``warmth``: at 0 the same wrong answer comes back word for word. Of ``samples`` answers per try (the first at
-    ``temperature``, the others warm) the majority wins, compared by ``same``; the first one breaks a tie. A truncated
-    answer is always rejected.
+    :data:`WARM`. Of ``samples`` answers per try (the first at ``temperature``, the others warm) the majority wins,
+    compared by ``same``; the first one breaks a tie. A truncated answer is always rejected.
 
     Raises :class:`UnusableAnswerError` after ``tries``, even if the last one was damaged;
     :class:`ModelUnavailableError` if the server broke off in the last; and any other :class:`LanguageModelError` at
@@ -73,7 +73,7 @@ def ask_typed(
     if tries < 1 or samples < 1:
         raise ValueError(f"tries is {tries} and samples {samples}; both must be at least 1.")
     question = Request(messages, max_tokens=max_tokens, schema=schema, grammar=grammar)
-    warm, added = max(temperature or 0.0, warmth), tuple(messages)
+    warm, added = max(temperature or 0.0, WARM), tuple(messages)
     transcript: list[Mapping[str, Any]] = []
     why = ""
     for number in range(0, tries * samples, samples):
@@ -132,7 +132,6 @@ class _Tried(Generic[T]):
             "cached": self.completion.cached,
             "seed": asked.seed,
             "temperature": asked.temperature,
-            "unmet": list(self.completion.unmet),
         }
 
     def correction(self) -> tuple[Message, ...]:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError
-
 from gvla2.language.contracts import (
     Completion,
     MalformedAnswerError,
@@ -75,129 +73,89 @@ def _sendable(value: Any) -> Any:
     return [_sendable(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-class _Alternative(BaseModel):
-    token: str
-    bytes: list[int] | None = None
-    logprob: Any = math.nan
-
-    def spelt(self) -> Any:
-        """The token's bytes, else its text, with raw vocabularies' space markers as spaces."""
-        if self.bytes is not None:
-            return bytes(self.bytes)
-        text = self.token.replace("▁", " ").replace("Ġ", " ").replace("Ċ", "\n")
-        return text.encode(errors="replace")
-
-    def value(self) -> float:
-        number = isinstance(self.logprob, int | float) and not isinstance(self.logprob, bool)
-        return float(self.logprob) if number else math.nan
-
-
-class _Entry(_Alternative):
-    top_logprobs: list[_Alternative] | None = None
-
-
-class _Logprobs(BaseModel):
-    content: list[_Entry]
-
-
-class _Message(BaseModel):
-    content: str | list[Any] | None = None
-    reasoning_content: Any = None
-    reasoning: Any = None
-
-
-class _Choice(BaseModel):
-    message: _Message
-    finish_reason: str | None = None
-    logprobs: Any = None
-
-
-class _Body(BaseModel):
-    error: Any = None
-    choices: list[_Choice] = Field(default=[])
-    model: str | None = None
-    usage: Any = None
-
-
-class _Thinking(BaseModel):
-    reasoning_tokens: int | None = Field(default=None, ge=0)
-
-
-class _Counts(BaseModel, strict=True):
-    prompt_tokens: int = Field(ge=0)
-    completion_tokens: int = Field(ge=0)
-    completion_tokens_details: _Thinking | None = None
-
-
-def read_completion(body: object, *, cached: bool = False, latency: float = 0.0) -> Completion:
+def read_completion(body: Any, *, cached: bool = False) -> Completion:
     """The first choice of a response's JSON; raises :class:`MalformedAnswerError` when there is none.
 
     A block of reasoning in the text itself ends at its last closing tag; one that never closes leaves no answer.
     """
     try:
-        read = _Body.model_validate(body)
-    except ValidationError as error:
-        what = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'body'}: {e['msg']}" for e in error.errors()[:3])
-        raise MalformedAnswerError(f"The server's answer is no completion ({what}).") from None
-    if read.error or not read.choices:
-        said = str(read.error)[:300] if read.error else "it holds no choice"
-        raise MalformedAnswerError(f"The server answered with an error: {said}")
-    choice = read.choices[0]
-    content = choice.message.content
-    if isinstance(content, list):
-        texts = [p.get("text") for p in content if isinstance(p, Mapping)]
-        content = "".join(t for t in texts if isinstance(t, str))
-    stated = (choice.message.reasoning_content, choice.message.reasoning)
-    thought, closed, answer = (content or "").rpartition("</think>")
+        if body.get("error"):
+            raise MalformedAnswerError(f"The server answered with an error: {str(body['error'])[:300]}")
+        choice = body["choices"][0]
+        message = choice["message"]
+        content = message.get("content") or ""
+        if isinstance(content, list):
+            content = "".join(part["text"] for part in content if isinstance(part.get("text"), str))
+        thought, closed, answer = content.rpartition("</think>")
+    except (AttributeError, KeyError, IndexError, TypeError) as error:
+        message = f"The server's answer is no completion ({type(error).__name__}: {error})."
+        raise MalformedAnswerError(message) from None
     if not closed and answer.lstrip().startswith("<think>"):
         thought, answer = answer, ""
+    answer = answer.strip() if closed else answer
+    stated = (message.get("reasoning_content"), message.get("reasoning"))
     spoken = thought.strip().removeprefix("<think>").strip()
-    reasoning = "\n".join(
-        [*[r for r in stated if isinstance(r, str) and r][:1], *([spoken] if spoken else [])]
-    )
+    reasoning = [*[text for text in stated if isinstance(text, str) and text][:1], spoken]
     return Completion(
-        text=answer.strip() if closed else answer,
-        reasoning=reasoning,
-        tokens=_tokens(choice.logprobs, answer.strip() if closed else answer),
-        usage=_usage(read.usage),
-        finish=choice.finish_reason or "",
-        model=read.model or "",
+        text=answer,
+        reasoning="\n".join(filter(None, reasoning)),
+        tokens=_tokens(choice.get("logprobs"), answer),
+        usage=_usage(body.get("usage")),
+        finish=str(choice.get("finish_reason") or ""),
+        model=str(body.get("model") or ""),
         cached=cached,
-        latency=latency,
     )
 
 
-def _tokens(logprobs: object, answer: str) -> tuple[Token, ...]:
+def _tokens(logprobs: Any, answer: str) -> tuple[Token, ...]:
     """The answer's tokens: those that spell the end of the stream; none when an entry is damaged."""
     try:
-        entries = _Logprobs.model_validate(logprobs).content
-        pieces = [entry.spelt() for entry in entries]
-    except (ValidationError, ValueError):
+        entries = [
+            (_spelling(entry), _logprob(entry), [*map(_alternative, entry.get("top_logprobs") or ())])
+            for entry in logprobs["content"]
+        ]
+    except (AttributeError, KeyError, TypeError, ValueError):
         return ()
-    stream, whole = b"".join(pieces), answer.strip().encode(errors="replace")
+    stream, whole = b"".join(piece for piece, _, _ in entries), answer.strip().encode(errors="replace")
     begin = stream.rfind(whole) if whole else -1
     after = stream[begin + len(whole) :].decode(errors="replace").strip() if begin >= 0 else ""
     if begin < 0 or not (after == "" or (after.startswith("<") and after.endswith(">"))):
         return ()  # what follows may only be an end-of-text mark
     lead = len(answer[: len(answer) - len(answer.lstrip())].encode(errors="replace"))
     tokens, at = [], lead - begin
-    for entry, piece in zip(entries, pieces, strict=True):
+    for piece, logprob, others in entries:
         if lead < at + len(piece) and at < lead + len(whole):
-            text = piece.decode(errors="replace")
-            # Some servers leave the chosen token out of the list, some list a token twice.
-            others = {text: entry.value()}
-            for other in entry.top_logprobs or ():
-                others.setdefault(other.spelt().decode(errors="replace"), other.value())
-            tokens.append(Token(piece, at, entry.value(), tuple(others.items())))
+            # Some servers leave the chosen token out of the list, some list a token twice: the first one counts.
+            odds = {piece.decode(errors="replace"): logprob}
+            for other, value in others:
+                odds.setdefault(other, value)
+            tokens.append(Token(piece, at, logprob, tuple(odds.items())))
         at += len(piece)
     return tuple(tokens)
 
 
-def _usage(counts: object) -> Usage:
-    try:
-        read = _Counts.model_validate(counts)
-    except ValidationError:
+def _spelling(entry: Mapping[str, Any]) -> bytes:
+    """The token's bytes, else its text, with raw vocabularies' space markers as spaces."""
+    if entry.get("bytes") is not None:
+        return bytes(entry["bytes"])
+    text: str = entry["token"].replace("▁", " ").replace("Ġ", " ").replace("Ċ", "\n")
+    return text.encode(errors="replace")
+
+
+def _logprob(entry: Mapping[str, Any]) -> float:
+    value = entry.get("logprob")
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def _alternative(entry: Mapping[str, Any]) -> tuple[str, float]:
+    return _spelling(entry).decode(errors="replace"), _logprob(entry)
+
+
+def _usage(counts: Any) -> Usage:
+    counts = counts if isinstance(counts, Mapping) else {}
+    details = counts.get("completion_tokens_details")
+    thinking = details.get("reasoning_tokens") if isinstance(details, Mapping) else None
+    numbers = (counts.get("prompt_tokens"), counts.get("completion_tokens"), thinking or 0)
+    if not all(type(number) is int and number >= 0 for number in numbers):
         return Usage()
-    thinking = read.completion_tokens_details
-    reasoned = (thinking.reasoning_tokens or 0) if thinking is not None else 0
-    return Usage(read.prompt_tokens, read.completion_tokens, reasoned, metered=True)
+    return Usage(*numbers, metered=True)

@@ -4,30 +4,30 @@
 
     with KnowledgeBank("memory.db") as bank:
         context = bank.recall("lift the cup")
-        ...  # work, with context.text before the planner's eyes
+        ...  # work, with context.text in the planner's prompt
         bank.learn("lift the cup", transcript, success=True, recalled=context)
 
-Everything here is loaded on first use: ``import gvla2.memory`` costs nothing.
+The bank itself, which needs SQLAlchemy, is loaded on first use.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from gvla2.memory.contracts import (
+    Evidence,
+    Learned,
+    Lesson,
+    MemoryContext,
+    MemoryEpisode,
+    MemoryItem,
+    MemoryTask,
+    Verdict,
+)
+from gvla2.memory.options import BankOptions
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
-    from gvla2.memory.contracts import (
-        Evidence,
-        Learned,
-        Lesson,
-        MemoryContext,
-        MemoryEpisode,
-        MemoryItem,
-        MemoryTask,
-        Verdict,
-    )
-    from gvla2.memory.options import BankOptions
 
 __all__ = [
     "BankOptions",
@@ -41,10 +41,11 @@ __all__ = [
     "MemoryTask",
     "Verdict",
 ]
-_ELSEWHERE = {"KnowledgeBank": "bank", "BankOptions": "options"}
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
+def __getattr__(name: str) -> object:
+    if name != "KnowledgeBank":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ELSEWHERE.get(name, 'contracts')}"), name)
+    from gvla2.memory.bank import KnowledgeBank
+
+    return KnowledgeBank

@@ -13,9 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import TYPES, Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
+from gvla2.memory.contracts import Lesson, MemoryEpisode, Verdict
 from gvla2.memory.options import BankOptions
-from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
+from gvla2.memory.records import (
+    MAX_PHRASINGS,
+    MAX_QUERY,
+    TYPES,
+    LifecycleState,
+    Record,
+    Trust,
+    clean,
+    dump,
+    finite,
+    record_id,
+)
 from gvla2.memory.trust import LEVELS, Origin, believed, trust_of
 
 FAILED, SUCCEEDED = 0.35, 0.70
@@ -192,14 +203,6 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
 def counted(record: Record, episode: MemoryEpisode) -> bool:
     """Whether the record already rests on the episode, which counts only once."""
     return bool(episode.source) and clean(episode.source, 200) in record.sources()
-
-
-def repeated(record: Record, fresh: Record) -> Record:
-    """The record after an episode that it rests on repeats it: no more weight, but a tighter bound applies."""
-    effect = record.effect_json()
-    if not effect or effect.get("kind") != "bound":
-        return record
-    return replace(record, effect=dump(pooled_effects(effect, fresh.effect_json())))
 
 
 def warns(record: Record) -> bool:

@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from numbers import Real
 from typing import TypeVar
 
 from gvla2.errors import Gvla2Error, kept_alive
 from gvla2.memory.contracts import (
-    OUTCOMES,
     Evidence,
     Learned,
     Memory,
@@ -22,6 +21,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
+from gvla2.memory.records import OUTCOMES
 
 T = TypeVar("T")
 
@@ -74,23 +74,10 @@ def _wrong_type(wanted: type) -> Callable[[object], str]:
 
 
 def _wrong_verdict(given: object) -> str:
-    """What is wrong with an answer that should be a verdict, as :func:`_wrong_type`.
-
-    Whether its scores lie in [0, 1] is for admission to say.
-    """
+    """What is wrong with an answer that should be a verdict; whether its scores lie in [0, 1] is for admission."""
     if not isinstance(given, Verdict):
         return _wrong_type(Verdict)(given)
-    criteria, reasons = given.criteria, given.reasons
-    scores = list(criteria.values()) if isinstance(criteria, Mapping) else [None]
-    texts = isinstance(reasons, tuple | list) and all(isinstance(reason, str) for reason in reasons)
-    tests = {
-        "outcome": (given.outcome in OUTCOMES, f"one of {', '.join(OUTCOMES)}"),
-        "quality": (isinstance(given.quality, Real), "a number"),
-        "confidence": (isinstance(given.confidence, Real), "a number"),
-        "criteria": (all(isinstance(score, Real) for score in scores), "a mapping from names to numbers"),
-        "reasons": (texts, "a tuple of texts"),
-    }
-    for name, (fits, wanted) in tests.items():
-        if not fits:
-            return f"a verdict with {name} {getattr(given, name)!r:.100}, which is not {wanted}"
-    return ""
+    numbers = (given.quality, given.confidence, *dict(given.criteria).values())
+    if given.outcome not in OUTCOMES:
+        return f"a verdict with outcome {given.outcome!r}, which is not one of {', '.join(OUTCOMES)}"
+    return "" if all(isinstance(number, Real) for number in numbers) else f"{given!r:.200}, with odd scores"

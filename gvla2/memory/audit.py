@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.contracts import Embedder
-from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import (
     GENESIS,
     Event,
@@ -24,9 +19,6 @@ from gvla2.memory.events import (
 )
 from gvla2.memory.records import FORGOTTEN, Record, damage_of
 from gvla2.memory.view import BankView, vector_of
-
-_OWN = 0.99
-"""Cosine above which a vector matches a text, despite rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,20 +59,23 @@ class _Expected:
             self.records[event.record] = event.state
 
 
-def audit(view: BankView, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
+def audit(view: BankView, head: str = "") -> list[Problem]:
     """The problems of a bank: its chain, payloads, rows against events, vectors, episodes; [] if there are none.
 
     ``head`` is "SEQ:HASH" of an event from earlier statistics of the bank, kept elsewhere: with it, a truncated or
-    rewritten chain is found as well. With an ``embedder``, vectors by its model that do not match their records, as
-    after a swap, are reported too.
+    rewritten chain is found as well.
     """
     expected = _Expected()
     problems = list(_chain(view, expected))
     problems += _kept_head(view, head) if head else ()
     problems += _records(view, expected)
-    problems += _vectors(view, embedder, {problem.id for problem in problems if problem.where == "record"})
-    stored = {(link.source, link.kind, link.target) for link in view.links()}
-    for link in sorted(stored ^ expected.links):
+    for id, dimension, stored, state in view.vector_rows():
+        if state in (None, FORGOTTEN):
+            problems.append(Problem("vector", str(id), "it belongs to no record"))
+        elif vector_of(dimension, stored) is None:
+            problems.append(Problem("vector", str(id), "damaged: not finite, or of the wrong length"))
+    stored_links = {(link.source, link.kind, link.target) for link in view.links()}
+    for link in sorted(stored_links ^ expected.links):
         problems.append(Problem("link", " ".join(link), "it is not in both rows and events"))
     problems += _episodes(view, expected)
     return problems
@@ -152,33 +147,6 @@ def _records(view: BankView, expected: _Expected) -> Iterator[Problem]:
             yield Problem("record", row.id, "it differs from what its last event stored")
     for id in sorted(due):
         yield Problem("record", id, "the events have it, the rows do not")
-
-
-def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) -> Iterator[Problem]:
-    """Orphaned and damaged vectors; with the embedder also those by its model that do not match their records, unless
-    already ``named``.
-    """
-    texts = (
-        {one.id: (one.query, one.content) for one in view.records() if one.id not in named}
-        if embedder
-        else {}
-    )
-    held: list[tuple[str, NDArray[np.float32]]] = []
-    for row in view.vector_rows():
-        id, model, dimension, stored, state = tuple[Any, ...](row)
-        vector = vector_of(dimension, stored)
-        if state in (None, FORGOTTEN):
-            yield Problem("vector", str(id), "it belongs to no record")
-        elif vector is None:
-            yield Problem("vector", id, "damaged: not finite, or of the wrong length")
-        elif embedder and model == embedder.model and id in texts:
-            held.append((id, vector))
-    made = record_vectors(embedder, [texts[id] for id, _ in held]) if embedder and held else ()
-    for (id, vector), own in zip(held, made, strict=True):
-        vector = vector.astype(float)  # of damaged ones the square may not fit into 32 bits
-        length = np.linalg.norm(vector) * np.linalg.norm(own)
-        if own.any() and not (vector.shape == own.shape and float(vector @ own) >= _OWN * length > 0):
-            yield Problem("vector", id, "it does not match the record's text")
 
 
 def _episodes(view: BankView, expected: _Expected) -> Iterator[Problem]:

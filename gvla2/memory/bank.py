@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from gvla2.errors import WrongTypeError
 from gvla2.io.database_url import Closing
+from gvla2.memory.candidates import Candidates
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,
     Judge,
     Learned,
     Lesson,
-    LifecycleState,
     MemoryContext,
     MemoryEpisode,
     MemoryTask,
@@ -37,10 +37,10 @@ from gvla2.memory.contracts import (
     Verifier,
 )
 from gvla2.memory.embedding import StaticEmbedder
-from gvla2.memory.index import SERVED, Candidates, Index
+from gvla2.memory.index import Index
 from gvla2.memory.ledger import OpenBank
 from gvla2.memory.options import BankOptions
-from gvla2.memory.records import MAX_QUERY, Record, clean, finite
+from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean, finite
 from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.store import Store, settled
@@ -48,16 +48,13 @@ from gvla2.memory.store import Store, settled
 if TYPE_CHECKING:  # a recall does not wait for the modules that decide
     from gvla2.memory.audit import Problem
     from gvla2.memory.contradiction import Judged
-    from gvla2.memory.governance import Governed
     from gvla2.memory.replay import Replayed
     from gvla2.memory.transfer import Exported, Imported
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-MAX_OBJECTS = 64
-"""Most objects of a task that are considered."""
 JUDGED = 16
-"""Most pairs of lessons that a judge decides after each episode."""
-FROZEN = "The bank is frozen: nothing was learnt."
+"""Maximum number of pairs of lessons that a judge decides after each episode."""
+FROZEN = "The bank is frozen: nothing was learned."
 
 
 @dataclass(frozen=True)
@@ -123,7 +120,7 @@ class KnowledgeBank(OpenBank, Closing):
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
             asked, vector = self._asked(task)
-            candidates = self._candidates()
+            candidates = self._candidates("active")
             if not len(candidates):
                 return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
             ranked, reason = self._retriever.rank(asked, candidates, vector)
@@ -150,7 +147,7 @@ class KnowledgeBank(OpenBank, Closing):
         id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
         was given, one doubtful earlier episode is verified again.
         """
-        from gvla2.memory import contradiction, learning
+        from gvla2.memory import learning
 
         if not isinstance(episode, MemoryEpisode):
             given = tuple(map(_lesson, lessons))
@@ -158,37 +155,35 @@ class KnowledgeBank(OpenBank, Closing):
             episode = MemoryEpisode(_task(episode), given, str(verdict), context, source)
             verdict = _reported(success)
         if not isinstance(verdict, Verdict):
-            raise WrongTypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
+            raise WrongTypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
             learned = learning.learn(self, episode, verdict)
-            if self._judge is not None and self.options.governance:
-                contradiction.judge(self, self._judge, about=learned.added, limit=JUDGED)
+            if self._judge is not None:
+                self.judge(self._judge, about=learned.added, limit=JUDGED)
             if self._verifier is not None and self.options.replay_per_episode:
-                self.replay(limit=self.options.replay_per_episode, but=episode.source)
+                self.replay(self._verifier, limit=self.options.replay_per_episode, but=episode.source)
             return learned
 
     # By hand ------------------------------------------------------------------------------------------------------
 
     def admit(
         self,
-        lessons: Lesson | str | Sequence[Lesson | str],
+        lesson: Lesson | str,
         verdict: Verdict | None = None,
         *,
         task: MemoryTask | str = "",
         source: str = "",
         trusted: bool = False,
     ) -> Learned:
-        """Add lessons without an episode; durable when it returns.
+        """Add a lesson without an episode; durable when it returns.
 
-        Lessons from others stay provisional until verified episodes of two independent sources, or one of ours,
-        confirm them. ``trusted`` vouches for them as for the user's own episodes, and serves as verdict if none is
-        given.
+        A lesson from others stays provisional until verified episodes of two independent sources, or one of ours,
+        confirm it. ``trusted`` vouches for it as for the user's own episodes, and serves as verdict if none is given.
         """
-        listed = lessons if isinstance(lessons, Sequence) and not isinstance(lessons, str) else [lessons]
         given = verdict or _reported(True if trusted else None)
-        return self.admit_many([(_lesson(one), given, task, source) for one in listed], trusted=trusted)
+        return self.admit_many([(_lesson(lesson), given, task, source)], trusted=trusted)
 
     def admit_many(
         self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
@@ -197,59 +192,44 @@ class KnowledgeBank(OpenBank, Closing):
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
-        from gvla2.memory import learning
+        from gvla2.memory.learning import Brought, admit
 
         if self.options.frozen:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        listed = [(lesson, verdict, _task(task), source) for lesson, verdict, task, source in items]
+        brought = [
+            Brought.lesson(lesson, verdict, _task(task), source, own=trusted)
+            for lesson, verdict, task, source in items
+        ]
         with self._lock:
-            return learning.admit(self, listed, trusted)
+            return admit(self, brought)
 
-    def govern(self) -> Governed:
-        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
+    def judge(
+        self, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
+    ) -> Judged:
+        """Let ``judge`` decide which similar lessons in words contradict each other.
 
-        If a judge was given, it first decides on all similar lessons in words.
-        """
-        from gvla2.memory import governance
-
-        done = governance.Governed()
-        if not self.options.governance or self.options.frozen:
-            return done
-        with self._lock:
-            if self._judge is not None:
-                done.replaced += self.judge().archived
-            return governance.govern(self, done)
-
-    def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
-        """Let ``judge``, or the bank's own, decide which similar lessons in words contradict each other.
-
-        At most ``limit`` pairs. Of two that do, the less trusted, else the one with less evidence, is archived.
+        At most ``limit`` pairs, of which one is in ``about`` (all by default). Of two that do, the less trusted, else
+        the one with less evidence, is archived. Without governance nothing is judged.
         """
         from gvla2.memory import contradiction
 
-        chosen = judge or self._judge
-        if chosen is None or not self.options.governance or self.options.frozen:
-            off = "Governance is switched off." if chosen else "The bank has no judge."
-            return contradiction.Judged(notes=[off])
+        if not self.options.governance or self.options.frozen:
+            return contradiction.Judged()
         with self._lock:
-            return contradiction.judge(self, chosen, limit=limit)
+            return contradiction.judge(self, judge, about=about, limit=limit)
 
-    def replay(
-        self, verifier: Verifier | None = None, *, limit: int | None = None, but: str = ""
-    ) -> Replayed:
-        """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
+    def replay(self, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
+        """Verify doubtful episodes again, and promote or demote their lessons accordingly.
 
         At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
         unavailable changes nothing.
         """
         from gvla2.memory import replay
 
-        chosen = verifier or self._verifier
-        if chosen is None or not self.options.replay or self.options.frozen:
-            off = "Replay is switched off." if chosen else "The bank has no verifier."
-            return replay.Replayed(notes=[off])
+        if not self.options.replay or self.options.frozen:
+            return replay.Replayed()
         with self._lock:
-            return replay.replay(self, chosen, limit=limit, but=but)
+            return replay.replay(self, verifier, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
@@ -260,25 +240,24 @@ class KnowledgeBank(OpenBank, Closing):
             finally:
                 self.index.refresh()
 
-    # Looking ------------------------------------------------------------------------------------------------------
+    # Inspection ---------------------------------------------------------------------------------------------------
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
         with self.store.reading(self.bank) as view:
             return view.records(states)
 
-    def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
+    def search(self, text: MemoryTask | str, k: int = 20) -> list[Hit]:
         """The records that a recall would show, then the nearest others, with scores and terms; at most ``k``."""
         with self._lock:
             asked, vector = self._asked(text)
-            served = self._candidates()
-            found = self._candidates("provisional") if provisional else served
-            ranked, _ = self._retriever.rank(asked, served, vector) if len(found) else ((), "")
+            served, found = self._candidates("active"), self._candidates("active", "provisional")
+            ranked, _ = self._retriever.rank(asked, served, vector)
             hits = [Hit(served.record(r.row), r.score, dict(r.terms), reliable=True) for r in ranked]
             lexical, cosine = found.lexical(asked.query), found.cosine(vector)
             score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
             known = {hit.record.id for hit in hits}
-            for row in sorted(range(len(found)), key=lambda row: (-score[row], found.record(row).id)):
+            for row in np.argsort(-score, kind="stable").tolist():
                 if len(hits) >= k or score[row] <= 0:
                     break
                 if (record := found.record(row)).id not in known:
@@ -288,14 +267,14 @@ class KnowledgeBank(OpenBank, Closing):
             return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
-        """The bank's problems, [] if there are none; its vectors are compared with this embedder's.
+        """The bank's problems, [] if there are none.
 
         ``head`` is "SEQ:HASH" from :meth:`stats`, kept elsewhere: with it, a truncated chain is found too.
         """
         from gvla2.memory.audit import audit
 
         with self.store.reading(self.bank) as view:
-            return audit(view, head, self.embedder)
+            return audit(view, head)
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
@@ -308,30 +287,27 @@ class KnowledgeBank(OpenBank, Closing):
         return export_jsonl(self.store, self.bank, Path(path), states=states)
 
     def import_(self, path: str | Path, *, trusted: bool = False, source: str = "import") -> Imported:
-        """Read a file of :meth:`export`; its records are provisional unless ``trusted``, as your own backup."""
+        """Admit the lessons of a file of :meth:`export`; provisional unless ``trusted``, as your own export."""
         from gvla2.memory.transfer import import_jsonl
 
-        return import_jsonl(
-            self.store, self.bank, Path(path), trusted=trusted, source=source, now=self.clock()
-        )
+        with self._lock:
+            return import_jsonl(self, Path(path), trusted=trusted, source=source)
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
         with self._lock:
             self.store.close()
 
-    def _candidates(self, *more: str) -> Candidates:
-        """The records served now, and those of ``more`` states."""
+    def _candidates(self, *states: str) -> Candidates:
         self.index.refresh()
         self.index.keep()
-        states = {*SERVED, *more, *(("provisional",) if self.options.show_provisional else ())}
-        return self.index.candidates(sorted(states), now=self.clock())
+        return self.index.candidates(states, now=self.clock())
 
     def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
         """The task with a query that any retriever accepts and valid numbers, and the query's (D,) vector."""
         given = _task(task)
         query, numbers = clean(given.query, MAX_QUERY), finite(given.signature)
-        asked = MemoryTask(query, numbers, given.skill, given.objects[:MAX_OBJECTS])
+        asked = MemoryTask(query, numbers, given.skill, given.objects)
         knows = getattr(self.embedder, "knows", None)
         vector = self.embedder.embed([query])[0]
         return asked, vector if knows is None or knows(query) else np.zeros_like(vector)

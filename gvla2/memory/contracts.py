@@ -1,31 +1,22 @@
-"""What memory methods, retrievers, embedders and verifiers implement.
+"""What memory methods, retrievers, embedders, verifiers, inducers and judges implement.
 
 The whole of a memory is ``recall(task) -> context`` and ``learn(episode, verdict)``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from gvla2.memory.records import Outcome, RecordType, Trust
 
 if TYPE_CHECKING:
-    from gvla2.memory.index import Candidates
+    import numpy as np
+    from numpy.typing import NDArray
 
-RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
-LifecycleState = Literal["provisional", "active", "summary", "archive"]
-Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
-Trust = Literal["foreign", "confirmed", "own"]
-"""Levels of trust in a text, from least to most: from outside; from outside and confirmed by verified episodes of two
-independent sources; about a verified episode of ours."""
-
-TYPES: tuple[RecordType, ...] = get_args(RecordType)
-"""The types in a fixed order: numeric columns hold indices into it."""
-OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
-"""The outcomes in a fixed order: numeric columns hold indices into it."""
+    from gvla2.memory.candidates import Candidates
 
 
 @dataclass(frozen=True)
@@ -34,7 +25,7 @@ class MemoryTask:
 
     ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents; ``skill``
     narrows it if known ("" otherwise). ``objects`` are those that could be handled, a label and a shape each ("red cup
-    cylinder"): programs whose roles they can fill are preferred.
+    cylinder"): a model's lesson may speak of them.
     """
 
     query: str
@@ -106,7 +97,7 @@ class Verdict:
         """
         if not criteria or not all(0.0 <= score <= 1.0 for score in criteria.values()):
             raise ValueError(f"A verdict needs criteria with scores in [0, 1], not {dict(criteria)}.")
-        quality = float(np.mean(list(criteria.values())))
+        quality = math.fsum(criteria.values()) / len(criteria)
         outcome: Outcome = (
             "verified_success" if quality >= 0.70 else "verified_fail" if quality <= 0.35 else "uncertain"
         )

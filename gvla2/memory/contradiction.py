@@ -16,7 +16,6 @@ from typing import Any
 
 from gvla2.memory.admission import standing
 from gvla2.memory.contracts import Judge, LessonPair
-from gvla2.memory.index import SERVED
 from gvla2.memory.ledger import OpenBank, deciding
 from gvla2.memory.records import Record
 from gvla2.memory.text import numbers, stem, words
@@ -144,8 +143,8 @@ def judge(
             continue
         with deciding(bank, "judge") as ledger:
             for pair, answer in decided:
-                first, second = (ledger.get(record.id) for record in pair)
-                if first is None or second is None or not {first.state, second.state} <= {*SERVED}:
+                first, second = (ledger.transaction.get(record.id) for record in pair)
+                if first is None or second is None or {first.state, second.state} != {"active"}:
                     continue  # changed meanwhile
                 why = f"{answer.judge}: {answer.reason} (p = {answer.probability:.2f})"
                 kind = "conflict" if answer.contradicts else "dismissed"
@@ -163,12 +162,12 @@ def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[
     with bank.store.reading(bank.bank) as view:
         linked = pairs_of(view.links())
     seen = linked["conflict"] | linked["dismissed"]
-    records = [record for state in SERVED for record in bank.index.records(state) if not record.effect]
+    records = [record for record in bank.index.records("active") if not record.effect]
     for record in sorted(records, key=lambda r: (-r.updated, r.id)):
         vector = bank.index.vector(record.id)
         if vector is None or (about is not None and record.id not in about):
             continue
-        for other, cosine in bank.index.nearest(vector, NEAREST + 1, SERVED):
+        for other, cosine in bank.index.nearest(vector, NEAREST + 1):
             pair = (min(record.id, other.id), max(record.id, other.id))
             if other.id == record.id or other.effect or pair in seen or cosine < bank.options.match:
                 continue

@@ -19,14 +19,13 @@ from typing import Any
 from sqlalchemy import BigInteger, Column, Float, Index, LargeBinary, MetaData, Table, Text, UniqueConstraint
 from sqlalchemy.types import TypeEngine
 
-from gvla2.memory.contracts import MemoryTask, Verdict
-from gvla2.memory.records import COLUMNS, TYPES, Record, as_json, clean, dump, load_object
+from gvla2.memory.contracts import MemoryTask
+from gvla2.memory.records import COLUMN_TYPES, COLUMNS, Record, as_json, dump, load_object
 
 SCHEMA_VERSION = 5
 """Version of the tables, kept in ``memory_meta``; any other is refused."""
 GENESIS = ""
 """``prev`` of a bank's first event."""
-MAX_TRANSCRIPT = 200_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +126,9 @@ class Link:
 class StoredEpisode:
     """An episode as replay needs it. ``source`` identifies it in its bank; saving it again replaces it.
 
-    ``at`` is seconds since the epoch; ``facts`` are named JSON observations (an exit status); ``verdicts`` those given
-    up to now, oldest first; ``records`` the ids of the records that it taught: forgetting one of them forgets the
-    episode too.
+    ``at`` is seconds since the epoch; ``facts`` are named JSON observations (an exit status); ``judged`` counts the
+    verdicts so far; ``records`` are the ids of the records that it taught: forgetting one of them forgets the episode
+    too.
     """
 
     source: str
@@ -137,12 +136,12 @@ class StoredEpisode:
     task: MemoryTask
     transcript: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    verdicts: tuple[Verdict, ...] = ()
+    judged: int = 0
     records: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         """Canonical JSON without ``source`` and ``at``; raises ``ValueError`` or ``TypeError`` for invalid facts."""
-        data = asdict(self) | {"transcript": clean(self.transcript, MAX_TRANSCRIPT)}
+        data = asdict(self)
         del data["source"], data["at"]
         return dump(data).encode("utf-8", "replace").decode()
 
@@ -156,19 +155,14 @@ class StoredEpisode:
             return cls(
                 source=source,
                 at=at,
-                task=MemoryTask(**_frozen(data["task"])),
+                task=MemoryTask(data["task"]["query"], skill=data["task"]["skill"]),
                 transcript=str(data["transcript"]),
                 facts=dict(data["facts"]),
-                verdicts=tuple(Verdict(**_frozen(verdict)) for verdict in data["verdicts"]),
+                judged=int(data.get("judged", 1)),
                 records=tuple(data["records"]),
             )
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an episode: {error}") from error
-
-
-def _frozen(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Lists converted back to tuples."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
 
 
 # Tables -------------------------------------------------------------------------------------------------------------
@@ -205,7 +199,7 @@ RECORD = Table(
     METADATA,
     *(
         _column(name, {str: Text, int: BigInteger, float: _FLOAT}[kind], key=name in ("id", "bank"))
-        for name, kind in zip(COLUMNS, TYPES, strict=True)
+        for name, kind in zip(COLUMNS, COLUMN_TYPES, strict=True)
     ),
     UniqueConstraint("bank", "dedup_key"),
     Index("memory_by_rev", "bank", "rev"),

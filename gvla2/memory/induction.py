@@ -8,8 +8,10 @@ more than the tool.
 from __future__ import annotations
 
 import re
+from itertools import groupby
 
-from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
+from gvla2.memory.contracts import Lesson, MemoryEpisode, Verdict
+from gvla2.memory.records import RecordType
 from gvla2.memory.text import terms
 
 MAX_STEPS, MOST_ACTS = 8, 60
@@ -22,8 +24,6 @@ _MARKED = (
     re.compile(r"<action>\s*(.*?)\s*</action>", re.DOTALL | re.IGNORECASE),
     re.compile(r"^[ \t]*```(?:bash|sh|shell|mswea_bash_command)\n(.*?)^[ \t]*```", re.DOTALL | re.MULTILINE),
     re.compile(r"^[ \t]*[$>][ \t]+(\S.*)$", re.MULTILINE),
-    re.compile(r"^[ \t]*action[ \t]*(?:\d+[ \t]*)?:[ \t]*(\S.*)$", re.MULTILINE | re.IGNORECASE),
-    re.compile(r"^[ \t]*(?:step[ \t]+)?\d+[.):][ \t]+(\S.*)$", re.MULTILINE | re.IGNORECASE),
 )
 _STEP = re.compile(r"^\s*(?:[-*•]|>>>|#|tool:|cmd:|command:)\s*(.+)$", re.IGNORECASE)
 _FURTHER = re.compile(r"(?<=[a-z\])])[.;!?](?:\s|$)")
@@ -36,15 +36,15 @@ _TROUBLE = re.compile(
 def acts_of(transcript: str) -> list[str]:
     """The actions marked in a transcript, one line each, at most 60; consecutive repeats count once.
 
-    Recognised are the robot's own transcripts, actions in tags or after "action:", shell sessions (fenced blocks, `$
-    command`), and numbered or "Step n:" lists. No other text: a line may be tool output.
+    Recognized are the robot's own transcripts, actions in tags, and shell sessions (fenced blocks, `$ command`). No
+    other text: a line may be tool output.
     """
     text = transcript[:_LONGEST]
     executed = _EXECUTED.search(text)
     forms = [_WAYPOINT.findall(executed[1]) if executed else [], *(form.findall(text) for form in _MARKED)]
     for form in forms:
         if steps := [line for found in form if (line := " ".join(found.split()))]:
-            return [s for i, s in enumerate(steps) if i == 0 or s != steps[i - 1]][:MOST_ACTS]
+            return [step for step, _ in groupby(steps)][:MOST_ACTS]
     return []
 
 

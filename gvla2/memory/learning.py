@@ -22,22 +22,19 @@ from gvla2.memory.admission import (
     invalid_json,
     new_record,
     phrasings,
-    repeated,
     restarted,
     standing,
     weigh,
 )
-from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Trust, Verdict
+from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.contradiction import conflict_of, same_lesson
 from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.forgetting import SUMMED_UP
-from gvla2.memory.governance import Governed, Governing
-from gvla2.memory.index import SECONDS_PER_DAY, SERVED, STATES
+from gvla2.memory.governance import govern
+from gvla2.memory.index import STATES
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import Ledger, OpenBank, deciding
 from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
-from gvla2.memory.replay import with_verdict
 from gvla2.memory.trust import Origin, adds, believed, least, trust_of
 
 CHUNK = 256
@@ -56,7 +53,14 @@ class Brought:
     episode: MemoryEpisode
     verdict: Verdict
     own: bool
-    unsure: Mapping[str, str]
+    unsure: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def lesson(cls, lesson: Lesson, verdict: Verdict, task: MemoryTask, source: str, *, own: bool) -> Brought:
+        """One lesson without an episode."""
+        return cls(
+            MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE)), credible(verdict)[0], own
+        )
 
     @property
     def origin(self) -> Origin:
@@ -106,17 +110,11 @@ def learn(bank: OpenBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
     return tally.learned()
 
 
-def admit(bank: OpenBank, items: Sequence[tuple[Lesson, Verdict, MemoryTask, str]], own: bool) -> Learned:
-    """Store lessons without an episode, each with its verdict, task and source; ``own``: as ours."""
+def admit(bank: OpenBank, items: Sequence[Brought]) -> Learned:
+    """Store lessons without an episode; some hundred share a transaction, so that an error keeps the ones before."""
     tally = LessonTally()
     for start in range(0, len(items), CHUNK):
-        brought: list[Brought] = []
-        for lesson, given, task, source in items[start : start + CHUNK]:
-            verdict, note = credible(given)
-            tally.note(note)
-            episode = MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE))
-            brought.append(Brought(episode, verdict, own, {}))
-        weighed = _weighed(bank, brought, tally, 1)
+        weighed = _weighed(bank, items[start : start + CHUNK], tally, 1)
         with deciding(bank, "admit") as ledger:
             _bring_in(bank, ledger, weighed, tally)
     return tally.learned()
@@ -181,27 +179,15 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
 def _bring_in(
     bank: OpenBank, ledger: Ledger, weighed: Sequence[tuple[Brought, list[Weighed]]], tally: LessonTally
 ) -> None:
-    governing = Governing(ledger, Governed())
-    sources = {one.episode.source for one, _ in weighed if one.episode.source}
-    stored = {one.source: one for one in ledger.transaction.episodes(sources)}
-    ledger.expect(candidate.key for _, some in weighed for candidate in some)
     for one, some in weighed:
         learning = Learning(ledger, one, tally)
         for candidate in some:
             learning.add(candidate)
-        if source := one.episode.source:
-            known = stored.get(source) or StoredEpisode(source, ledger.now, one.episode.task)
-            stored[source] = _kept(known, one, learning.touched, ledger.now)
-        for id in learning.touched if bank.options.governance else ():
-            record = ledger.get(id)
-            if record is not None and record.state == "active":
-                governing.sum_up(record)
+        if one.episode.source:
+            known = ledger.transaction.episodes([one.episode.source]).get(one.episode.source)
+            ledger.transaction.save_episode(_kept(known, one, learning.touched, ledger.now))
     if bank.options.governance:
-        if ledger.now - bank.retired_at > SECONDS_PER_DAY / 24:
-            bank.retired_at = ledger.now
-            governing.retire()
-        governing.touched()
-    ledger.transaction.save_episodes(stored[source] for source in sorted(sources))
+        govern(bank, ledger)
 
 
 def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
@@ -210,7 +196,7 @@ def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
         return
     success = verdict.outcome == "verified_success"
     for id in sorted({item.id for item in context.items}):
-        record = ledger.get(id)
+        record = ledger.transaction.get(id)
         if record is None:
             continue
         credited = replace(record, recalled=record.recalled + 1)
@@ -220,19 +206,20 @@ def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
         ledger.put(credited, "CREDIT" if success else "RECALLED", why)
 
 
-def _kept(known: StoredEpisode, one: Brought, touched: Sequence[str], now: float) -> StoredEpisode:
+def _kept(known: StoredEpisode | None, one: Brought, touched: Sequence[str], now: float) -> StoredEpisode:
     """The episode as replay needs it; each source has one, with its latest records."""
     episode, task = one.episode, one.episode.task
+    known = known or StoredEpisode(episode.source, now, task)
     facts = {} if invalid_json(episode.facts) else dict(episode.facts)
-    stored = replace(
+    return replace(
         known,
         at=now,
         task=MemoryTask(clean(task.query, MAX_QUERY), {}, clean(task.skill, 64)),
         transcript=clean(episode.transcript, MAX_TRANSCRIPT) or known.transcript,
         facts=facts or known.facts,
+        judged=known.judged + 1,
         records=tuple(dict.fromkeys([*known.records, *touched]))[-MAX_TAUGHT:],
     )
-    return with_verdict(stored, one.verdict)
 
 
 class Learning:
@@ -255,50 +242,47 @@ class Learning:
             why = f"{known.id} gains nothing from it: its source is already counted, or the lesson is ours"
             self._discard(known.id, why)
             return
-        # A summary includes other texts, with origins of their own.
-        summary = known is not None and known.state == "summary"
-        trust = known.trust if known and summary else trust_of([*earlier, origin])
+        trust = trust_of([*earlier, origin])
         if candidate.state != "active":
             self._hold_back(replace(fresh, note=candidate.note), known, None)
         elif not believed(trust):
             note = candidate.note or "no two independent sources have confirmed it"
             self._hold_back(replace(fresh, trust=trust, state="provisional", note=note), known, origin)
-        elif known and known.state in SERVED:
-            self._confirm(known, fresh, trust)
-        elif known and known.state == "archive" and counted(known, self._episode):
+        elif known and counted(known, self._episode) and known.state == "archive":
             self._discard(known.id, f"{known.id} stays archived: it rests on this episode already")
+        elif known and counted(known, self._episode) and known.state == "active":
+            self._repeat(known, self._tally.merged)
+        elif known and known.state == "active":
+            grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
+            self._store(replace(grown, trust=trust), "MERGE", "one more episode says the same", origin)
+            self._tally.merged.append(known.id)
         else:
             self._activate(replace(fresh, trust=trust), known, rivals, candidate.vector)
 
     def _known(
         self, candidate: Weighed, fresh: Record, rivals: Sequence[tuple[Record, float]]
     ) -> Record | None:
-        """The record that says the same: with the same key, or near in other inflections; the summary of one."""
-        known = self._ledger.by_key(candidate.key)
-        if known is not None and known.state == "archive" and known.note.startswith(SUMMED_UP):
-            summary = self._ledger.get(known.note.removeprefix(SUMMED_UP))
-            known = summary if summary is not None and summary.state == "summary" else known
+        """The record that says the same: with the same key, or near in other inflections."""
+        known = self._ledger.transaction.by_key(candidate.key)
         if known is not None and known.state != "archive":
             return known
-        states = SERVED if candidate.trust == "own" else STATES
+        states = ("active",) if candidate.trust == "own" else STATES
         for rival, cosine in rivals if self._ledger.options.governance else ():
             near = rival.state in states and cosine >= self._ledger.options.match
             if near and same_lesson(rival, fresh) and not conflict_of(rival, fresh):
                 return rival
         return known
 
-    # Lessons that are not believed --------------------------------------------------------------------------------
-
     def _hold_back(self, fresh: Record, known: Record | None, origin: Origin | None) -> None:
-        """Keep an unbelieved lesson as provisional; it changes nothing that is believed or archived."""
+        """Keep a lesson that is not believed as provisional; it changes nothing that is believed or archived."""
         if known is None:
             self._provisional(fresh, "PROVISIONAL", origin)
         elif known.state == "archive":
             self._discard(known.id, "an unverified repeat of what was archived changes nothing")
-        elif known.state in SERVED:
+        elif known.state == "active":
             self._discard(known.id, f"{known.id} is already believed: an unbelieved repeat changes nothing")
         elif counted(known, self._episode):
-            self._repeat(known, fresh, self._tally.provisional)
+            self._repeat(known, self._tally.provisional)
         else:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             outcome = fresh.outcome if origin else known.outcome
@@ -315,27 +299,13 @@ class Learning:
         self._ledger.transaction.decide("DISCARD", id, why=why)
         self.touched.append(id)
 
-    def _repeat(self, known: Record, fresh: Record, listed: list[str]) -> None:
+    def _repeat(self, known: Record, listed: list[str]) -> None:
         """The same source again: it counts only once."""
         why = f"{known.id} already rests on this episode, which counts once"
         listed.append(known.id)
         self._tally.note(f"{why}.")
-        again = repeated(known, fresh)
-        if again == known:
-            self._ledger.transaction.decide("REPEATED", known.id, why=why)
-        else:
-            self._ledger.put(again, "REPEATED", why)
+        self._ledger.transaction.decide("REPEATED", known.id, why=why)
         self.touched.append(known.id)
-
-    # Lessons that are ---------------------------------------------------------------------------------------------
-
-    def _confirm(self, known: Record, fresh: Record, trust: Trust) -> None:
-        if counted(known, self._episode):
-            self._repeat(known, fresh, self._tally.merged)
-            return
-        grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
-        self._store(replace(grown, trust=trust), "MERGE", "one more episode says the same", self._origin)
-        self._tally.merged.append(known.id)
 
     def _activate(
         self,
@@ -353,7 +323,7 @@ class Learning:
             record = replace(grown, state="active", outcome=fresh.outcome, trust=fresh.trust, note="")
         against = []
         for rival, _ in rivals if ledger.options.governance else ():
-            if rival.state in SERVED and rival.id != record.id and (why := conflict_of(record, rival)):
+            if rival.state == "active" and rival.id != record.id and (why := conflict_of(record, rival)):
                 against.append((rival, why))
         losers = [rival for rival, _ in against if rival.type == record.type]
         strongest = min(losers, key=standing, default=None)

@@ -13,18 +13,17 @@ class BankOptions:
     """What a bank admits, shows and keeps.
 
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons are admitted
-    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summarised, or archived
-    for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures). ``retrieval`` is
-    "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
-    without binding force; ``frozen`` stops learning while recall goes on.
+    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is merged by similarity, retired, or
+    archived for the budget, and contradictions stay), ``failures`` (off: nothing is learned from failures).
+    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes
+    on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
     records.
 
     Consolidation compares a lesson with the ``rivals`` nearest records above a cosine of ``match``. Governance retires
-    unused failures after ``retire_days``; ``summary_size`` successes in words that differ in their numbers only become
-    one summary. Replay looks at records with a confidence below ``replay_confidence``, at most ``replay_per_episode``
-    episodes after each that is learnt (0: only on demand).
+    unused failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``, at
+    most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
     """
 
     admission: bool = True
@@ -32,7 +31,6 @@ class BankOptions:
     governance: bool = True
     failures: bool = True
     retrieval: str = "full"
-    show_provisional: bool = False
     frozen: bool = False
     max_chars: int = 2400
     max_per_episode: int = 16
@@ -41,7 +39,6 @@ class BankOptions:
     rivals: int = 16
     match: float = 0.35
     retire_days: float = 14.0
-    summary_size: int = 3
     replay_confidence: float = 0.4
     replay_per_episode: int = 1
 
@@ -61,15 +58,14 @@ class BankOptions:
 
 @dataclass
 class ScoreWeights:
-    """The constants of S, as the paper's authors released them; ``applicability`` and ``program`` are ours.
+    """The constants of S, as the paper's authors released them; ``applicability`` is ours.
 
     Bonuses by the record's outcome: ``verified`` also applies to a constraint that a verified failure supports (the
     released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
     anything else that failed; ``unjudged`` if the verifier was unavailable. ``recency`` is lost at one unit in
     ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a year.
     ``applicability`` is gained in the same scene that a record comes from, and lost in a quite different one;
-    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left. ``program`` is
-    gained by a program whose roles the task's objects can fill, and lost by one of which they can fill none.
+    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left.
     """
 
     verified: float = 0.30
@@ -87,7 +83,6 @@ class ScoreWeights:
     ageing: float = 0.20
     applicability: float = 0.25
     signature_scale: float = 0.5
-    program: float = 0.25
 
 
 @dataclass(kw_only=True)

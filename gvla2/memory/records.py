@@ -9,14 +9,24 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from operator import attrgetter
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
+RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
+LifecycleState = Literal["provisional", "active", "archive"]
+Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
+Trust = Literal["foreign", "confirmed", "own"]
+"""Levels of trust in a text, from least to most: from outside; from outside and confirmed by verified episodes of two
+independent sources; about a verified episode of ours."""
+
+TYPES: tuple[RecordType, ...] = get_args(RecordType)
+"""The types in a fixed order: numeric columns hold indices into it."""
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+"""The outcomes in a fixed order: numeric columns hold indices into it."""
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
 MAX_QUERY, MAX_PHRASINGS = 1000, 8
-"""Most characters of one instruction in a record, and most instructions."""
+"""Maximum length of one instruction in a record, characters, and maximum number of instructions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +35,8 @@ class Record:
     :class:`~gvla2.memory.view.RecordChange`.
 
     ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
-    often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
-    outcome was verified either way. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
+    often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one that was
+    verified as either. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
     ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect`` one
     or "". ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
     of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it or a link
@@ -91,7 +101,7 @@ _NUMBERS = tuple(COLUMNS.index(name) for name in ("confidence", "quality", "crea
 _COUNTS = tuple(COLUMNS.index(name) for name in ("count", "usage", "recalled"))
 _SIGNATURE, _EFFECT = COLUMNS.index("signature"), COLUMNS.index("effect")
 _VALUES = attrgetter(*COLUMNS)
-TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
+COLUMN_TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
@@ -117,8 +127,10 @@ def load_object(text: str) -> dict[str, Any]:
 
 def damage_of(row: tuple[Any, ...]) -> str:
     """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" if nothing."""
-    if (kinds := tuple(map(type, row))) != TYPES:
-        wrong = [name for name, kind, due in zip(COLUMNS, kinds, TYPES, strict=True) if kind is not due]
+    if (kinds := tuple(map(type, row))) != COLUMN_TYPES:
+        wrong = [
+            name for name, kind, due in zip(COLUMNS, kinds, COLUMN_TYPES, strict=True) if kind is not due
+        ]
         return f"{', '.join(wrong)} of a wrong type"
     for i in _NUMBERS:
         if not math.isfinite(row[i]):
@@ -137,11 +149,6 @@ def damage_of(row: tuple[Any, ...]) -> str:
         except (ValueError, TypeError, RecursionError) as error:
             return f"{COLUMNS[i]} is not valid JSON ({error})"
     return ""
-
-
-def numbered(record: Record, version: int, rev: int) -> Record:
-    """The same record with another version and rev."""
-    return Record(*(*_VALUES(record)[:-2], version, rev))
 
 
 def as_json(record: Record) -> dict[str, Any]:
@@ -177,7 +184,7 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 
-def record_id(kind: RecordType | Literal["summary"], bank: str, key: str) -> str:
+def record_id(kind: RecordType, bank: str, key: str) -> str:
     """A short, stable id: the same lesson in the same bank has the same one on every machine."""
-    prefix = {"procedural_hint": "hint", "failure_avoidance": "avoid", "tool_usage": "tool"}.get(kind, kind)
+    prefix = {"procedural_hint": "hint", "failure_avoidance": "avoid", "tool_usage": "tool"}[kind]
     return f"{prefix}-{hashlib.blake2b(dump([bank, key]).encode(), digest_size=6).hexdigest()}"

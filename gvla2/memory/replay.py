@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gvla2.memory.admission import credible, pooled_quality, weigh
+from gvla2.memory.admission import credible, pooled_quality, standing, weigh
 from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
+from gvla2.memory.contradiction import conflict_of
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.ledger import OpenBank, deciding
+from gvla2.memory.ledger import Ledger, OpenBank, deciding
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
-
-MAX_VERDICTS = 16
-"""Verdicts kept with an episode; the first one and the latest."""
 
 
 @dataclass
@@ -58,14 +56,14 @@ def _asked(bank: OpenBank, limit: int | None, but: str) -> list[StoredEpisode]:
             if one.state == "provisional" or one.id in contested or one.confidence < least:
                 listed |= dict.fromkeys(reversed(one.sources()))  # the latest one first
         sources = [source for source in listed if source != but][: None if limit is None else 8 * limit]
-        episodes = {episode.source: episode for episode in view.episodes(sources)}
+        episodes = view.episodes(sources)
     kept = [episodes[source] for source in sources if source in episodes]
-    return sorted(kept, key=lambda episode: len(episode.verdicts))[:limit]
+    return sorted(kept, key=lambda episode: episode.judged)[:limit]
 
 
 def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> None:
     with deciding(bank, "replay") as ledger:
-        episode = next(iter(ledger.transaction.episodes([source])), None)
+        episode = ledger.transaction.episodes([source]).get(source)
         if episode is None:
             return  # forgotten meanwhile
         for record in ledger.transaction.records(ids=episode.records):
@@ -73,16 +71,22 @@ def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> No
             if not action or source not in record.sources():
                 continue
             ledger.put(changed, action, why)
+            if action == "PROMOTE":
+                _settle(ledger, changed)
             listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
             listed[action].append(record.id)
-        ledger.transaction.save_episodes([with_verdict(episode, verdict)])
+        ledger.transaction.save_episode(replace(episode, judged=episode.judged + 1))
 
 
-def with_verdict(episode: StoredEpisode, verdict: Verdict) -> StoredEpisode:
-    """The episode with one more verdict."""
-    verdicts = (*episode.verdicts, verdict)
-    kept = verdicts if len(verdicts) <= MAX_VERDICTS else (verdicts[0], *verdicts[-MAX_VERDICTS + 1 :])
-    return replace(episode, verdicts=kept)
+def _settle(ledger: Ledger, promoted: Record) -> None:
+    """Archive what contradicts a promoted record, or that itself if it is outweighed."""
+    for rival in ledger.held("active"):
+        if rival.id != promoted.id and rival.type == promoted.type and (why := conflict_of(promoted, rival)):
+            winner, loser = sorted((promoted, rival), key=standing)
+            ledger.archive(loser, "REPLACED", f"replaced by {winner.id}")
+            ledger.transaction.link(winner.id, "conflict", loser.id, why)
+            if loser.id == promoted.id:
+                return
 
 
 def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) -> tuple[str, Record, str]:

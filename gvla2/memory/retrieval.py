@@ -1,32 +1,29 @@
 """The retrievers of a bank: by the score S of the paper, with abstention, and by similarity alone.
 
-S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, plus our own terms: the geometric
-applicability of robot memories, and whether a program's roles can be filled.
+S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, plus our own term: the geometric
+applicability of robot memories.
 """
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import OUTCOMES, TYPES, MemoryTask, Ranked
-from gvla2.memory.index import Candidates, largest
+from gvla2.memory.candidates import Array, Candidates
+from gvla2.memory.contracts import MemoryTask, Ranked
 from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
-from gvla2.memory.records import dump
-from gvla2.memory.text import questions, terms, words
+from gvla2.memory.records import OUTCOMES, TYPES, Record, dump
+from gvla2.memory.text import questions, words
 
-Array = NDArray[np.float64]
 _CONSTRAINT = TYPES.index("failure_avoidance")
 _FAIL = OUTCOMES.index("verified_fail")
-_LOOKED_AT = 256
-"""Of constraints, hints and programs each, this many of the best are considered."""
-_LANGUAGES = 4
-"""Programs of further languages are ignored, so that recall is bounded."""
+_LOOKED_AT = 1000
+"""Number of the best records that are considered."""
 
 
 class HybridRetriever:
@@ -64,30 +61,28 @@ class HybridRetriever:
                 f"query's words, which counts {evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is "
                 f"required, or {options.min_words:.0%} of the words)."
             )
-        rows = np.flatnonzero(about & self._fitting(task, candidates))
+        rows = np.flatnonzero(about)
+        for name in set(options.essential) & task.signature.keys():
+            # nan, of a record without the number, does not exclude
+            rows = rows[~(scene_difference(task.signature, name, candidates, rows) > options.max_difference)]
         if not len(rows):
             why = "records are about this, all of them from a different geometry"
             return (), f"{np.count_nonzero(about)} {why}."
-
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
-        filled = np.full(len(rows), math.nan)  # (K,) how well the task's objects can fill a program's roles
-        for i in np.flatnonzero(candidates.programs[rows]) if task.objects else ():
-            filled[i] = share_filled(candidates.record(int(rows[i])).effect_json(), task.objects)
-        scored = score_terms(
+        terms = score_terms(
             options.weights,
             candidates,
             rows,
             # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
             relevance=relevance / max(float(relevance.max()), 1e-9),
             distance=scene_distance(task.signature, candidates, rows),
-            filled=filled,
         )
-        scores = np.sum(list(scored.values()), axis=0)
+        scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
             best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
             return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
         return [
-            Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in scored.items()})
+            Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
             for i in self._chosen(rows, scores, candidates)
         ], ""
 
@@ -97,46 +92,27 @@ class HybridRetriever:
         Constraints, hints and the programs of each language have separate limits: a planner reads programs of one
         language, which those of another must not crowd out.
         """
-        options, row = self._options, rows.tolist()
-        programs = candidates.programs[rows]
-        constraints = (candidates.types[rows] == _CONSTRAINT) & ~programs
-        taken: list[int] = []
-        for kind, most in (
-            (constraints, options.top_k_constraints),
-            (~constraints & ~programs, options.top_k),
-            (programs, options.programs),
-        ):
-            some = np.flatnonzero(kind & (scores >= options.min_score))
-            if len(some) > _LOOKED_AT:
-                some = some[np.argpartition(-scores[some], _LOOKED_AT)[:_LOOKED_AT]]
-            groups: dict[str, list[int]] = {}
-            for i in sorted(some.tolist(), key=lambda i: (-scores[i], candidates.record(row[i]).id)):
-                program = candidates.record(row[i]).effect_json() if programs[i] else None
-                language = str(program.get("language")) if program else ""
-                if language not in groups and len(groups) == _LANGUAGES:
-                    continue
-                group = groups.setdefault(language, [])
-                if len(group) < most and not any(self._same(row[i], row[j], candidates) for j in group):
-                    group.append(i)
-            taken += [i for group in groups.values() for i in group]
-        return sorted(taken, key=lambda i: (-scores[i], candidates.record(row[i]).id))
+        options, chosen = self._options, list[int]()
+        shown: dict[str, list[Record]] = defaultdict(list)
+        for i in np.argsort(-scores, kind="stable")[:_LOOKED_AT].tolist():
+            if scores[i] < options.min_score:
+                break
+            record = candidates.record(int(rows[i]))
+            kind, most = "hint", options.top_k
+            if candidates.programs[rows[i]]:
+                kind, most = str((record.effect_json() or {}).get("language")), options.programs
+            elif record.type == "failure_avoidance":
+                kind, most = "constraint", options.top_k_constraints
+            if len(shown[kind]) < most and not any(self._same(record, other) for other in shown[kind]):
+                shown[kind].append(record)
+                chosen.append(i)
+        return chosen
 
-    def _same(self, one: int, other: int, candidates: Candidates) -> bool:
+    def _same(self, first: Record, second: Record) -> bool:
         """Whether two records say the same, apart from their effects' numbers (the better record's are shown)."""
-        mine, theirs = (_wording(candidates.record(row).content) for row in (one, other))
-        if len(mine & theirs) < self._options.same_words * len(mine | theirs):
-            return False
-        return _parameter(candidates, one) == _parameter(candidates, other)
-
-    def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
-        """(N,) whether all essential numbers of the scene, if both have them, are near enough."""
-        fits = np.ones(len(candidates), np.bool_)
-        for name in self._options.essential:
-            asked = task.signature.get(name, math.nan)
-            if math.isfinite(asked):
-                difference = relative_difference(candidates.numbers(name), float(asked))
-                fits &= ~(difference > self._options.max_difference)  # nan does not exclude
-        return fits
+        mine, theirs = _wording(first.content), _wording(second.content)
+        alike = len(mine & theirs) >= self._options.same_words * len(mine | theirs)
+        return alike and _parameter(first) == _parameter(second)
 
 
 class SemanticRetriever:
@@ -156,11 +132,10 @@ class SemanticRetriever:
             return (), "The bank is empty."
         if not query_embedding.any():
             return (), "The query has no vector to search by."
-        if self._options.top_k <= 0:
-            return (), "The retriever's top_k is 0."
         cosines = candidates.cosine(query_embedding)
-        best = largest(cosines, self._options.top_k, lambda row: candidates.record(row).id)
-        return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""
+        best = np.argsort(-cosines, kind="stable")[: max(self._options.top_k, 0)].tolist()
+        ranked = [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best]
+        return ranked, "" if ranked else "The retriever's top_k is 0."
 
 
 @lru_cache(maxsize=1024)
@@ -168,11 +143,11 @@ def _wording(content: str) -> frozenset[str]:
     return frozenset(words(content))
 
 
-def _parameter(candidates: Candidates, row: int) -> str:
+def _parameter(record: Record) -> str:
     """The parameter of an effect; a program stands for itself."""
-    effect = candidates.record(row).effect_json() or {}
+    effect = record.effect_json() or {}
     if effect.get("kind") == "program":
-        return dump(dict(effect))
+        return dump(effect)
     return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])
 
 
@@ -186,12 +161,11 @@ def score_terms(
     *,
     relevance: Array,
     distance: Array,
-    filled: Array,
 ) -> dict[str, Array]:
     """The terms of S by name, each (K,) for the (K,) ``rows``; penalties are negative, so that S is their sum.
 
     ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan if not
-    applicable; ``filled`` (K,) the share of a program's roles that can be filled, nan without a program.
+    applicable.
     """
     ages, usage, outcomes = candidates.ages[rows], candidates.usage[rows], candidates.outcomes[rows]
     # In the order of OUTCOMES.
@@ -210,46 +184,22 @@ def score_terms(
         "conflict": -np.minimum(weights.conflict * candidates.conflicts[rows], weights.conflict_most),
         "stale": -np.where(forgotten, weights.stale_failure, ageing),
         "applicability": np.where(np.isnan(fit), 0.0, weights.applicability * fit),
-        "program": np.where(np.isnan(filled), 0.0, weights.program * (2 * filled - 1)),
     }
 
 
 def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows: NDArray[np.intp]) -> Array:
     """(K,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
     total, shared = np.zeros(len(rows)), np.zeros(len(rows))
-    for name, asked in signature.items():
-        if math.isfinite(asked):
-            difference = relative_difference(candidates.numbers(name)[rows], float(asked))
-            known = ~np.isnan(difference)
-            total[known] += difference[known]
-            shared += known
+    for name in signature:
+        difference = scene_difference(signature, name, candidates, rows)
+        total += np.nan_to_num(difference)
+        shared += ~np.isnan(difference)
     return np.where(shared > 0, total / np.maximum(shared, 1.0), math.nan)
 
 
-def relative_difference(known: Array, asked: float) -> Array:
-    """(N,) differences as a share of the larger number, nan if unknown."""
+def scene_difference(
+    signature: Mapping[str, float], name: str, candidates: Candidates, rows: NDArray[np.intp]
+) -> Array:
+    """(K,) differences of one of the scenes' numbers, as a share of the larger one; nan if unknown."""
+    asked, known = float(signature[name]), candidates.numbers(name)[rows]
     return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))
-
-
-def share_filled(effect: Mapping[str, Any] | None, objects: Sequence[str]) -> float:
-    """How well the objects can fill the program's roles, one object each: 0 (no role) to 1 (every role in full).
-
-    A role is filled by the share of its words that the object has: a mug is not a cup, but both may be cylinders. The
-    best pairs are taken first. nan without a program or roles, or if the objects are unknown.
-    """
-    roles = (effect or {}).get("roles")
-    if (effect or {}).get("kind") != "program" or not isinstance(roles, Mapping) or not (roles and objects):
-        return math.nan
-    wanted, offered = [terms(str(role)) for role in roles.values()], [terms(one) for one in objects]
-    pairs = [
-        (len(need & have) / len(need) if need else 1.0, i, j)
-        for i, need in enumerate(wanted)
-        for j, have in enumerate(offered)
-    ]
-    total, done, used = 0.0, set[int](), set[int]()
-    for share, i, j in sorted(pairs, key=lambda pair: (-pair[0], pair[1:])):
-        if i not in done and j not in used:
-            total += share
-            done.add(i)
-            used.add(j)
-    return total / len(wanted)

@@ -12,9 +12,9 @@ from sqlalchemy import select
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.io.database_url import Closing, parsed
-from gvla2.memory.database import Database
+from gvla2.memory.database import Database, PostgresDatabase, SqliteDatabase
 from gvla2.memory.events import BANK
-from gvla2.memory.forgetting import Transaction
+from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
 
 LONGEST_NAME = 200
@@ -41,11 +41,7 @@ class Store(Closing):
         """
         url = parsed(address)
         if url.drivername == "sqlite":
-            from gvla2.memory.sqlite import SqliteDatabase
-
             return cls(SqliteDatabase(Path(str(url.database)), busy_seconds, create))
-        from gvla2.memory.postgres import PostgresDatabase
-
         return cls(PostgresDatabase(url, busy_seconds, create))
 
     @contextmanager
@@ -131,13 +127,8 @@ def wrong_bank_name(name: str) -> str:
     equal-looking names are equal. Spaces, quotes, control characters and direction marks would be misread in a shell, a
     message or a file name.
     """
-    if (
-        name
-        and len(name) <= LONGEST_NAME
-        and name[0].isalnum()
-        and all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name)
-        and unicodedata.is_normalized("NFC", name)
-    ):
+    letters = all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name) and name[:1].isalnum()
+    if letters and len(name) <= LONGEST_NAME and unicodedata.is_normalized("NFC", name):
         return ""
     printed = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in name[:LONGEST_NAME])
     return (

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import get_args
 
-from gvla2.memory.contracts import Trust
+from gvla2.memory.records import Trust
 
 LEVELS: tuple[Trust, ...] = get_args(Trust)
 """From the least trusted to the most."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Select, func, or_, select
+from sqlalchemy import Connection, Row, Select, func, select
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.events import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR, Event, Link, StoredEpisode
@@ -71,10 +71,10 @@ class BankView:
         """The record, None if it is missing, damaged or forgotten."""
         return next(iter(self.records(ids=[id])), None)
 
-    def by_keys(self, keys: Collection[str]) -> dict[str, Record]:
-        """The records of dedup keys, by key."""
-        rows = self._named(self._of(RECORD), RECORD.c.dedup_key, keys)
-        return {record.dedup_key: record for row in rows if (record := sound(row)) is not None}
+    def by_key(self, key: str) -> Record | None:
+        """The record of a dedup key."""
+        row = self.sql.execute(self._of(RECORD).where(RECORD.c.dedup_key == key)).one_or_none()
+        return None if row is None else sound(row)
 
     def records(self, states: Wanted = None, ids: Wanted = None) -> list[Record]:
         """The records in these states, with these ids (all by default; never forgotten ones), by id."""
@@ -88,22 +88,21 @@ class BankView:
         return self._named(query, RECORD.c.id, ids)
 
     def changes(self, since: int = 0) -> list[RecordChange]:
-        """Changes by transactions after ``since``, each record once, by rev and id, including forgotten ones."""
+        """Changes by transactions after ``since``, each record once, including forgotten ones."""
         columns = (VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
         query, found = select(*columns).select_from(RECORD.outerjoin(VECTOR, _PAIRED)), []
         for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
             record = sound(row[3:], forgotten=True)
             if record is not None:
                 found.append((record, vector_of(row[1], row[2]), row[0] or ""))
-        found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
         against = self.conflicts({record.id for record, _, _ in found})
         return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
 
-    def vector_rows(self) -> Iterator[Row[Any]]:
-        """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""
-        columns = (VECTOR.c.id, VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
+    def vector_rows(self) -> Iterator[tuple[Any, ...]]:
+        """(id, dimension, bytes, state of the record or None) of the stored vectors."""
+        columns = (VECTOR.c.id, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
         joined = self._of(VECTOR, *columns).select_from(VECTOR.outerjoin(RECORD, _PAIRED))
-        return self._streamed(joined)
+        return (tuple(row) for row in self._streamed(joined))
 
     # Links --------------------------------------------------------------------------------------------------------
 
@@ -127,27 +126,23 @@ class BankView:
         return (Event(*tuple[Any, ...](row)) for row in self._streamed(query.order_by(EVENT.c.seq)))
 
     def history(self, id: str) -> list[Event]:
-        """The events about one record (or one episode's source), oldest first."""
-        names = self._of(EPISODE, EPISODE.c.name).where(EPISODE.c.source == id)
-        query = self._of(EVENT).where(or_(EVENT.c.record == id, EVENT.c.record.in_(names)))
+        """The events about one record, oldest first."""
+        query = self._of(EVENT).where(EVENT.c.record == id)
         found = (Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq)))
         return [event for event in found if not event.damage]
 
-    def origins(self, ids: Collection[str]) -> dict[str, list[str]]:
-        """The origins of the evidence behind each of these records, oldest first; records without any are left out."""
-        query = self._of(EVENT, EVENT.c.record, EVENT.c.origin).where(EVENT.c.origin != "")
-        found: dict[str, list[str]] = {}
-        for row in self._named(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
-            found.setdefault(row.record, []).append(str(row.origin))
-        return found
+    def origins(self, id: str) -> list[str]:
+        """The origins of the evidence behind a record, oldest first."""
+        query = self._of(EVENT, EVENT.c.origin).where(EVENT.c.record == id, EVENT.c.origin != "")
+        return [str(origin) for origin in self.sql.execute(query.order_by(EVENT.c.seq)).scalars()]
 
-    def episodes(self, sources: Wanted = None) -> list[StoredEpisode]:
-        """The stored episodes, of these sources or all, by time and source."""
-        found = []
+    def episodes(self, sources: Wanted = None) -> dict[str, StoredEpisode]:
+        """The stored episodes by source, of these sources or all."""
+        found = {}
         for row in self.episode_rows(sources):
             with suppress(ValueError):  # damaged: the audit reports it
-                found.append(StoredEpisode.from_json(row.source, row.at, row.data))
-        return sorted(found, key=lambda episode: (episode.at, episode.source))
+                found[row.source] = StoredEpisode.from_json(row.source, row.at, row.data)
+        return found
 
     def episode_rows(self, sources: Wanted = None) -> Iterator[Row[Any]]:
         """The rows of the stored episodes, damaged or not."""

@@ -6,7 +6,7 @@ the first fault: a planner that is asked again should get all findings at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -171,8 +171,6 @@ SHUT = 0.5
 """Openings below it count as closed: a hand that only narrows is preparing."""
 TOOL_REACH, NEARER = 0.03, 0.005
 """A closed hand is a tool if it comes this near to an allowed contact, and this much nearer than where it closed."""
-SHOVED = 0.02
-"""A hand that moves this far sideways through an object, metres, drags it along: its place is then unknown."""
 STEP = 0.01
 """Spacing of samples along a move of a closed hand, metres."""
 
@@ -196,8 +194,8 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
 class _Reading:
     """The hand while the trajectory is read.
 
-    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``objects`` are the objects
-    at their present places, ``shoved`` those whose place is unknown; ``grip`` is the carried one's pose in the hand.
+    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``objects`` are at their
+    present places; ``grip`` is the carried one's pose in the hand.
     """
 
     def __init__(
@@ -215,7 +213,6 @@ class _Reading:
         self.closed: int | None = None
         self.grasped = False
         self.grip: FloatArray | None = None
-        self.shoved: set[str] = set()
 
     def arrive(self, i: int) -> None:
         """The move to waypoint ``i``, and its opening or closing."""
@@ -223,8 +220,6 @@ class _Reading:
         if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
             self.found.fail(i, "opening_range", f"opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
         self._carry(i, w)
-        if i and self.poses is not None:
-            self.shoved |= _shoved(self.waypoints[i - 1], w, self.objects)
         if w.gripper < self.opening - EPS:
             self.before = self.opening
             self.closed, self.grasped = i, False
@@ -280,7 +275,7 @@ class _Reading:
         gaps = {o.id: _gap(o, pose, self.before, self.hand) for o in solid}
         nearest = min(gaps, key=lambda name: gaps[name], default="")
         gap = gaps.get(nearest)
-        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.objects, self.shoved):
+        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.objects):
             near = "" if gap is None else f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)"
             message = (
                 f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or "
@@ -289,34 +284,18 @@ class _Reading:
             self.found.fail(index, "closes_on_nothing", message, gap, GRASP_REACH)
 
 
-def _is_tool(
-    closed: Waypoint, after: Sequence[Waypoint], objects: Mapping[str, SceneObject], shoved: Set[str]
-) -> bool:
-    """Whether the closed hand moves to touch something: a guard waits for it, or it approaches an allowed contact.
-
-    An allowed contact that it shoved before may be anywhere.
-    """
+def _is_tool(closed: Waypoint, after: Sequence[Waypoint], objects: Mapping[str, SceneObject]) -> bool:
+    """Whether the closed hand moves to touch something: a guard waits for it, or it approaches an allowed contact."""
     before = closed
     for w in after:
-        if w.guard is not None or w.allowed_contacts & shoved:
+        if w.guard is not None:
             return True
         for obj in (objects[name] for name in w.allowed_contacts if name in objects):
             nearest = float(obj.distances(_way(before, w)).min())
-            at_first = float(obj.distances(closed.xyz))
-            if nearest < TOOL_REACH and nearest < at_first - NEARER:
+            if nearest < min(TOOL_REACH, float(obj.distances(closed.xyz)) - NEARER):
                 return True
         before = w
     return False
-
-
-def _shoved(before: Waypoint, w: Waypoint, objects: Mapping[str, SceneObject]) -> set[str]:
-    """The objects that a straight move with an empty hand drags along."""
-    if w.motion != "linear" or w.carries:
-        return set()
-    way = _way(before, w)
-    sideways = float(np.linalg.norm(way[-1, :2] - way[0, :2]))
-    touched = (objects[name] for name in w.allowed_contacts if name in objects)
-    return {o.id for o in touched if sideways * float((o.distances(way) < STEP).mean()) > SHOVED}
 
 
 def _way(before: Waypoint, w: Waypoint) -> FloatArray:

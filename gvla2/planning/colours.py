@@ -49,7 +49,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "hot pink": ("magenta", "rose"), "bright pink": ("magenta", "rose"), "light gray": ("silver",),
     "gray": ("silver",), "dark gray": ("gray",), "brown": ("maroon", "olive", "orange"), "dark red": ("maroon",),
     "bright red": ("red",), "turquoise": ("teal", "cyan"), "blue green": ("teal", "cyan"), "gold": ("yellow",),
-    "beige": ("silver",), "cream": ("white", "silver"), "black": ("gray",), "white": ("silver",),
+    "beige": ("silver",), "black": ("gray",), "white": ("silver",),
 }  # fmt: skip
 """Words that people use for other colour words of :data:`COLOURS` if nothing has that very colour: basic terms for
 their shades, never a shade for its basic term. Red is only red: maroon looks clearly different."""

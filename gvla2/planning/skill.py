@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from gvla2.geometry.transform import FloatArray
-from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions, SkillOptions
-from gvla2.planning.effects import Bound, Effect
-from gvla2.planning.part_hierarchy import holders, rise, way_out
-from gvla2.planning.plan import Abstention, Plan
-from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+
+if TYPE_CHECKING:  # `gvla2 plugins` lists skills without numpy
+    from gvla2.geometry.transform import FloatArray
+    from gvla2.planning.arm import Hand
+    from gvla2.planning.effects import Bound, Effect
+    from gvla2.planning.plan import Abstention, Plan
+    from gvla2.planning.scene import Box, Scene, SceneObject
+    from gvla2.planning.trajectory import Trajectory, Waypoint
 
 TABLE_GAP = 0.004
 """Least height of the fingertips above the table, metres: about twice a depth camera's error."""
@@ -85,36 +84,36 @@ class Job:
     done: Mapping[str, float] = field(default_factory=dict)
     grasp: GraspOptions = field(default_factory=GraspOptions)
 
-    def own(self) -> frozenset[str]:
-        """Ids of the theme and its parts, which a hand that grasps it may touch."""
-        return self._own
-
-    def resting(self) -> frozenset[str]:
-        """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
-        return self._resting
-
     @cached_property
     def rise(self) -> float:
         """Height by which the theme must be lifted to leave what it stands in, metres."""
+        from gvla2.planning.part_hierarchy import rise
+
         return rise(self.theme, self.scene)
 
     @cached_property
     def way_out(self) -> FloatArray:
         """(3,) unit: the direction in which the theme leaves what it stands in."""
+        from gvla2.planning.part_hierarchy import way_out
+
         return way_out(self.theme, self.scene)
 
     @cached_property
     def highest(self) -> float:
         """Height of the highest object except the theme and its parts, or of the table, metres."""
-        return max((o.top for o in self.scene.obstacles(self._own)), default=self.scene.table_height)
+        return max((o.top for o in self.scene.obstacles(self.own)), default=self.scene.table_height)
 
     # Cached: dozens of proposals ask for the same.
     @cached_property
-    def _own(self) -> frozenset[str]:
+    def own(self) -> frozenset[str]:
+        """Ids of the theme and its parts, which a hand that grasps it may touch."""
         return self.scene.family(self.theme.id)
 
     @cached_property
-    def _resting(self) -> frozenset[str]:
+    def resting(self) -> frozenset[str]:
+        """Ids of what the theme stands in or on, with their parts, and the table: it touches them before the lift."""
+        from gvla2.planning.part_hierarchy import holders
+
         held = [self.scene.family(holder.id) for holder in holders(self.theme, self.scene)]
         return frozenset({"table"}).union(*held)
 
@@ -124,8 +123,11 @@ class Job:
 
     def outward(self) -> FloatArray:
         """(3,) level vector from the arm's foot, at the middle of the workspace's near side, to the theme."""
-        stands = np.array([self.workspace.low[0], 0.5 * (self.workspace.low[1] + self.workspace.high[1])])
-        return np.array([*(self.theme.centre[:2] - stands), 0.0])
+        outward = self.theme.centre.copy()
+        outward[0] -= self.workspace.low[0]
+        outward[1] -= 0.5 * (self.workspace.low[1] + self.workspace.high[1])
+        outward[2] = 0.0
+        return outward
 
     def ceiling(self) -> float:
         """The greatest height of the tool, metres."""
@@ -149,7 +151,10 @@ class Proposal:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The trajectory, written on first use."""
-        return self.way if isinstance(self.way, Trajectory) else self.way()
+        if callable(self.way):
+            made: Trajectory = self.way()
+            return made
+        return self.way
 
 
 @dataclass(frozen=True)
@@ -224,6 +229,8 @@ class Outcome:
 
     def changed(self, name: str, by: float, op: str = ">=") -> Bound | None:
         """The bound at ``by`` more (or less) than the used value of a parameter; None if the parameter was not used."""
+        from gvla2.planning.effects import Bound
+
         used = self.plan.parameters.get(name)
         if used is None:
             return None
@@ -232,7 +239,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Skill:
-    """An action of the hand, called by planners and learnt about by memory.
+    """An action of the hand, called by planners; memory learns about it.
 
     ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
     proposed trajectories, or says why there are none; ``defaults`` gives theta without memory, for the theme, the hand
@@ -308,15 +315,15 @@ def fault_of(offered: object) -> str:
             return f"'{name}' has {what}s that are not a sequence of {kind.__name__}: {value!r:.200}."
     if offered.role("theme") is None:
         return f"'{name}' has no role 'theme': every skill handles something."
-    for what in ("propose", "defaults"):
-        if not callable(getattr(offered, what)):
-            return f"'{name}' has a {what} that cannot be called."
+    if not callable(offered.propose) or not callable(offered.defaults):
+        return f"'{name}' has a propose or defaults that cannot be called."
     known = {p.name for p in offered.parameters}
-    strange = [
-        n for n in (*offered.key, *offered.scaled, *offered.lasting, offered.amount) if n and n not in known
-    ]
-    if strange:
-        return f"'{name}' refers to '{strange[0]}', which is not among its parameters: {', '.join(known) or 'none'}."
-    if not offered.description:
-        return f"'{name}' has no description, which is how planners learn of it."
-    return ""
+    for used in (
+        *offered.key,
+        *offered.scaled,
+        *offered.lasting,
+        *([offered.amount] if offered.amount else []),
+    ):
+        if used not in known:
+            return f"'{name}' refers to '{used}', which is not among its parameters: {', '.join(known) or 'none'}."
+    return "" if offered.description else f"'{name}' has no description, by which planners choose skills."

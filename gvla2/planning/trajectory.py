@@ -37,19 +37,15 @@ class Orientation:
         """Why it is not a rotation, a sentence; "" if it is."""
         if self.policy not in ("hold", "grasp", "axis"):
             return f"orientation policy '{self.policy}' is unknown; use hold, grasp or axis."
+        vector, closing = np.asarray(self.vector, np.float64), np.asarray(self.closing, np.float64)
         if self.policy == "hold":
             return ""
-        vector, closing = np.asarray(self.vector, np.float64), np.asarray(self.closing, np.float64)
-        if vector.shape != (3,) or not np.isfinite(vector).all():
-            return "the orientation's vector must be finite."
+        if vector.shape != (3,) or closing.shape != (3,) or not np.isfinite([vector, closing]).all():
+            return "the orientation's vector and closing direction must be three finite numbers each."
         length = float(np.linalg.norm(vector))
         if length < 1e-6:
             return "the orientation's vector has no length."
-        if self.policy == "axis":
-            return ""
-        if closing.shape != (3,) or not np.isfinite(closing).all():
-            return "the orientation's closing direction must be finite."
-        if np.linalg.norm(np.cross(vector, closing)) < 1e-3 * length:
+        if self.policy == "grasp" and np.linalg.norm(np.cross(vector, closing)) < 1e-3 * length:
             return "the orientation's closing direction must not be parallel to its approach."
         return ""
 

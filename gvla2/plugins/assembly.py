@@ -32,7 +32,13 @@ def build_components(
     from gvla2.episode.refine import GeometryComponents
     from gvla2.reconstruction.options import BranchOptions
 
-    _check_camera(config, registry)
+    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
+    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
+    if camera not in ("", NONE) and robot not in takers:
+        raise ConfigurationError(
+            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
+            f"{', '.join(takers) or 'none is installed'}."
+        )
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:
@@ -49,13 +55,3 @@ def build_components(
         language=built.get("language"),
         plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
-
-
-def _check_camera(config: object, registry: Registry) -> None:
-    camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
-    takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
-    if camera not in ("", NONE) and robot not in takers:
-        raise ConfigurationError(
-            f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
-            f"{', '.join(takers) or 'none is installed'}."
-        )

@@ -1,4 +1,4 @@
-"""Finding plugins: entry points and what was registered in this process, loaded one by one, each step guarded.
+"""Finding plugins: entry points and what was registered in this process, loaded one by one.
 
 Nothing a plugin does wrong raises here. It becomes a :class:`PluginProblem`, which `gvla2 plugins` shows, and a run
 that does not need the plugin goes on.
@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from types import ModuleType
 
 from gvla2.component import PROJECT, registered
 from gvla2.errors import did_you_mean
@@ -41,7 +40,7 @@ class Plugin:
 
 @dataclass(frozen=True)
 class PluginProblem:
-    """What is wrong with a plugin. ``hook`` is "" when the plugin could not be loaded at all."""
+    """A fault of a plugin. ``hook`` is "" when the plugin could not be loaded at all."""
 
     plugin: str
     hook: str
@@ -54,49 +53,40 @@ def discover(problems: list[PluginProblem]) -> Iterator[tuple[Plugin, object]]:
     That order decides who wins a duplicate name: what was registered in this process, the latest first, then gvla2's
     own plugins, then others by distribution and name. What goes wrong is added to ``problems``.
     """
-    disabled = {name.strip() for name in os.environ.get(DISABLE_VARIABLE, "").split(",") if name.strip()}
-    seen = set(registered())
-    if "*" not in disabled:
-        for name, plugin in reversed(registered().items()):
-            if name not in disabled:
-                yield Plugin(name), plugin
-    for plugin, target in _announced(disabled, seen, problems):
-        loaded = _load(plugin.name, target, problems)
-        if loaded is not None:
-            yield plugin, loaded
-    for name in sorted(disabled - seen - {"*"}):
-        problems.append(
-            PluginProblem(
-                name, DISABLE_VARIABLE, f"is not installed, so not disabled.{did_you_mean(name, seen)}"
-            )
-        )
+    disabled = {name.strip() for name in os.environ.get(DISABLE_VARIABLE, "").split(",")} - {""}
+    seen: set[str] = set()
 
+    def enabled(name: str) -> bool:
+        seen.add(name)
+        return not disabled & {name, "*"}
 
-def _announced(
-    disabled: set[str], seen: set[str], problems: list[PluginProblem]
-) -> Iterator[tuple[Plugin, str | EntryPoint]]:
-    """The plugins that entry points name; a module that lists plugins is replaced by those."""
-    points = sorted(
-        entry_points(group=PROJECT),
-        key=lambda p: (_distribution(p)[0] != PROJECT, _distribution(p)[0], p.name),
-    )
-    for point in points:
-        seen.add(point.name)
-        if point.name in disabled or "*" in disabled:
-            continue
-        plugin = Plugin(point.name, *_distribution(point))
-        loaded = _load(point.name, point, problems)
+    for name, plugin in reversed(registered().items()):
+        if enabled(name):
+            yield Plugin(name), plugin
+    for point in sorted(entry_points(group=PROJECT), key=_order):
+        loaded = _load(point.name, point, problems) if enabled(point.name) else None
         if loaded is None:
             continue
+        plugin = Plugin(point.name, *_distribution(point))
         modules = getattr(loaded, MODULES, None)
-        if not isinstance(loaded, ModuleType) or modules is None:
-            yield plugin, point
-            continue
-        for module in modules:
+        if modules is None:
+            yield plugin, loaded
+        for module in modules or ():
             name = str(module).rpartition(".")[2]
-            seen.add(name)
-            if name not in disabled:
-                yield Plugin(name, plugin.distribution, plugin.version), str(module)
+            if enabled(name) and (loaded := _load(name, str(module), problems)) is not None:
+                yield Plugin(name, plugin.distribution, plugin.version), loaded
+    for name in sorted(disabled - seen - {"*"}):
+        message = f"is not installed, so not disabled.{did_you_mean(name, seen)}"
+        problems.append(PluginProblem(name, DISABLE_VARIABLE, message))
+
+
+def _order(point: EntryPoint) -> tuple[bool, str, str]:
+    distribution = _distribution(point)[0]
+    return distribution != PROJECT, distribution, point.name
+
+
+def _distribution(point: EntryPoint) -> tuple[str, str]:
+    return (point.dist.name, point.dist.version) if point.dist else ("", "")
 
 
 def _load(name: str, target: str | EntryPoint, problems: list[PluginProblem]) -> object | None:
@@ -117,10 +107,6 @@ def describe(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}"
 
 
-def _distribution(point: EntryPoint) -> tuple[str, str]:
-    return (point.dist.name, point.dist.version) if point.dist else ("", "")
-
-
 def stdout_kept_clean() -> contextlib.AbstractContextManager[object]:
-    """What a plugin prints while loading goes to stderr: stdout may be somebody's JSON."""
+    """Send a plugin's prints while it loads to stderr: stdout may be somebody's JSON."""
     return contextlib.redirect_stdout(sys.stderr)

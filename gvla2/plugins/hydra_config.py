@@ -27,17 +27,17 @@ from gvla2.plugins.validation import structured
 
 PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
-"""How Hydra reports a sweep: the choice ``hydra/callbacks=gvla2``."""
+"""Hydra's callback about sweeps: the choice ``hydra/callbacks=gvla2``."""
 LONGEST_FOLDER_NAME = 80
 _ROBOT_TASKS = "robot_tasks"
 """The last place where Hydra looks for a task: any name that may be the robot's own."""
 
 _NOTHING = Component(NONE, ComponentConfig, lambda config: None)
-"""What a kind or a slot offers that may be left empty."""
+"""The empty choice of a kind or a slot."""
 
 
 _offered: tuple[Registry, dict[str, type], tuple[str, ...] | None] | None = None
-"""What :func:`register` was called with last."""
+"""The last arguments of :func:`register`."""
 
 
 class PresetSearchPath(SearchPathPlugin):

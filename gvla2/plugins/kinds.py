@@ -7,11 +7,9 @@ follow from it. A plugin declares further kinds with the hook ``gvla2_kinds``.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from types import MappingProxyType
-from typing import Any
 
 from gvla2 import hookspecs
 from gvla2.errors import ConfigurationError, did_you_mean
@@ -22,16 +20,17 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Kind:
-    """One extension point. ``name`` is its name and its Hydra group; ``protocol`` is ``module:class``.
+    """One extension point; its ``name`` is also its Hydra group.
 
-    ``hook`` returns its components, which are ``what``. ``default`` is the choice of ``gvla2 run``. Where ``none`` is
-    the default, or the kind is ``optional``, ``none`` may be chosen without a component of that name, and what needs
-    the kind then gets None.
+    ``hook`` returns its components, which are ``what``. ``protocol`` returns what they satisfy (``lambda: Mine``): a
+    function, because the core imports its protocols on demand. ``default`` is the choice of ``gvla2 run``. Where
+    ``none`` is the default, or the kind is ``optional``, ``none`` may be chosen without a component of that name, and
+    what needs the kind then gets None.
     """
 
     name: str
     hook: str
-    protocol: str
+    protocol: Callable[[], type]
     what: str
     default: str = NONE
     optional: bool = False
@@ -41,68 +40,54 @@ class Kind:
         """Whether ``none`` may be chosen."""
         return self.optional or self.default == NONE
 
-    def members(self) -> tuple[tuple[str, bool], ...]:
-        """The protocol's members: names, and whether each is a method. Imports the wing."""
-        module, _, name = self.protocol.partition(":")
-        protocol: Any = getattr(import_module(module), name)
-        return tuple(
-            (member, not isinstance(value, property))
-            for member, value in vars(protocol).items()
+    def members(self) -> dict[str, bool]:
+        """The protocol's members, and whether each is a method."""
+        return {
+            member: not isinstance(value, property)
+            for member, value in vars(self.protocol()).items()
             if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property))
-        )
+        }
 
     def missing(self, made: object) -> list[str]:
         """Names that the protocol asks for and ``made`` lacks. Properties are looked up, not evaluated."""
         absent = object()
         lacking = []
-        for member, is_method in self.members():
+        for member, is_method in self.members().items():
             found = inspect.getattr_static(made, member, absent)
-            if is_method or found is absent:  # a wrapper may answer through __getattr__
+            if is_method or found is absent:  # an adapter may answer through __getattr__
                 found = getattr(made, member, absent)
             if found is absent or (is_method and not callable(found)):
                 lacking.append(f"{member}()" if is_method else member)
         return lacking
 
 
-def _kind(
-    name: str, hook: Callable[[], object], protocol: str, default: str = NONE, optional: bool = False
-) -> Kind:
-    """A kind of the core: the first sentence of its hook says what it is."""
+def _kind(name: str, hook: Callable[[], object], default: str = NONE, *, optional: bool = False) -> Kind:
+    """A kind of the core: its hook's first sentence says what it is."""
     what = (inspect.getdoc(hook) or "").partition(". ")[0].removeprefix("Return ")
-    return Kind(name, hook.__name__, protocol, what, default, optional)
+    return Kind(name, hook.__name__, lambda: hookspecs.protocol_of(hook), what, default, optional)
 
 
 _CORE = (
-    _kind("robot", hookspecs.gvla2_robots, "gvla2.robot.backend:RobotBackend", "sapien_panda"),
-    _kind("camera", hookspecs.gvla2_cameras, "gvla2.robot.backend:DepthCamera"),
-    _kind("task", hookspecs.gvla2_tasks, "gvla2.robot.task:Task", "pick_and_lift", optional=True),
-    _kind("perceiver", hookspecs.gvla2_perceivers, "gvla2.planning.contracts:Perceiver", "classical"),
-    _kind("reconstructor", hookspecs.gvla2_reconstructors, "gvla2.reconstruction.contracts:Reconstructor"),
-    _kind("prior", hookspecs.gvla2_geometry_priors, "gvla2.reconstruction.contracts:GeometryPrior"),
-    _kind(
-        "axis",
-        hookspecs.gvla2_axis_compensations,
-        "gvla2.reconstruction.contracts:AxisCompensation",
-        "contours",
-    ),
-    _kind(
-        "fusion",
-        hookspecs.gvla2_fusion_strategies,
-        "gvla2.reconstruction.contracts:FusionStrategy",
-        "residual",
-    ),
-    _kind("renderer", hookspecs.gvla2_renderers, "gvla2.reconstruction.contracts:Renderer", "numba"),
-    _kind("memory", hookspecs.gvla2_memories, "gvla2.memory.contracts:Memory", "governed"),
-    _kind("retriever", hookspecs.gvla2_retrievers, "gvla2.memory.contracts:Retriever", "hybrid"),
-    _kind("embedder", hookspecs.gvla2_embedders, "gvla2.memory.contracts:Embedder", "auto"),
-    _kind("inducer", hookspecs.gvla2_inducers, "gvla2.memory.contracts:Inducer", "rules"),
-    _kind("judge", hookspecs.gvla2_judges, "gvla2.memory.contracts:Judge"),
-    _kind("planner", hookspecs.gvla2_planners, "gvla2.planning.contracts:Planner", "skill"),
-    _kind("verifier", hookspecs.gvla2_verifiers, "gvla2.memory.contracts:Verifier", "geometric"),
-    _kind("agent", hookspecs.gvla2_agents, "gvla2.agents.contracts:Agent"),
-    _kind("tracker", hookspecs.gvla2_trackers, "gvla2.record.tracker:Tracker"),
-    _kind("view", hookspecs.gvla2_views, "gvla2.record.tracker:Viewer"),
-    _kind("language", hookspecs.gvla2_language_models, "gvla2.language.contracts:LanguageModel", "endpoint"),
+    _kind("robot", hookspecs.gvla2_robots, "sapien_panda"),
+    _kind("camera", hookspecs.gvla2_cameras),
+    _kind("task", hookspecs.gvla2_tasks, "pick_and_lift", optional=True),
+    _kind("perceiver", hookspecs.gvla2_perceivers, "classical"),
+    _kind("reconstructor", hookspecs.gvla2_reconstructors),
+    _kind("prior", hookspecs.gvla2_geometry_priors),
+    _kind("axis", hookspecs.gvla2_axis_compensations, "contours"),
+    _kind("fusion", hookspecs.gvla2_fusion_strategies, "residual"),
+    _kind("renderer", hookspecs.gvla2_renderers, "numba"),
+    _kind("memory", hookspecs.gvla2_memories, "governed"),
+    _kind("retriever", hookspecs.gvla2_retrievers, "hybrid"),
+    _kind("embedder", hookspecs.gvla2_embedders, "auto"),
+    _kind("inducer", hookspecs.gvla2_inducers, "rules"),
+    _kind("judge", hookspecs.gvla2_judges),
+    _kind("planner", hookspecs.gvla2_planners, "skill"),
+    _kind("verifier", hookspecs.gvla2_verifiers, "geometric"),
+    _kind("agent", hookspecs.gvla2_agents),
+    _kind("tracker", hookspecs.gvla2_trackers),
+    _kind("view", hookspecs.gvla2_views),
+    _kind("language", hookspecs.gvla2_language_models, "endpoint"),
 )
 KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _CORE})
 """The kinds of the core by name, in the order of an episode, then the language model that others may ask."""
@@ -115,20 +100,11 @@ OWN_TASK = "/"
 
 TAKEN = frozenset(
     {
-        "hydra",
-        "instruction",
-        "branch",
-        "seed",
-        "episodes",
-        "quiet",
-        "replan",
-        "planner_timeout",
-        "max_parts",
-        "depth_noise",
-        "results",
+        *("hydra", "instruction", "branch", "seed", "episodes", "quiet", "replan", "planner_timeout"),
+        *("max_parts", "depth_noise", "results"),
     }
 )
-"""Reserved words of the configuration of ``gvla2 run``, which no kind can use."""
+"""Words of the configuration of ``gvla2 run``, which no kind can use."""
 
 
 def kind_of(name: str, kinds: Mapping[str, Kind] = KINDS) -> Kind:
@@ -137,8 +113,3 @@ def kind_of(name: str, kinds: Mapping[str, Kind] = KINDS) -> Kind:
         return kinds[name]
     hint = did_you_mean(name, kinds)
     raise ConfigurationError(f"No kind of component is called '{name}'.{hint} Kinds: {', '.join(kinds)}.")
-
-
-def chosen_kinds(config: Mapping[Any, Any], kinds: Iterable[str] = KINDS) -> list[str]:
-    """The kinds that a composed configuration chooses a component for; a group may share a kind's word."""
-    return [kind for kind in kinds if kind in config and "name" in config[kind]]

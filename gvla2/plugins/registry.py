@@ -11,9 +11,9 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gvla2.component import Component, ComponentConfig
+from gvla2.component import PROJECT, Component, ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError, kept_alive
-from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
+from gvla2.hookspecs import SKILL_HOOK
 from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK, SLOTS, Kind, kind_of
@@ -86,17 +86,12 @@ class Registry:
 
     def broken_note(self, kind: str) -> str:
         """The note on broken and skipped plugins when a component of the kind is missing; "" without any."""
-        hooks = {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, *(k.hook for k in self.kinds.values())}
-        others = {*hooks, DISABLE_VARIABLE} - {self.kind_of(kind).hook}
-        broken = sorted({p.plugin for p in self.problems if p.hook not in others})
-        notes = []
-        if broken:
-            notes.append(
-                f"Broken plugins that might have offered it: {', '.join(broken)} (see `gvla2 plugins`)."
-            )
-        if os.environ.get(DISABLE_VARIABLE):
-            notes.append(f"{DISABLE_VARIABLE} skips: {os.environ[DISABLE_VARIABLE]}.")
-        return " ".join(notes)
+        hooks = {"", self.kind_of(kind).hook}
+        broken = sorted({problem.plugin for problem in self.problems if problem.hook in hooks})
+        names = ", ".join(broken)
+        note = f"Broken plugins that might have offered it: {names} (see `gvla2 plugins`)." if broken else ""
+        skipped = os.environ.get(DISABLE_VARIABLE)
+        return f"{note} {DISABLE_VARIABLE} skips: {skipped}.".strip() if skipped else note
 
     def build(self, root: object, kind: str, built: dict[str, Any] | None = None) -> Any:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
@@ -131,7 +126,7 @@ class Registry:
     def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
         if kind in built:
             return built[kind]
-        if nothing_in(root, kind) or self.chooses_none(root, kind):
+        if self.chooses_nothing(root, kind):
             built[kind] = None
             return None
         if kind in path:
@@ -148,17 +143,16 @@ class Registry:
         try:
             with kept_alive():
                 made = component.build(config, **needs)
-            if own.name == "task" and not own.missing(made):
-                made = _checked(made, config, what)
         except Gvla2Error:
             raise
         except Exception as error:
             raise PluginError(f"{what} could not be built: {describe(error)}") from error
-        lacking = own.missing(made)
+        # gvla2's own are type-checked; the protocol's package need not be imported for them.
+        lacking = [] if plugin.distribution == PROJECT else own.missing(made)
         if lacking:
             raise PluginError(f"{what} built a {type(made).__name__}, which lacks {', '.join(lacking)}.")
-        built[kind] = made
-        return made
+        built[kind] = _checked(made, config, what) if own.name == "task" else made
+        return built[kind]
 
     def _task_of_robot(self, root: object, path: tuple[str, ...], built: dict[str, Any]) -> str:
         """The chosen task's name if the robot offers it; "" for a task of the catalog.
@@ -205,18 +199,22 @@ class Registry:
     def chosen(self, root: object, kind: str) -> str:
         """The name that ``root`` chooses for ``kind``; "" for none at all."""
         node = self._choice(root, kind)
-        return node if isinstance(node, str) else _name_in(node)
+        if isinstance(node, Mapping | DictConfig):
+            node = node.get("name")
+        name = node if isinstance(node, str) else getattr(node, "name", None)
+        return name if isinstance(name, str) else ""
+
+    def chooses_nothing(self, root: object, kind: str) -> bool:
+        """Whether ``root`` leaves a slot empty, or chooses ``none`` of a kind that has no component of that name."""
+        name, own = self.chosen(root, kind), self.kinds.get(kind)
+        if kind in SLOTS:
+            return name in ("", NONE)
+        return own is not None and own.may_be_none and name == NONE and NONE not in self._offers[kind]
 
     def _choice(self, root: object, kind: str) -> Any:
         """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
-        node = _node(root, kind)
+        node = root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
         return self.kinds[kind].default if node is None and kind in self.kinds and kind not in KINDS else node
-
-    def chooses_none(self, root: object, kind: str) -> bool:
-        """Whether ``root`` chooses ``none`` of a kind that may be left out, and no component is called so."""
-        own = self.kinds.get(kind)
-        chosen = self.chosen(root, kind) == NONE
-        return own is not None and own.may_be_none and chosen and NONE not in self._offers[kind]
 
 
 def load_plugins(groups: Collection[str] | None = None) -> Registry:
@@ -253,21 +251,7 @@ def _first_of_each_name(
 
 def _checked(task: Any, config: ComponentConfig, who: str) -> Any:
     """The task, its episodes checked, among the distractors that its options ask for."""
-    from gvla2.robot.checked_task import CheckedTask
     from gvla2.robot.clutter import cluttered
+    from gvla2.robot.task import CheckedTask
 
     return cluttered(CheckedTask(task, who), config)
-
-
-def nothing_in(root: object, kind: str) -> bool:
-    """Whether the kind is a slot (:data:`~gvla2.plugins.kinds.SLOTS`) that ``root`` leaves empty."""
-    return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
-
-
-def _node(root: object, kind: str) -> Any:
-    return root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
-
-
-def _name_in(node: Any) -> str:
-    name = node.get("name") if isinstance(node, Mapping | DictConfig) else getattr(node, "name", None)
-    return name if isinstance(name, str) else ""

@@ -1,4 +1,4 @@
-"""Checks of what hooks return: each function says in a sentence what is wrong with an item, or ""."""
+"""Checks of what plugins offer: components and kinds that could not be chosen on the command line are reported."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
 
 
 def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool = False) -> str:
-    """What is wrong with an item that the hook returned; options of gvla2's ``own`` are typed when they are used."""
+    """The fault of an item that the hook returned, "" for none.
+
+    The options of gvla2's ``own`` components are typed when they are used.
+    """
     if hook == SEARCH_PATH_HOOK:
         return _fault_of_path(item)
     if hook == SKILL_HOOK:
@@ -42,42 +45,37 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool 
         return fault_of(item)
     if hook == KINDS_HOOK:
         return "" if isinstance(item, Kind) else f"returned {item!r}, which is not a Kind."
-    return _fault_of_component(item, kinds, own)
+    if not isinstance(item, Component):
+        return f"returned {item!r}, which is not a Component."
+    if not _choosable(item.name):
+        return (
+            f"the name {item.name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
+        )
+    build: Any = item.build  # a plugin may pass anything
+    if not callable(build):
+        return f"'{item.name}' has a build that cannot be called."
+    unknown = [need for need in item.needs if need not in kinds]
+    if unknown:
+        return f"'{item.name}' needs {unknown[0]!r}, which is not a kind. Kinds: {', '.join(kinds)}."
+    fault = "" if own else _fault_of_config(item)
+    return f"'{item.name}' cannot be configured: {fault}" if fault else ""
 
 
 def fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
-    """What is wrong with a new kind, given the existing ones."""
+    """The fault of a new kind, given the existing ones; "" for none."""
     hooks = {other.hook for other in kinds.values()} | {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK}
     if kind.name in kinds or kind.name in SLOTS:
         return f"there is a kind '{kind.name}' already. Rename this one."
-    if not _NAME.fullmatch(str(kind.name)) or kind.name.lower() in _WORDS_OF_HYDRA | TAKEN:
+    if not _choosable(kind.name) or kind.name.lower() in TAKEN:
         return f"the kind's name {kind.name!r} cannot be a Hydra group of `gvla2 run`: it is taken or not a plain word."
-    if (
-        not str(kind.hook).startswith(f"{PROJECT}_")
-        or not str(kind.hook).isidentifier()
-        or kind.hook in hooks
-    ):
+    if not kind.hook.startswith(f"{PROJECT}_") or not kind.hook.isidentifier() or kind.hook in hooks:
         return f"'{kind.name}' has the hook {kind.hook!r}; it needs one of its own that begins with '{PROJECT}_'."
-    module, colon, name = str(kind.protocol).partition(":")
-    if not (module and colon and name.isidentifier()):
-        return f"'{kind.name}' has the protocol {kind.protocol!r}; write it as 'module:Class'."
     return ""
 
 
-def _fault_of_component(item: object, kinds: Mapping[str, Kind], own: bool) -> str:
-    if not isinstance(item, Component):
-        return f"returned {item!r}, which is not a Component."
-    name: Any = item.name  # the first check of what a plugin passes
-    build: Any = item.build
-    if not isinstance(name, str) or not _NAME.fullmatch(name) or name.lower() in _WORDS_OF_HYDRA:
-        return f"the name {name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
-    if not callable(build):
-        return f"'{name}' has a build that cannot be called."
-    unknown = [need for need in item.needs if need not in kinds]
-    if unknown:
-        return f"'{name}' needs {unknown[0]!r}, which is not a kind. Kinds: {', '.join(kinds)}."
-    fault = "" if own else _fault_of_config(item)
-    return f"'{name}' cannot be configured: {fault}" if fault else ""
+def _choosable(name: object) -> bool:
+    plain = isinstance(name, str) and _NAME.fullmatch(name) is not None
+    return plain and str(name).lower() not in _WORDS_OF_HYDRA
 
 
 def _fault_of_config(component: Component[Any]) -> str:
@@ -93,15 +91,11 @@ def _fault_of_config(component: Component[Any]) -> str:
     return ""
 
 
-def _fault_of_path(item: object) -> str:
-    if not isinstance(item, str) or not item.startswith(("pkg://", "file://")):
-        return f"returned {item!r}; a search path is a string such as 'pkg://mine.conf' or 'file:///presets'."
-    if item.startswith("pkg://"):
-        package = item.removeprefix("pkg://").replace("/", ".")
-        try:
-            exists = find_spec(package) is not None
-        except (ImportError, ValueError):
-            exists = False
-        if not exists:
-            return f"the package of the search path '{item}' cannot be found."
-    return ""
+def _fault_of_path(path: object) -> str:
+    if not isinstance(path, str) or not path.startswith(("pkg://", "file://")):
+        return f"returned {path!r}; a search path is a string such as 'pkg://mine.conf' or 'file:///presets'."
+    try:
+        exists = find_spec(path.removeprefix("pkg://").replace("/", ".")) if path[:3] == "pkg" else path
+    except (ImportError, ValueError):
+        exists = None
+    return "" if exists else f"the package of the search path '{path}' cannot be found."

@@ -66,9 +66,9 @@ class GeometryEstimate:
 class AxisFit:
     """T(p) = c + (p - c) * a + d (paper, axis compensation).
 
-    ``scale`` a (3,) and ``shift`` d (3,) metres about ``centre`` (3,) along the columns of ``axes`` (3, 3).
-    When not ``accepted``, a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the
-    symmetric IoU of the input and of what was found (NaN when no mask shows anything).
+    ``scale`` a (3,) and ``shift`` d (3,) metres about ``centre`` (3,), along the world's axes. When not ``accepted``,
+    a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the symmetric IoU of the input and of
+    the found shape (NaN when no mask shows anything).
     """
 
     scale: FloatArray
@@ -79,14 +79,12 @@ class AxisFit:
     iterations: int
     reason: str
     centre: FloatArray
-    axes: FloatArray
 
     def apply(self, points: FloatArray) -> FloatArray:
         """T(p) of world points (N, 3), metres, for Gaussians and mesh alike; the points themselves if not accepted."""
         if not self.accepted:
             return points
-        stretch = self.axes * self.scale @ self.axes.T
-        return np.asarray(points @ stretch + (self.centre + self.axes @ self.shift - stretch @ self.centre))
+        return np.asarray(points * self.scale + (self.centre + self.shift - self.scale * self.centre))
 
 
 class Reconstructor(Protocol):

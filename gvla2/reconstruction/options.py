@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from gvla2.errors import ConfigurationError
 
 MODES = ("default", "paper")
-COMPATS = ("none", "official")
 
 
 @dataclass
@@ -19,8 +18,7 @@ class BranchOptions:
 
     ``mode``: ``paper`` puts source B beside A, both from G0, without gates; ``default`` corrects drift first, continues
     from A, keeps a stage only where the masks do not contradict it, and finally moves the Gaussians as far inside their
-    surface as the masks require (a part of ``appearance``). ``compat="official"`` reproduces the released code's
-    sampling of masks and its centre of the shrink. ``tau``, ``eta``, ``lambda_max``: the soft visual hull's
+    surface as the masks require (a part of ``appearance``). ``tau``, ``eta``, ``lambda_max``: the soft visual hull's
     lambda(p) = lambda_max * sigmoid((tau - s) / eta)^2 (released constants). Raises :class:`ConfigurationError` for
     values out of range.
     """
@@ -31,15 +29,13 @@ class BranchOptions:
     axis: bool = True
     fusion: bool = True
     mode: str = "default"
-    compat: str = "none"
     tau: float = 0.45
     eta: float = 0.12
     lambda_max: float = 0.008
 
     def __post_init__(self) -> None:
-        for name, value, known in (("mode", self.mode, MODES), ("compat", self.compat, COMPATS)):
-            if value not in known:
-                raise ConfigurationError(f"branch.{name} is '{value}'; it is one of {', '.join(known)}.")
+        if self.mode not in MODES:
+            raise ConfigurationError(f"branch.mode is '{self.mode}'; it is one of {', '.join(MODES)}.")
         if not (0 <= self.tau <= 1 and self.eta > 0 and 0 <= self.lambda_max < 1):
             raise ConfigurationError(
                 f"The soft hull needs tau in [0, 1], eta > 0 and lambda_max in [0, 1), got branch.tau={self.tau:g}, "

@@ -2,8 +2,8 @@
 
 ``Rasteriser.render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the
 gradients that an optimiser needs. The kernels are numba's, compiled on first use and cached. Work is shared by plain
-threads (the kernels leave Python's lock), and no result depends on how many there are: tiles are independent, and sums
-over tiles are taken in a fixed order.
+threads (the kernels release Python's lock), and no result depends on their number: tiles are independent, and sums over
+tiles are taken in a fixed order.
 
 A tile's Gaussians are taken nearest first, and each is painted over the pixels of its ellipse, row by row: the
 ends of a row follow from a square root, so no pixel outside is touched, and along the row the exponential is a
@@ -17,7 +17,6 @@ and both kernels walk the same rows in the same order.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -27,10 +26,9 @@ from numpy.typing import NDArray
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_together
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_chunks, run_together
 from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
-    CAMERA_ENTRIES,
     CONIC_A,
     CONIC_B,
     CONIC_DET,
@@ -47,6 +45,8 @@ from gvla2.reconstruction.rasteriser_projection import (
     project_back,
 )
 
+MAX_ALPHA = np.float32(0.99)
+"""The most that a single Gaussian hides, as in 3DGS."""
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
 
@@ -55,30 +55,23 @@ _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
 class Rasteriser:
     """Paints Gaussians; the defaults are those of 3D Gaussian splatting.
 
-    ``low_pass`` square pixels added to both variances of an ellipse; ``near`` metres, nearer centres are left
-    out; ``min_alpha`` contributions below it are left out; ``max_alpha`` no Gaussian alone hides more;
-    ``stop`` a pixel is finished when it lets no more than this share of light pass; ``threads`` 0 means all cores.
-    Raises :class:`ConfigurationError` for values that make no sense.
+    ``low_pass`` square pixels added to both variances of an ellipse; ``near`` metres, nearer centres are left out;
+    ``min_alpha`` contributions below it are left out; ``stop`` a pixel is finished when at most this share of light
+    still passes. Raises :class:`ConfigurationError` for values out of range.
     """
 
     low_pass: float = 0.3
     near: float = 0.01
     min_alpha: float = 1 / 255
-    max_alpha: float = 0.99
     stop: float = 1e-4
-    threads: int = 0
 
     def __post_init__(self) -> None:
         if not (
-            0 < self.min_alpha < self.max_alpha <= 1
-            and self.near > 0
-            and self.low_pass >= 0
-            and 0 <= self.stop < 1
-            and self.threads >= 0
+            0 < self.min_alpha < MAX_ALPHA and self.near > 0 and self.low_pass >= 0 and 0 <= self.stop < 1
         ):
             raise ConfigurationError(
-                "A rasteriser needs 0 < min_alpha < max_alpha <= 1, near > 0, low_pass >= 0, 0 <= stop < 1 and "
-                f"threads >= 0, got {self}."
+                f"A rasteriser needs 0 < min_alpha < {MAX_ALPHA:g}, near > 0, low_pass >= 0 and 0 <= stop < 1, got "
+                f"{self}."
             )
 
     def render(
@@ -128,47 +121,28 @@ def forward(
 ) -> Frame:
     """Render, and keep what the gradients need. Raises :class:`GeometryError` for a K that is not a pinhole's."""
     count, height, width = len(gaussians), camera.height, camera.width
-    across, down = -(-width // TILE), -(-height // TILE)
-    tiles = across * down
-    packed = _pack(camera, rasteriser)
+    packed, arrays = _pack(camera, rasteriser), _contiguous(gaussians)
     splats = np.empty((count, SPLAT_COLUMNS), np.float32)
     boxes = np.empty((count, 4), np.int32)
-    centres, log_scales, rotations, logits, sh_dc, sh_rest = _contiguous(gaussians)
-    parts = _parts(rasteriser, count)
-    bounds = [count * part // parts for part in range(parts + 1)]
-    counts = np.zeros((parts, tiles), np.int64)
 
-    def project_part(part: int) -> None:
-        project(
-            bounds[part], bounds[part + 1], packed, width, height,
-            centres, log_scales, rotations, logits, sh_dc, sh_rest, splats, boxes, counts[part],
-        )  # fmt: skip
+    def project_some(start: int, stop: int) -> None:
+        project(start, stop, packed, width, height, *arrays, splats, boxes)
 
-    _share(project_part, parts)
-    # Each part appends behind the one before it, so that a tile's list is in the Gaussians' order.
-    ends = np.cumsum(counts.T.ravel()).reshape(tiles, parts)
-    cursors = np.ascontiguousarray((ends - counts.T).T)
-    offsets = np.concatenate([np.zeros(1, np.int64), ends[:, -1]])
-    members = np.empty(offsets[-1], np.int32)
-    depths = np.empty(offsets[-1], np.float32)
-
-    def scatter_part(part: int) -> None:
-        scatter(bounds[part], bounds[part + 1], across, boxes, splats, cursors[part], members, depths)
-
-    _share(scatter_part, parts)
+    run_chunks(project_some, count, _FEWEST_FOR_THREADS)
+    # Sorted once, nearest first and equal depths in the Gaussians' order: so is each tile's list then.
+    shown = np.flatnonzero(boxes[:, 0] < boxes[:, 1])
+    order = shown[np.argsort(splats[shown, DEPTH], kind="stable")]
+    offsets, members = _tile_lists(order, boxes, -(-width // TILE), -(-height // TILE))
     image = np.empty((height, width, 3), np.float32)
     left = np.empty((height, width), np.float32)
-    keys = depths.view(np.uint32)  # positive floats are ordered as their bits
-    longest = int(np.diff(offsets).max(initial=0))
-    colour = np.asarray(background, np.float32)
-
-    def composite_part(part: int) -> None:
-        composite(
-            part, parts, across, offsets, members, keys, splats, colour,
-            np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop), image, left, longest,
-        )  # fmt: skip
-
-    _share(composite_part, parts)
+    colour, stop = np.asarray(background, np.float32), np.float32(rasteriser.stop)
+    parts = _parts(count)
+    run_together(
+        [
+            partial(composite, part, parts, offsets, members, splats, colour, stop, image, left)
+            for part in range(parts)
+        ]
+    )
     return Frame(gaussians, camera, rasteriser, image, 1 - left, splats, boxes, offsets, members)
 
 
@@ -179,7 +153,7 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     constant harmonic is differentiated: ``sh_rest`` is rendered, but neither it nor the centres' share in the
     direction of view gets a gradient. Raises :class:`GeometryError` for a gradient of another size.
     """
-    gaussians, rasteriser = frame.gaussians, frame.rasteriser
+    gaussians, boxes = frame.gaussians, frame.boxes
     count, shape = len(gaussians), frame.alpha.shape
     to_image = np.ascontiguousarray(to_image, np.float32)
     to_alpha = np.zeros(shape, np.float32) if to_alpha is None else np.ascontiguousarray(to_alpha, np.float32)
@@ -188,36 +162,29 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
             f"A frame of {shape} pixels needs gradients of {(*shape, 3)} and {shape}, "
             f"got {to_image.shape} and {to_alpha.shape}."
         )
-    boxes = frame.boxes
     first = np.zeros(count + 1, np.int64)
     np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
     sums = np.zeros((len(frame.members), SUMS), np.float32)
-    left, across = 1 - frame.alpha, -(-shape[1] // TILE)
-    parts = _parts(rasteriser, count)
-
-    def composite_part(part: int) -> None:
-        composite_back(
-            part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
-            np.float32(rasteriser.max_alpha), np.float32(rasteriser.stop),
-            frame.image, left, to_image, to_alpha, sums,
-        )  # fmt: skip
-
-    _share(composite_part, parts)
-    packed = _pack(frame.camera, rasteriser)
-    centres, log_scales, rotations, *_ = _contiguous(gaussians)
-    found = GaussianGradients(
-        *(np.zeros(size, np.float32) for size in ((count, 3), (count, 3), (count, 4), (count,), (count, 3)))
+    stop, left = np.float32(frame.rasteriser.stop), 1 - frame.alpha
+    lists = frame.offsets, frame.members, boxes, frame.splats, first
+    parts = _parts(count)
+    run_together(
+        [
+            partial(composite_back, part, parts, *lists, stop, frame.image, left, to_image, to_alpha, sums)
+            for part in range(parts)
+        ]
     )
-    bounds = [count * part // parts for part in range(parts + 1)]
+    packed = _pack(frame.camera, frame.rasteriser)
+    centres, log_scales, rotations, *_ = _contiguous(gaussians)
+    found = [
+        np.zeros(size, np.float32) for size in ((count, 3), (count, 3), (count, 4), (count,), (count, 3))
+    ]
 
-    def project_part(part: int) -> None:
-        project_back(
-            bounds[part], bounds[part + 1], packed, centres, log_scales, rotations, frame.splats, first, sums,
-            found.centres, found.log_scales, found.rotations, found.opacity_logits, found.sh_dc,
-        )  # fmt: skip
+    def project_some(start: int, stop: int) -> None:
+        project_back(start, stop, packed, centres, log_scales, rotations, frame.splats, first, sums, *found)
 
-    _share(project_part, parts)
-    return found
+    run_chunks(project_some, count, _FEWEST_FOR_THREADS)
+    return GaussianGradients(*found)
 
 
 def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
@@ -228,24 +195,14 @@ def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
             f"Camera '{camera.name}': K must be upper triangular with last row 0 0 1, got\n{K}"
         )
     # The slopes x/z, y/z at which the image ends; the principal point need not be central, nor in the image.
-    corners = np.array(
-        [[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]]
-    )
+    corners = np.array([[u, v, 1] for u in (0, camera.width) for v in (0, camera.height)])
     slopes = corners @ np.linalg.inv(K).T
     middle, half = (slopes.max(axis=0) + slopes.min(axis=0)) / 2, np.ptp(slopes, axis=0) / 2
     low, high = middle - _FRUSTUM_MARGIN * half, middle + _FRUSTUM_MARGIN * half
-    packed = np.concatenate(
-        [
-            pose[:3, :3].ravel(),
-            pose[:3, 3],
-            [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]],
-            camera.position,
-            [low[0], high[0], low[1], high[1]],
-            [rasteriser.low_pass, rasteriser.near, rasteriser.min_alpha],
-        ]
-    )
-    assert len(packed) == CAMERA_ENTRIES
-    return packed.astype(np.float32)
+    intrinsics = [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]]
+    limits = [low[0], high[0], low[1], high[1], rasteriser.low_pass, rasteriser.near, rasteriser.min_alpha]
+    packed = [*pose[:3, :3].ravel(), *pose[:3, 3], *intrinsics, *camera.position, *limits]
+    return np.array(packed, dtype=np.float32)
 
 
 def _contiguous(of: Gaussians) -> list[Floats]:
@@ -255,71 +212,28 @@ def _contiguous(of: Gaussians) -> list[Floats]:
     return [np.ascontiguousarray(array) for array in arrays]
 
 
-def _parts(rasteriser: Rasteriser, count: int) -> int:
-    """Into how many parts the work is cut."""
-    if count < _FEWEST_FOR_THREADS:
-        return 1
-    return rasteriser.threads or cores()
-
-
-def _share(work: Callable[[int], None], parts: int) -> None:
-    run_together([partial(work, part) for part in range(parts)])
+def _parts(count: int) -> int:
+    """Into how many parts the tiles are divided."""
+    return 1 if count < _FEWEST_FOR_THREADS else cores()
 
 
 @compiled
-def scatter(
-    start: int,
-    stop: int,
-    across: int,
-    boxes: Ints,
-    splats: Floats,
-    cursors: Ints,
-    members: Ints,
-    depths: Floats,
-) -> None:
-    """Append Gaussians ``start`` to ``stop`` to their tiles' lists, at ``cursors`` (tiles,), which it moves."""
-    for i in range(start, stop):
+def _tile_lists(order: Ints, boxes: Ints, across: int, down: int) -> tuple[Ints, Ints]:
+    """Offsets (tiles + 1,) and members (entries,): each tile's Gaussians in the given order (N,)."""
+    ends = np.zeros(across * down + 1, np.int64)
+    for i in order:
+        for row in range(boxes[i, 2], boxes[i, 3]):
+            for column in range(boxes[i, 0], boxes[i, 1]):
+                ends[row * across + column + 1] += 1
+    offsets = np.cumsum(ends)
+    cursors, members = offsets.copy(), np.empty(offsets[-1], np.int32)
+    for i in order:
         for row in range(boxes[i, 2], boxes[i, 3]):
             for column in range(boxes[i, 0], boxes[i, 1]):
                 tile = row * across + column
-                at = cursors[tile]
-                members[at] = i
-                depths[at] = splats[i, DEPTH]
-                cursors[tile] = at + 1
-
-
-@compiled
-def sort_by_key(
-    keys: NDArray[np.uint32],
-    values: Ints,
-    other_keys: NDArray[np.uint32],
-    other_values: Ints,
-) -> None:
-    """Sort by ``keys`` (n,), bit patterns of positive floats, stably, in place: radix sort by bytes from below."""
-    n = len(keys)
-    if n < 2:
-        return
-    least, most = keys[0], keys[0]
-    for k in range(n):
-        least, most = min(least, keys[k]), max(most, keys[k])
-    spread = most - least  # near depths share their upper bytes, which then need no pass
-    counts = np.empty(256, np.int32)
-    shift = 0
-    while (spread >> shift) > 0:
-        counts[:] = 0
-        for k in range(n):
-            counts[((keys[k] - least) >> shift) & 255] += 1
-        total = 0
-        for k in range(256):
-            total, counts[k] = total + counts[k], total
-        for k in range(n):
-            digit = ((keys[k] - least) >> shift) & 255
-            at = counts[digit]
-            other_keys[at], other_values[at] = keys[k], values[k]
-            counts[digit] = at + 1
-        keys[:] = other_keys
-        values[:] = other_values
-        shift += 8
+                members[cursors[tile]] = i
+                cursors[tile] += 1
+    return offsets, members
 
 
 @compiled
@@ -367,39 +281,32 @@ p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
 def composite(
     part: int,
     parts: int,
-    across: int,
     offsets: Ints,
     members: Ints,
-    keys: NDArray[np.uint32],
     splats: Floats,
     background: Floats,
-    max_alpha: Real,
     stop: Real,
     image: Floats,
     left: Floats,
-    longest: int,
 ) -> None:
-    """Sort and paint the tiles ``part``, ``part + parts``, ...; rows of ``members`` end up nearest first.
+    """Paint the tiles ``part``, ``part + parts``, ...; ``members`` of a tile are nearest first.
 
     Writes ``image`` (H, W, 3), unclipped and with the background, and ``left`` (H, W), the light still passing.
     """
     height, width = left.shape
+    across = (width + TILE - 1) // TILE
     one, half = np.float32(1.0), np.float32(0.5)
-    other_keys, other_values = np.empty(longest, np.uint32), np.empty(longest, np.int32)
     # Unsigned indices spare numba the test for negative ones.
     light, colour = np.empty(TILE * TILE, np.float32), np.empty((TILE * TILE, 3), np.float32)
     open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
     for tile in range(part, len(offsets) - 1, parts):
         x0, y0 = (tile % across) * TILE, (tile // across) * TILE
         x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
-        begin, end = offsets[tile], offsets[tile + 1]
-        count = end - begin
-        sort_by_key(keys[begin:end], members[begin:end], other_keys[:count], other_values[:count])
         light[:] = one
         colour[:] = np.float32(0.0)
         open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
         still_open = (x1 - x0) * (y1 - y0)
-        for entry in range(begin, end):
+        for entry in range(offsets[tile], offsets[tile + 1]):
             if still_open == 0:
                 break
             splat = splats[members[entry]]
@@ -428,7 +335,7 @@ def composite(
                 for k in range(start, start + np.uint64(last + 1 - first)):
                     passing = light[k]
                     if passing > stop:
-                        weight = passing * min(alpha, max_alpha)
+                        weight = passing * min(alpha, MAX_ALPHA)
                         colour[k, 0] += weight * red
                         colour[k, 1] += weight * green
                         colour[k, 2] += weight * blue
@@ -451,13 +358,11 @@ def composite(
 def composite_back(
     part: int,
     parts: int,
-    across: int,
     offsets: Ints,
     members: Ints,
     boxes: Ints,
     splats: Floats,
     first_entry: Ints,
-    max_alpha: Real,
     stop: Real,
     image: Floats,
     left: Floats,
@@ -470,6 +375,7 @@ def composite_back(
     ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) are the loss's gradients at the image and at alpha = 1 - left.
     """
     height, width = left.shape
+    across = (width + TILE - 1) // TILE
     one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
     light, rest = np.empty(TILE * TILE, np.float32), np.empty(TILE * TILE, np.float32)
     slope = np.empty((TILE * TILE, 3), np.float32)
@@ -524,7 +430,7 @@ def composite_back(
                 for k in range(start, start + np.uint64(last + 1 - first)):
                     passing = light[k]
                     if passing > stop:
-                        used = min(alpha, max_alpha)
+                        used = min(alpha, MAX_ALPHA)
                         weight = passing * used
                         g_red, g_green, g_blue = slope[k, 0], slope[k, 1], slope[k, 2]
                         shade = g_red * red + g_green * green + g_blue * blue
@@ -533,7 +439,7 @@ def composite_back(
                         to_red += weight * g_red
                         to_green += weight * g_green
                         to_blue += weight * g_blue
-                        if alpha <= max_alpha:
+                        if alpha <= MAX_ALPHA:
                             p = alpha * (passing * shade - behind / (one - used))
                             r0 += p
                             rx += p * dx

@@ -47,12 +47,11 @@ ln(opacity / min_alpha): alpha stays above min_alpha while half the squared Maha
 SPLAT_COLUMNS = 12
 
 ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
-"""Where objects lie in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
+"""Where values are in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
 the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
-CAMERA_ENTRIES = 27
 
 MOST_SPREAD = np.float32(1e3)
-"""A standard deviation of so many depths covers any image; more would only overflow."""
+"""A standard deviation of this multiple of the depth covers any image; more would only overflow."""
 SH_C0 = np.float32(0.2820948)
 
 
@@ -159,14 +158,12 @@ def project(
     sh_rest: Floats,
     splats: Floats,
     boxes: Ints,
-    counts: Ints,
 ) -> None:
     """Project Gaussians ``start`` to ``stop``.
 
-    Writes ``splats`` (N, 12) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for
-    what is not seen; adds to ``counts`` (tiles,) how many of these Gaussians each tile gets.
+    Writes ``splats`` (N, 12) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for a
+    Gaussian that is not seen.
     """
-    across = (width + TILE - 1) // TILE
     low_pass, near, min_alpha = camera[LOW_PASS], camera[NEAR], camera[MIN_ALPHA]
     axes = np.empty((3, 3), np.float32)
     frame, image = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
@@ -198,9 +195,6 @@ def project(
         column0, column1 = int(max(left, 0)) // TILE, int(min(right, width - 1)) // TILE + 1
         row0, row1 = int(max(top, 0)) // TILE, int(min(bottom, height - 1)) // TILE + 1
         boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = column0, column1, row0, row1
-        for row in range(row0, row1):
-            for column in range(column0, column1):
-                counts[row * across + column] += 1
         splats[i, U], splats[i, V], splats[i, DEPTH] = u, v, z
         splats[i, CONIC_A], splats[i, CONIC_B], splats[i, CONIC_C] = yy / det, -xy / det, xx / det
         splats[i, CONIC_DET] = np.float32(1.0) / det
@@ -259,7 +253,7 @@ def project_back(
 ) -> None:
     """Write the gradients of Gaussians ``start`` to ``stop`` from what the tiles found.
 
-    ``partial`` (entries, 9) holds the sums of ``rasteriser_compositing.composite_back``, one row for each tile of each
+    ``partial`` (entries, 9) holds the sums of ``rasteriser.composite_back``, one row for each tile of each
     Gaussian; rows ``first[i]`` to ``first[i + 1]`` are Gaussian i's and are added in that order, so that the
     answer does not depend on the number of threads.
     """

@@ -18,6 +18,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.raycast import draw
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import compiled, run_chunks, run_together
@@ -293,23 +294,17 @@ def _close(distance: Field, radius: float, inside: Field) -> None:
                     inside[k, m] = min(inside[k, m], apart - beyond - np.float32(radius))
 
 
-NEAREST = 1e-3
-"""Metres in front of a camera's plane within which nothing is drawn."""
-
-
 def depth_map(mesh: TriangleMesh, camera: Camera, farthest: bool = False) -> NDArray[np.float32]:
     """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
 
-    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than
-    :data:`NEAREST` to the camera's plane are left out.
+    ``farthest`` takes the farthest surface instead.
     """
-    depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
-    local = transform_points(camera.camera_from_world, mesh.vertices)
-    image = local @ camera.K.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        uv = image[:, :2] / image[:, 2:3]
-    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, farthest)
-    return depth
+    size = (camera.height, camera.width)
+    depth = np.full(size, 0.0 if farthest else np.inf, dtype=np.float32)
+    hits = np.full(size, -1, dtype=np.int64)
+    corners = transform_points(camera.camera_from_world, mesh.vertices) @ camera.K.T
+    draw(np.ascontiguousarray(corners), mesh.faces, 0, depth, hits, farthest)
+    return np.where(hits >= 0, depth, np.float32(np.inf))
 
 
 def depth_maps(
@@ -325,61 +320,14 @@ def mask_agreement(mesh: TriangleMesh, silhouettes: Sequence[Silhouette]) -> flo
     return float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, silhouettes, strict=True)]))
 
 
-@compiled
-def _rasterise(
-    uv: FloatArray,
-    z: FloatArray,
-    faces: NDArray[np.int64],
-    depth: NDArray[np.float32],
-    farthest: bool,
-) -> None:
-    height, width = depth.shape
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if not (z[a] >= NEAREST and z[b] >= NEAREST and z[c] >= NEAREST):
-            continue
-        ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if not abs(area) > 0.0:
-            continue
-        # Pixel i's centre lies at i + 0.5.
-        left = max(int(np.ceil(max(min(ax, bx, cx), 0.0) - 0.5)), 0)
-        right = min(int(np.floor(min(max(ax, bx, cx), width) - 0.5)), width - 1)
-        top = max(int(np.ceil(max(min(ay, by, cy), 0.0) - 0.5)), 0)
-        bottom = min(int(np.floor(min(max(ay, by, cy), height) - 0.5)), height - 1)
-        ia, ib, ic = 1 / z[a], 1 / z[b], 1 / z[c]
-        for row in range(top, bottom + 1):
-            y = row + 0.5
-            for column in range(left, right + 1):
-                x = column + 0.5
-                wa = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-                wb = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-                wc = 1.0 - wa - wb
-                if wa >= -1e-9 and wb >= -1e-9 and wc >= -1e-9:
-                    # Its inverse, not depth itself, is linear in the image.
-                    d = 1.0 / (wa * ia + wb * ib + wc * ic)
-                    depth[row, column] = (
-                        max(depth[row, column], d) if farthest else min(depth[row, column], d)
-                    )
-
-
 def symmetric_iou(points: ArrayLike, views: Views, *, faces: ArrayLike | None = None) -> float:
-    """Mean over the views of |S n M| / |S u M|, of silhouette S and mask M > 0.5.
+    """Mean over the views of |S n M| / |S u M|, of silhouette S and mask M > 0.5; NaN when every mask is empty.
 
     Views with an empty mask are left out.
     ``points`` (N, 3) metres; with ``faces`` (F, 3) they are a mesh's vertices and its triangles are drawn, else S is
     the points' closed outline, much the same for 10 thousand and for 300 thousand points of one surface.
-    Raises :class:`GeometryError` for a view without a mask, when every mask is empty, and for faces or their vertices
-    that a mesh must not have.
+    Raises :class:`GeometryError` for a view without a mask, and for faces or their vertices that a mesh must not have.
     """
-    value = mean_iou(points, views, faces=faces)
-    if np.isnan(value):
-        raise GeometryError(f"All {len(views)} masks are empty: there is no silhouette to compare with.")
-    return value
-
-
-def mean_iou(points: ArrayLike, views: Views, *, faces: ArrayLike | None = None) -> float:
-    """The same; NaN, not an error, when every mask is empty."""
     found = []
     for drawn, view in zip(silhouettes(points, views, faces=faces), views, strict=True):
         mask = mask_of(view) > 0.5

@@ -14,10 +14,9 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.carving import hull_field, surface_of
+from gvla2.reconstruction.carving import Field, hull_field, surface_of
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
-from gvla2.reconstruction.occupancy import Field
-from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_silhouettes, mean_iou
+from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_silhouettes, symmetric_iou
 from gvla2.reconstruction.support import MaskStack, as_points, mask_of, mask_support
 
 
@@ -26,7 +25,6 @@ class ViewSet:
     """Views D = {(I_i, M_i, K_i, T_i)} that all have masks; raises :class:`GeometryError` where one has none."""
 
     views: Views
-    compat: str = "none"
 
     def __post_init__(self) -> None:
         for view in self.views:
@@ -46,7 +44,7 @@ class ViewSet:
 
     @cached_property
     def _stack(self) -> MaskStack:
-        return MaskStack.of(self.views, self.compat)
+        return MaskStack.of(self.views)
 
     def support(self, points: FloatArray) -> FloatArray:
         """s(p) (N,) of points (N, 3) (paper, mask-consistency score)."""
@@ -151,7 +149,7 @@ def judged(
     measured = [
         {
             "support": float(mask_support(points, views).mean()),
-            "symmetric_iou": mean_iou(points, views, faces=faces),
+            "symmetric_iou": symmetric_iou(points, views, faces=faces),
         }
         for points in (old, new)
     ]

@@ -29,28 +29,14 @@ class Rect(NamedTuple):
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
 
     @property
-    def width(self) -> float:
-        """Its width; 0 when it is empty."""
-        return max(0.0, self.x1 - self.x0)
-
-    @property
-    def height(self) -> float:
-        """Its height; 0 when it is empty."""
-        return max(0.0, self.y1 - self.y0)
-
-    @property
     def area(self) -> float:
         """Its area; 0 when it is empty."""
-        return self.width * self.height
+        return max(0.0, self.x1 - self.x0) * max(0.0, self.y1 - self.y0)
 
     def overlap(self, other: Rect) -> float:
         """Area shared with ``other``."""
         low, high = map(max, self[:2], other[:2]), map(min, self[2:], other[2:])
         return Rect(*low, *high).area
-
-    def grown(self, by: float) -> Rect:
-        """The rectangle with ``by`` more on every side."""
-        return Rect(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
 
 def around(x: float, y: float, radius: float) -> Rect:
@@ -73,34 +59,29 @@ def part_about(points: FloatArray, size: tuple[int, int], grow: float, least: fl
     return Rect(*np.concatenate([start, start + extent]).tolist())
 
 
-def place(
-    near: Rect, size: tuple[float, float], taken: Sequence[Rect], bounds: Rect, gap: float = 4.0
-) -> Rect:
-    """The best of some 40 places of a label of ``size`` (width, height) about ``near``.
+def place(near: Rect, size: tuple[float, float], taken: Sequence[Rect], bounds: Rect) -> Rect:
+    """The best of 36 places of a label of ``size`` (width, height) about ``near``, inside ``bounds`` if it fits.
 
-    Overlap with ``taken`` and area outside ``bounds`` cost most, then distance; the result always lies inside
-    ``bounds`` if it fits.
+    Overlap with ``taken`` costs most, then overlap with ``near``, then distance.
     """
     width, height = size
     cx, cy = near.centre
-    best, best_cost = Rect(cx, cy, cx + width, cy + height), float("inf")
+    costs: dict[Rect, float] = {}
     for ring in range(4):
-        if 0.15 * ring * width * height >= best_cost:
-            break  # nothing further out is better
-        away = gap + ring * (height + gap)
+        away = GAP + ring * (height + GAP)
         columns = (cx - width / 2, near.x0 - away - width, near.x1 + away)
         rows = (near.y0 - away - height, near.y1 + away, cy - height / 2)
         for order, (x, y) in enumerate((x, y) for y in rows for x in columns):
             x = min(max(x, bounds.x0), max(bounds.x0, bounds.x1 - width))
             y = min(max(y, bounds.y0), max(bounds.y0, bounds.y1 - height))
             spot = Rect(x, y, x + width, y + height)
-            covered = sum(spot.overlap(other) for other in taken)
-            cost = covered + 0.5 * spot.overlap(near) + spot.area * (0.15 * ring + 0.01 * order)
-            if cost < best_cost:
-                best, best_cost = spot, cost
-    return best
+            covered = sum(spot.overlap(other) for other in taken) + 0.5 * spot.overlap(near)
+            costs.setdefault(spot, covered + spot.area * (0.15 * ring + 0.01 * order))
+    return min(costs, key=costs.__getitem__)
 
 
+GAP = 4.0
+"""Pixels between a label and what it names."""
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
 Points = Sequence[Point] | NDArray[np.float64]
@@ -149,13 +130,13 @@ def enlarged(
 ) -> Image.Image:
     """The picture, or its part ``box`` in whole pixels, enlarged by a whole factor to about ``width`` pixels."""
     part = box or Rect(0, 0, *picture.size)
-    scale = max(1, round(width / part.width))
-    return picture.resize((int(part.width * scale), int(part.height * scale)), how, box=part)
+    across, down = part.x1 - part.x0, part.y1 - part.y0
+    scale = max(1, round(width / across))
+    return picture.resize((int(across * scale), int(down * scale)), how, box=part)
 
 
-def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Pillow's own typeface, so that pictures look the same on every machine."""
-    return ImageFont.load_default(size)
+font = ImageFont.load_default
+"""Pillow's own typeface by its size, so that pictures look the same on every machine."""
 
 
 class Canvas:
@@ -244,7 +225,9 @@ class Canvas:
         width, height = pen.textlength(text, font=face) + 12 + chip, 20.0
         bounds = Rect(4, 4, self.size[0] - 4, self.size[1] - 4)
         spot = place(near, (width, height), taken, bounds)
-        if spot.overlap(near.grown(8)) == 0:  # it had to move away: connect it to its object
+        if (
+            spot.overlap(Rect(near.x0 - 8, near.y0 - 8, near.x1 + 8, near.y1 + 8)) == 0
+        ):  # moved away: a line to it
             x, y = np.clip(near.centre, spot[:2], spot[2:]).tolist()
             pen.line([(x, y), near.centre], fill=(*colour, 220), width=1)
         pen.rounded_rectangle(spot, 5, fill=(*INK, 205), outline=(*colour, 255))

@@ -35,7 +35,7 @@ _FILES_A_CHUNK = 1000
 @dataclass(frozen=True)
 class Demonstration:
     """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
-    ``robot`` by name, and ``source``, what else tells one arm or camera from another.
+    ``robot`` by name, and ``source``, what else distinguishes arms and cameras.
     """
 
     states: NDArray[np.float32]
@@ -160,7 +160,7 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
-    """Least, largest, mean, deviation and count; for pictures per channel, in [0, 1]."""
+    """Minimum, maximum, mean, standard deviation and count; of pictures by channel, in [0, 1]."""
     rows = {
         "observation.state": np.concatenate([episode.states for episode in episodes]),
         "action": np.concatenate([episode.actions for episode in episodes]),

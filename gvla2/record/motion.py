@@ -1,29 +1,34 @@
-"""The motion of an episode in full: a film of every frame, and the arm's measured state at each of them.
+"""Films (MP4, H.264), and the motion of an episode: a film of every frame and the arm's measured state at each of them.
 
-The film needs ``imageio-ffmpeg`` (extra ``[export]``); without it only the states are stored. `gvla2 export lerobot`
-makes training data sets from both.
+`gvla2 export lerobot` makes training data sets from both.
 """
 
 from __future__ import annotations
 
 import io
+import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
 
 from gvla2.io.files import write_bytes
 from gvla2.robot.backend import Moment
 
+Frame = NDArray[np.uint8]
+"""An RGB picture (H, W, 3)."""
+Film = Generator[None, bytes | None, None]
+"""imageio-ffmpeg's open film: takes the bytes of one frame at a time."""
+
 FILM, STATES = "episode.mp4", "motion.npz"
 DEFAULT_FPS = 5.0
 SMALLEST = 16
-"""Least side of a film in pixels: encoders refuse smaller ones."""
+"""Minimum side of a film in pixels: encoders refuse smaller ones."""
 AHEAD = 30
 """Frames that may wait for the encoder."""
 
@@ -37,8 +42,8 @@ class Motion:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._moments: list[Moment] = []
-        self._writer: Generator[None, bytes | None, None] | None = None
-        self._first: NDArray[np.uint8] | None = None  # waits for the second, whose time gives the rate
+        self._film: Film | None = None
+        self._first: Frame | None = None  # waits for the second, whose time gives the rate
         self._frames = 0
         self._studio = ThreadPoolExecutor(1, "film")
         self._awaited: deque[Future[None]] = deque()
@@ -47,11 +52,11 @@ class Motion:
         """The state at the next frame."""
         self._moments.append(moment)
 
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """A frame (H, W, 3) uint8, all of one size; sides are cropped to even numbers, as players require."""
+    def frame(self, image: Frame) -> None:
+        """A frame, as large as the first one; sides are cropped to even numbers, as players require."""
         if getattr(image, "ndim", 0) != 3 or min(image.shape[:2]) < SMALLEST:
-            return  # not a film frame; the recorder reports what was wrong with it
-        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+            return
+        even = _even(image)
         self._frames += 1
         if self._first is None:
             self._first = even
@@ -76,9 +81,9 @@ class Motion:
         finally:
             self._studio.shutdown(cancel_futures=True)
             self._awaited.clear()
-            if self._writer is not None:
-                self._writer.close()
-                self._writer = None
+            if self._film is not None:
+                self._film.close()
+                self._film = None
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
             np.savez_compressed(
@@ -95,116 +100,43 @@ class Motion:
         while self._awaited and (self._awaited[0].done() or len(self._awaited) > AHEAD):
             self._awaited.popleft().result()
 
-    def _send(self, image: NDArray[np.uint8]) -> None:
-        if self._writer is not None:
-            self._writer.send(image.tobytes())
-
-    def _open(self, first: NDArray[np.uint8], fps: float) -> None:
-        try:
-            import imageio_ffmpeg
-        except ImportError:
-            return
-        made: Any = imageio_ffmpeg.write_frames(
-            str(self._folder / FILM),
-            (first.shape[1], first.shape[0]),
-            fps=fps,
-            # Unnamed, the codec is looked for by encoding something; the library's own ffmpeg has this one.
-            codec="libx264" if Path(imageio_ffmpeg.get_ffmpeg_exe()).parent.name == "binaries" else None,
-            quality=7,
-            macro_block_size=2,
-            output_params=["-preset", "veryfast", "-movflags", "+faststart"],
-            ffmpeg_log_level="error",
-        )
-        made.send(None)
-        self._writer = made
+    def _open(self, first: Frame, fps: float) -> None:
+        self._film = _opened(self._folder / FILM, first, fps)
         self._send(first)
 
-
-Frame = NDArray[np.uint8]
-
-FRAME_LIMIT = 80
-SIDE = 320
-MAX_BYTES = 2_000_000
+    def _send(self, image: Frame) -> None:
+        if self._film is not None:
+            self._film.send(image.tobytes())
 
 
-class FrameReel:
-    """Collects frames while a robot moves and never holds more than ``limit`` of them, plus the newest.
-
-    When there are more, every second frame is dropped and from then on half as many are taken, so the kept ones are
-    always evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced immediately.
-    """
-
-    def __init__(self, limit: int = FRAME_LIMIT, side: int = SIDE) -> None:
-        self.limit, self.side = limit, side
-        self._kept: list[Frame] = []
-        self._newest: Frame | None = None
-        self._stride, self._count = 1, 0
-
-    def add(self, image: NDArray[np.uint8]) -> None:
-        """Take an RGB frame (H, W, 3) uint8; a copy is kept, or nothing."""
-        if max(image.shape[:2]) <= self.side:
-            self._newest = image.copy()
-        else:
-            picture = Image.fromarray(np.ascontiguousarray(image))
-            picture.thumbnail((self.side, self.side), Image.Resampling.BILINEAR, reducing_gap=None)
-            self._newest = np.array(picture)
-        if self._count % self._stride == 0:
-            self._kept.append(self._newest)
-            if len(self._kept) > self.limit:
-                self._kept = self._kept[::2]
-                self._stride *= 2
-        self._count += 1
-
-    @property
-    def frames(self) -> tuple[Frame, ...]:
-        """Evenly spread frames; the last is always the newest one."""
-        if self._newest is None or self._kept[-1] is self._newest:
-            return tuple(self._kept)
-        return (*self._kept[: self.limit - 1], self._newest)
-
-
-def gif(frames: Sequence[Frame], fps: float = 12.0, max_bytes: int = MAX_BYTES, rest: float = 1.2) -> bytes:
-    """A looping GIF of RGB frames (H, W, 3) uint8, all of one size; the last frame rests ``rest`` seconds.
-
-    One palette serves all frames. When the file would exceed ``max_bytes`` colours are reduced first, then frames, then
-    size. Raises :class:`ValueError` without frames.
-    """
+def encoded(frames: Sequence[Frame], fps: float) -> bytes:
+    """Frames of one size as an MP4 file. Raises :class:`ValueError` without frames."""
     if not frames:
-        raise ValueError("An animation needs at least one frame.")
-    pictures = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
-    data = b""
-    for colours, every, shrink in ((256, 1, 1.0), (96, 1, 1.0), (64, 2, 1.0), (64, 2, 0.7), (32, 4, 0.5)):
-        chosen = pictures[:-1][::every] + pictures[-1:]
-        data = _encode(chosen, colours, shrink, fps / every, rest)
-        if len(data) <= max_bytes:
-            break
-    return data
+        raise ValueError("A film needs at least one frame.")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / FILM
+        film = _opened(path, _even(frames[0]), fps)
+        for frame in frames:
+            film.send(_even(frame).tobytes())
+        film.close()
+        return path.read_bytes()
 
 
-def _encode(pictures: Sequence[Image.Image], colours: int, shrink: float, fps: float, rest: float) -> bytes:
-    if shrink < 1:
-        pictures = [ImageOps.scale(picture, shrink, Image.Resampling.LANCZOS) for picture in pictures]
-    palette = _palette(pictures, colours)
-    # No dithering: still pixels stay the same from frame to frame, and only what moves is stored.
-    indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    step = max(20, round(100 / fps) * 10)  # GIF counts hundredths of a second; browsers slow down below two
-    durations = [step] * (len(indexed) - 1) + [step + round(rest * 100) * 10]
-    stream = io.BytesIO()
-    indexed[0].save(
-        stream,
-        format="GIF",
-        save_all=True,
-        append_images=indexed[1:],
-        duration=durations,
-        loop=0,
-        optimize=True,
-        disposal=1,
+def _even(image: Frame) -> Frame:
+    return np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+
+
+def _opened(path: Path, first: Frame, fps: float) -> Film:
+    film: Film = imageio_ffmpeg.write_frames(
+        str(path),
+        (first.shape[1], first.shape[0]),
+        fps=fps,
+        # Unnamed, the codec is looked for by encoding something; the library's own ffmpeg has this one.
+        codec="libx264" if Path(imageio_ffmpeg.get_ffmpeg_exe()).parent.name == "binaries" else None,
+        quality=7,
+        macro_block_size=2,
+        output_params=["-preset", "veryfast", "-movflags", "+faststart"],
+        ffmpeg_log_level="error",
     )
-    return stream.getvalue()
-
-
-def _palette(pictures: Sequence[Image.Image], colours: int) -> Image.Image:
-    """The palette that suits frames from the whole motion."""
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, 9).round().astype(int))
-    mosaic = Image.fromarray(np.concatenate([np.asarray(pictures[k]) for k in chosen]))
-    return mosaic.quantize(colors=colours, method=Image.Quantize.MEDIANCUT)
+    film.send(None)
+    return film

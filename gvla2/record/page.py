@@ -7,7 +7,6 @@ import hashlib
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,11 @@ from PIL import Image
 
 from gvla2.episode.memory_reporting import turns_of
 from gvla2.episode.record import EpisodeRecord
-from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text
 from gvla2.record import wording
-from gvla2.record.drawing import css_colour, marker_colour, png
-from gvla2.record.pictures import Pictures
+from gvla2.record.drawing import css_colour, marker_colour
+from gvla2.record.pictures import CLOSED_COLOUR, OPEN_COLOUR, Pictures
 from gvla2.record.text import count, listing, one_line
 
 _FOLDER = Path(__file__).parent
@@ -38,7 +36,7 @@ def render_page(
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
-    Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy keeps the
+    Pictures and film are data URIs, styles and the one script are inside, and a content policy keeps the
     browser from loading anything else. ``beside`` are names of files beside the page.
     """
     return render(
@@ -68,7 +66,7 @@ def templates() -> Environment:
         lstrip_blocks=True,
         bytecode_cache=_bytecode_cache(),
     )
-    script = f"{_source('page.js')}{_source('viewer.js')}".strip()
+    script = _source("page.js").strip()
     environment.globals.update(
         source=lambda name: Markup(_source(name)),
         script=Markup(script),
@@ -76,11 +74,12 @@ def templates() -> Environment:
         data_uri=data_uri,
         executed=lambda record: wording.result_of(record, "execute"),
         marker_colour=marker_colour,
+        open_colour=OPEN_COLOUR,
+        closed_colour=CLOSED_COLOUR,
         turns_of=turns_of,
         wording=wording,
     )
     environment.filters.update(
-        base64=lambda data: base64.b64encode(data).decode("ascii"),
         called=wording.called,
         counted=count,
         css=css_colour,
@@ -111,9 +110,8 @@ def _bytecode_cache() -> FileSystemBytecodeCache | None:
 
 
 def data_uri(data: bytes) -> str:
-    """A GIF, JPEG, PNG or MP4 file as a URI that holds it."""
-    kinds = {b"GIF8": "image/gif", b"\xff\xd8": "image/jpeg"}
-    kind = next((kind for start, kind in kinds.items() if data.startswith(start)), "image/png")
+    """A JPEG, PNG or MP4 file as a URI that holds it."""
+    kind = "image/jpeg" if data.startswith(b"\xff\xd8") else "image/png"
     kind = "video/mp4" if data[4:8] == b"ftyp" else kind
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
@@ -178,28 +176,3 @@ def _thumbnail(folder: Path, width: int = 192) -> str:
         small.save(stream, format="JPEG", quality=82)
         return data_uri(stream.getvalue())
     return ""
-
-
-@dataclass(frozen=True)
-class TaskShown:
-    """One task of the gallery. ``ending`` says how it reached its ``after``; ``done`` whether it counts.
-
-    ``problem`` is what went wrong, "" if nothing.
-    """
-
-    name: str
-    summary: str
-    instruction: str = ""
-    goal: str = ""
-    wordings: tuple[str, ...] = ()
-    before: tuple[View, ...] = ()
-    after: tuple[View, ...] = ()
-    ending: str = ""
-    done: bool = False
-    problem: str = ""
-
-
-def gallery_page(tasks: Sequence[TaskShown], seed: int) -> str:
-    """The page as HTML with embedded pictures."""
-    pictured = {"png": lambda image: png(Image.fromarray(image))}
-    return render("gallery.html.jinja", tasks=tasks, seed=seed, **pictured)

@@ -210,20 +210,16 @@ class Pictures:
     """The page's pictures; empty if not made.
 
     ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects, ``depth`` their depth,
-    ``plan`` the planned path in some of them. ``parts`` shows, where a program took several, the plan of each part in
-    the main camera. ``episode`` is a GIF, ``film`` the same motion as MP4, ``model`` the scene with the plan as GLB.
+    ``plan`` the planned path in some of them. ``film`` is the motion as MP4.
     """
 
     plain: Shots = field(default_factory=dict)
     objects: Shots = field(default_factory=dict)
     depth: Shots = field(default_factory=dict)
     plan: Shots = field(default_factory=dict)
-    parts: Shots = field(default_factory=dict)
     before: bytes = b""
     after: bytes = b""
-    episode: bytes = b""
     film: bytes = b""
-    model: bytes = b""
 
 
 def main_picture(observation: Observation) -> bytes:
@@ -276,18 +272,8 @@ def plan_pictures(
     return {v.name: drawn(v) for v in plan_views(observation.pictured(), trajectory, count)}
 
 
-def part_pictures(parts: Sequence[EpisodeRecord]) -> Shots:
-    """The plans of the parts before the last, which has its own pictures."""
-    return {
-        f"part {k}: {part.plan.skill}": picture
-        for k, part in enumerate(parts, 1)
-        if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
-        for picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1).values()
-    }
-
-
 class Shown(NamedTuple):
-    """What of :class:`Pictures` is made during a run: its name in notes, and ``make``, called with ``inputs``.
+    """A field of :class:`Pictures` that is made during a run: its name in notes, and ``make``, called with ``inputs``.
 
     It waits until none of the inputs is None. ``file`` in the run's folder also holds it, "" for none.
     """
@@ -311,7 +297,6 @@ SHOWN: Mapping[str, Shown] = {
         plan_pictures,
         "plan.png",
     ),
-    "parts": Shown("The pictures of the parts", lambda r: (r.parts or None,), part_pictures),
     "after": Shown("The picture after", lambda r: (r.after,), main_picture, "after.png"),
 }
 """By the field of :class:`Pictures`, in the order in which a run makes them."""

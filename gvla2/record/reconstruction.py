@@ -24,7 +24,7 @@ from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_pictures
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import Measures
-from gvla2.record.reconstruction_pictures import ReconstructionPictures, turntables, view_pictures
+from gvla2.record.reconstruction_pictures import ReconstructionPictures, turntable, view_pictures
 from gvla2.record.recorder import FolderRecorder
 from gvla2.record.text import count
 from gvla2.record.wording import State, Step, fixed
@@ -53,12 +53,7 @@ class ReconstructionRecord:
     @property
     def changed(self) -> bool:
         """Whether the output differs from the first reconstruction at all."""
-        return self.displacement > 0 or self.recoloured
-
-    @property
-    def recoloured(self) -> bool:
-        """Whether any base colour differs."""
-        return self._colours(self.result.out) != self._colours(self.result.g0)
+        return self.displacement > 0 or self._colours(self.result.out) != self._colours(self.result.g0)
 
     @property
     def displacement(self) -> float:
@@ -190,7 +185,7 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
     if not record.changed:
         return "Kept as first made", "idle"
     if record.displacement < _STILL * record.size:
-        return ("Colours calibrated" if record.recoloured else "Hardly changed"), "idle"
+        return "Hardly moved", "idle"
     fit = compared(record, "inputs", "symmetric_iou")
     worse = fit is not None and fit.tone == "bad"
     return ("Refined, masks fit worse", "unsure") if worse else ("Refined", "good")
@@ -234,7 +229,7 @@ def summary_line(record: ReconstructionRecord) -> str:
     return f"{record.name}: {', '.join(parts)}"
 
 
-PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.gif"
+PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.mp4"
 
 
 class ReconstructionRecorder(FolderRecorder):
@@ -276,15 +271,15 @@ class ReconstructionRecorder(FolderRecorder):
     def pictures(
         self, record: ReconstructionRecord, renderer: Renderer, frames: int
     ) -> ReconstructionPictures:
-        """All pictures that can be made; ``turntable.gif`` into the folder."""
+        """All pictures that can be made; ``turntable.mp4`` into the folder."""
         if record.measures is None:
             return ReconstructionPictures()
-        given = (record.views, record.measures, renderer)
+        given = (record.views, record.measures)
         views = self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
-        hero, turning = self.attempt("The turntable", lambda: turntables(*given, frames)) or (b"", b"")
-        if turning:
-            write_bytes(self.folder / TURNTABLE, turning)
-        return ReconstructionPictures(views, hero, turning)
+        film = self.attempt("The turntable", lambda: turntable(*given, renderer, frames)) or b""
+        if film:
+            write_bytes(self.folder / TURNTABLE, film)
+        return ReconstructionPictures(views, film)
 
     def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""

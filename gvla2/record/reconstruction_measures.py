@@ -1,4 +1,4 @@
-"""How well a reconstruction explains its input views, held-out views and a true mesh, before and after the branch."""
+"""The fit of a reconstruction to its input views, held-out views and a true mesh, before and after the branch."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ class ViewFit:
 
 @dataclass(frozen=True)
 class ReconstructionFit:
-    """A reconstruction against all input views; ``support`` is s(p) (N,) of the drawn ``gaussians``."""
+    """A reconstruction against all input views; ``support`` is the mean s(p) of the drawn ``gaussians``."""
 
     gaussians: Gaussians
-    support: NDArray[np.float64]
+    support: float
     views: tuple[ViewFit, ...]
 
     def numbers(self) -> dict[str, float]:
         """The means over views, except those with an empty mask, and over points."""
         return {
             "symmetric_iou": _mean([view.iou for view in self.views]),
-            "mask_support": float(self.support.mean()),
+            "mask_support": self.support,
             "psnr": _mean([view.psnr for view in self.views]),
         }
 
@@ -130,7 +130,8 @@ def fit(made: Reconstruction, views: Views, renderer: Renderer) -> Reconstructio
             union = int((mask | silhouette).sum())
             iou, psnr = (union - missed - excess) / union, metrics.psnr(image, on_white(view))
         rows.append(ViewFit(image, silhouette, iou, missed, excess, psnr))
-    return ReconstructionFit(gaussians, mask_support(gaussians.centres, views), tuple(rows))
+    support = float(mask_support(gaussians.centres, views).mean())
+    return ReconstructionFit(gaussians, support, tuple(rows))
 
 
 def drawable(made: Reconstruction) -> Gaussians:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from functools import partial
@@ -25,10 +25,9 @@ from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import contact_sheet_of
-from gvla2.record.motion import FILM, STATES, FrameReel, Motion, gif
-from gvla2.record.page import render_page, write_index
+from gvla2.record.motion import FILM, STATES, Motion
+from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
-from gvla2.record.scene_model import scene_glb
 from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
@@ -57,7 +56,7 @@ class FolderRecorder:
         write_text(folder / "config.yaml", config)
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """What ``make`` gives; a failure becomes a note and a warning, never an error, and gives None."""
+        """Return ``make()``; a failure becomes a note and a warning, never an error, and None is returned."""
         try:
             return make()
         except Exception as error:
@@ -108,41 +107,29 @@ def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
     return {**attempt.attempted(), **made, "parts": [attempt_json(part) for part in attempt.parts]}
 
 
-Writer = Callable[[EpisodeRecord], Any]
+def _made(value: Any, write: Callable[[Any], Any] = plain) -> Any:
+    """The value as JSON; None while it is empty."""
+    return None if value is None or value == () else write(value)
 
 
-def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
-    """The field of the record of that name ("plan.trajectory") as JSON; None while it is empty."""
-
-    def content(record: EpisodeRecord) -> Any:
-        made: Any = record
-        for part in name.split("."):
-            made = getattr(made, part, None)
-        return write(made) if made is not None and made != () else None
-
-    return content
+def _attempts_json(records: Sequence[EpisodeRecord]) -> list[Any]:
+    return [attempt_json(record) for record in records]
 
 
-STAGE_FILES: Mapping[str, Writer] = {
-    "scene.json": _of("scene", scene_json),
-    "recalled.json": _of("recalled"),
-    "plan.json": _of("plan", plan_json),
-    "trajectory.json": _of("plan.trajectory", trajectory_json),
-    "checks.json": _of("checks", lambda checks: checks.to_json()),
-    "report.json": _of("report", lambda report: report.to_json()),
-    "scene_after.json": _of("after_scene", scene_json),
-    "attempts.json": _of("attempts", lambda records: list(map(attempt_json, records))),
-    "parts.json": _of("parts", lambda records: list(map(attempt_json, records))),
-    "verdict.json": _of("verdict"),
-    "learned.json": _of("learned"),
+STAGE_FILES: Mapping[str, Callable[[EpisodeRecord], Any]] = {
+    "scene.json": lambda r: _made(r.scene, scene_json),
+    "recalled.json": lambda r: _made(r.recalled),
+    "plan.json": lambda r: _made(r.plan, plan_json),
+    "trajectory.json": lambda r: _made(r.plan and r.plan.trajectory, trajectory_json),
+    "checks.json": lambda r: _made(r.checks, lambda checks: checks.to_json()),
+    "report.json": lambda r: _made(r.report, lambda report: report.to_json()),
+    "scene_after.json": lambda r: _made(r.after_scene, scene_json),
+    "attempts.json": lambda r: _made(r.attempts, _attempts_json),
+    "parts.json": lambda r: _made(r.parts, _attempts_json),
+    "verdict.json": lambda r: _made(r.verdict),
+    "learned.json": lambda r: _made(r.learned),
 }
 """The content of each file, None while the record lacks it, in the order of the loop."""
-
-
-__all__ = ["RunRecorder", "write_index"]
-
-LARGEST_FILM = 6_000_000
-"""Most bytes of an embedded film; a longer one is linked and the animation is shown."""
 
 
 class RunRecorder(FolderRecorder):
@@ -158,13 +145,12 @@ class RunRecorder(FolderRecorder):
         "result.json",
         *STAGE_FILES,
         *(shown.file for shown in SHOWN.values() if shown.file),
-        *("views.npz", "scene.glb", "episode.gif", FILM, STATES, "index.html"),
+        *("views.npz", FILM, STATES, "index.html"),
     )
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
         super().__init__(folder, config_yaml)
         self._command = command
-        self._reel = FrameReel()
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
@@ -173,11 +159,7 @@ class RunRecorder(FolderRecorder):
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
-        try:
-            self._reel.add(image)
-            self._motion.frame(image)
-        except Exception as error:
-            self.complain("A frame of the animation", error)
+        self.attempt("A frame of the film", lambda: self._motion.frame(image))
 
     def moment(self, moment: Moment) -> None:
         """Keep the robot's state at the next frame. Never raises."""
@@ -192,14 +174,9 @@ class RunRecorder(FolderRecorder):
         self._write_pictures(record)
 
     def finish(self, record: EpisodeRecord) -> Path:
-        """Write everything still missing, the animation and the page; returns the page's path."""
+        """Write everything still missing, the film and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
-        self._write_model(record)
-        if self._reel.frames:
-            self._later(
-                "The animation", partial(self._show, "episode", "episode.gif", gif, self._reel.frames)
-            )
         self.attempt("The film", self._finish_film)
         self.settle()
         page = self.folder / "index.html"
@@ -232,13 +209,6 @@ class RunRecorder(FolderRecorder):
         if record.scene is not None and record.observation is not None:
             keep = partial(self._keep_views, record.scene, record.instruction, record.observation)
             self._once("The views", keep, record.observation)
-        if record.checks is not None:
-            self._write_model(record)
-
-    def _write_model(self, record: EpisodeRecord) -> None:
-        """The scene in 3D, once for what it shows; at the latest at the end."""
-        make = partial(self._show, "model", "scene.glb", scene_glb, record)
-        self._once("The 3D scene", make, record.observation, record.scene, record.plan, record.checks)
 
     def _show(self, name: str, file: str, make: Callable[..., bytes | Shots], *inputs: Any) -> None:
         """Put what ``make(*inputs)`` gives on the page, and into ``file`` if it has one: several on one sheet."""
@@ -258,7 +228,7 @@ class RunRecorder(FolderRecorder):
     def _finish_film(self) -> None:
         self._motion.finish()
         film = self.folder / FILM
-        if film.is_file() and film.stat().st_size <= LARGEST_FILM:
+        if film.is_file():
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:

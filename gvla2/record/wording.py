@@ -72,7 +72,7 @@ def seconds(value: float | None) -> str:
 
 def result_of(record: EpisodeRecord, stage: Stage) -> str:
     """The result of ``stage`` in a few plain words; "" when it has none."""
-    if getattr(record, _REPORTS[stage].field) is None:
+    if _REPORTS[stage].made(record) is None:
         return ""
     return str(getattr(_findings(), stage)(record)).strip()
 
@@ -139,9 +139,9 @@ def details(record: EpisodeRecord) -> list[str]:
 
 @dataclass(frozen=True)
 class _Report:
-    """The record's field for a stage, and the stage's state when what it made is not well."""
+    """The output of a stage, from the record, and the stage's state if that output is not well."""
 
-    field: str
+    made: Callable[[EpisodeRecord], Any]
     well: Callable[[Any], bool] = lambda made: True
     otherwise: State = "warn"
 
@@ -151,7 +151,7 @@ def state(record: EpisodeRecord, stage: Stage) -> State:
     if record.failure is not None and record.failure.stage == stage:
         return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
     report = _REPORTS[stage]
-    made = getattr(record, report.field)
+    made = report.made(record)
     if made is None or made == "":
         return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
     return "done" if report.well(made) else report.otherwise
@@ -166,17 +166,17 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
 
 
 _REPORTS: Mapping[Stage, _Report] = {
-    "setup": _Report("goal"),
-    "observe": _Report("observation"),
-    "perceive": _Report("scene"),
-    "reconstruct": _Report("refinement"),
-    "recall": _Report("recalled", lambda made: not made.degraded),
-    "plan": _Report("plan", lambda made: made.trajectory is not None),
-    "check": _Report("checks", lambda made: made.passed, "failed"),
-    "execute": _Report("report", lambda made: made.completed, "failed"),
-    "verify": _Report("verdict", lambda made: made.outcome == "verified_success"),
-    "learn": _Report("learned", lambda made: not made.degraded),
-    "success_check": _Report("success_check", lambda made: made.relaxed),
+    "setup": _Report(lambda r: r.goal),
+    "observe": _Report(lambda r: r.observation),
+    "perceive": _Report(lambda r: r.scene),
+    "reconstruct": _Report(lambda r: r.refinement),
+    "recall": _Report(lambda r: r.recalled, lambda made: not made.degraded),
+    "plan": _Report(lambda r: r.plan, lambda made: made.trajectory is not None),
+    "check": _Report(lambda r: r.checks, lambda made: made.passed, "failed"),
+    "execute": _Report(lambda r: r.report, lambda made: made.completed, "failed"),
+    "verify": _Report(lambda r: r.verdict, lambda made: made.outcome == "verified_success"),
+    "learn": _Report(lambda r: r.learned, lambda made: not made.degraded),
+    "success_check": _Report(lambda r: r.success_check, lambda made: made.relaxed),
 }
 STAGES = tuple(_REPORTS)
 

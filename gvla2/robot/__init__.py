@@ -1,1 +1,1 @@
-"""The robot wing: the backend contract, tasks, motion, execution reports, safety."""
+"""Robots: the backend contract, tasks, arms, motion planning, execution, calibration."""

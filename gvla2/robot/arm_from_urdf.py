@@ -22,9 +22,6 @@ from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.collision import CollisionModel
 from gvla2.robot.grippers import (
-    CUP_LENGTH,
-    SUCTION_HAND,
-    SUNK,
     TIP_BEYOND_TCP,
     Gripper,
     known,
@@ -143,11 +140,6 @@ def _check(config: ArmConfig) -> None:
             "carries the tool (docs/your_arm.md)."
         )
     check_lengths(config, LENGTHS, OPTIONAL)
-    if config.gripper_joints and config.gripper != ArmConfig.gripper:
-        raise ConfigurationError(
-            f"robot.gripper={config.gripper} is mounted on an arm without fingers of its own, and this one has "
-            f"{list(config.gripper_joints)}: add robot.gripper_joints=[]."
-        )
 
 
 def _tool(
@@ -165,9 +157,6 @@ def _tool(
             limit_margin=config.limit_margin,
         )
 
-    if not gripper.fingers:
-        at = config.tool_offset or (0.0, 0.0, CUP_LENGTH + SUNK)
-        return kinematics(rigid(translation=at)), gripper, SUCTION_HAND
     shapes = link_surfaces(robot, drawn=False)
     bare = [link for link in gripper.links if link not in shapes]
     if bare:

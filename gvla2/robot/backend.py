@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import PluginError, RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.arm import Arm
@@ -49,7 +49,7 @@ class MotionListener(Protocol):
 
 @dataclass(frozen=True)
 class ExecutionListener:
-    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times a second, ``waypoint``
+    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times per second, ``waypoint``
     after each waypoint, ``moment`` just before a frame by robots that know its state. An exception from any of them
     stops the motion. Without ``frame`` none need be drawn, see :attr:`wants_frames`.
     """
@@ -84,7 +84,7 @@ class RobotBackend(Protocol):
         """Bring the arm home; a simulator also sets up the episode for the seed.
 
         ``task`` is one that a plugin offers, the name of one that this robot offers, or None (``task=none``). Returns
-        the episode, of which only the instruction is required; None where there is no more than the caller's
+        the episode, in which only the instruction is required; None where there is no more than the caller's
         ``instruction``, as on a real robot. Raises :class:`ConfigurationError` for a task that it cannot set up.
         """
         ...
@@ -163,7 +163,7 @@ class DepthCamera(Protocol):
 
 @runtime_checkable
 class Truthful(Protocol):
-    """A simulated robot that exposes the true state of its world, for demonstrations and the ``oracle`` perceiver."""
+    """A simulated robot that exposes the true state of its world, for the ``oracle`` perceiver."""
 
     def true_state(self) -> WorldState:
         """The state that a success check may read, live."""
@@ -175,32 +175,17 @@ class Truthful(Protocol):
 
 
 def judge(instance: TaskInstance, state: WorldState) -> SuccessCheck | None:
-    """The episode's success checks of the true state; one alone counts for both profiles, none gives None."""
-    checks = instance.succeeded
-    if not checks:
-        return None
-    relaxed, strict = (
-        checks.get(own) or checks[other] for own, other in (("relaxed", "strict"), ("strict", "relaxed"))
-    )
-    return SuccessCheck(bool(relaxed(state)), bool(strict(state)))
+    """The episode's success checks of the true state; one alone counts for both profiles, none gives None.
 
-
-def demonstrate(
-    robot: RobotBackend, instance: TaskInstance, listener: ExecutionListener = ExecutionListener()
-) -> tuple[ExecutionReport, ...]:
-    """Carry out the episode's scripted solution; returns the reports of its stretches, up to the first abort.
-
-    Raises :class:`ConfigurationError` when the episode has none or the robot does not expose its true state.
+    Raises :class:`PluginError` for a check whose answer is not True or False.
     """
-    if instance.solution is None:
-        raise ConfigurationError("This task comes without a demonstration.")
-    if not isinstance(robot, Truthful):
-        raise ConfigurationError(
-            f"The robot {type(robot).__name__} does not expose the true state of its world."
-        )
-    reports = []
-    for waypoints in instance.solution(robot.true_state(), robot.arm):
-        reports.append(robot.execute(Trajectory(tuple(waypoints)), robot.true_scene(), listener))
-        if reports[-1].abort is not None:
-            break
-    return tuple(reports)
+    if not instance.succeeded:
+        return None
+    answers: dict[str, object] = {profile: check(state) for profile, check in instance.succeeded.items()}
+    for profile, answer in answers.items():
+        if not isinstance(answer, bool | np.bool_):
+            raise PluginError(
+                f"The task's success check '{profile}' answered {answer!r:.80}; it must be True or False."
+            )
+    first = next(iter(answers.values()))
+    return SuccessCheck(bool(answers.get("relaxed", first)), bool(answers.get("strict", first)))

@@ -27,12 +27,13 @@ class MoveResult:
     ``contacts`` are names of the robot's own links that touched something on the way, each once (never names of scene
     bodies; empty for a robot without such sensing). ``diverged`` is True when a measurement was not finite or
     physically impossible: the motion was aborted there. ``stopped`` is True when a guard ended it (see
-    :class:`GuardedDriver`).
+    :class:`GuardedDriver`). ``expired`` says why a world has ended the episode, "" while it goes on.
     """
 
     contacts: tuple[str, ...] = ()
     diverged: bool = False
     stopped: bool = False
+    expired: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class GripResult:
     """The result of opening or closing.
 
     ``width`` between the fingers at the end, metres; ``held`` True when something stopped the fingers before their
-    target, None when the robot cannot tell; ``contacts`` as in :class:`MoveResult` (fingers included).
+    target, None when the robot does not measure it; ``contacts`` as in :class:`MoveResult` (fingers included).
     """
 
     width: float
@@ -87,7 +88,7 @@ class GuardedDriver(Protocol):
     """Extension of :class:`Driver` for ending a motion on contact; without it guards have no effect."""
 
     def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times a second, also while it settles.
+        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times per second, also while it settles.
 
         A force is a mean over some hundredths of a second, so a knock does not count as a press. On True the arm stops
         where it is, without settling, and the result says ``stopped``.

@@ -8,21 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.arm import Hand
 from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.options import ArmConfig
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
-
-CUP, CUP_LENGTH, BELLOWS = "suction_cup", 0.08, 0.004
-"""A suction cup's link, its length, and the length of its soft lip beyond the solid; metres."""
-
-_CUP_RADIUS, SUNK = 0.015, 0.002
-SUCTION_HAND = Hand(0.25, SUNK + 0.005, 0.001, 2 * _CUP_RADIUS, 0.0, 2 * _CUP_RADIUS, 2 * _CUP_RADIUS)
-"""A cup as a hand for planners: it fits around anything, sinks no deeper than its lip, 2 mm before the tool point."""
 
 TIP_BEYOND_TCP = 0.008
 """Default distance of the tool point from the fingertips' end, metres."""
@@ -33,11 +25,11 @@ _PAD = 0.02
 
 @dataclass(frozen=True)
 class Gripper:
-    """A hand on an arm: its joints (none for a cup) and links; ``palm`` carries the fingers."""
+    """A hand on an arm: its joints and links; ``palm`` carries the fingers."""
 
     palm: str
-    fingers: tuple[Finger, ...] = ()
-    finger_links: tuple[str, ...] = ()
+    fingers: tuple[Finger, ...]
+    finger_links: tuple[str, ...]
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -46,17 +38,8 @@ class Gripper:
 
 
 def mount(robot: ET.Element, config: ArmConfig) -> Gripper:
-    """Add the chosen hand at the tool link, along its z as ``tool_rpy`` turns it."""
+    """Add a parallel gripper at the tool link, along its z as ``tool_rpy`` turns it."""
     frame = f'<parent link="{config.tool_link}"/><origin rpy="{" ".join(map(str, config.tool_rpy))}"/>'
-    if config.gripper == "suction":
-        shape = f'<cylinder radius="{_CUP_RADIUS}" length="{CUP_LENGTH - BELLOWS}"/>'
-        _add(robot, CUP, "fixed", frame, shape, 0.5 * (CUP_LENGTH - BELLOWS))
-        return Gripper(CUP)
-    if config.gripper != "parallel":
-        raise ConfigurationError(
-            f"robot.gripper={config.gripper} cannot be mounted; parallel and suction can. For the arm's own fingers "
-            "name their joints in robot.gripper_joints."
-        )
     _add(robot, PALM, "fixed", frame, _box(_PALM_SIZE), 0.5 * _PALM_SIZE[2])
     for link, sign in zip(FINGERS, (1, -1), strict=True):
         at = f'<parent link="{PALM}"/><origin xyz="0 {sign * 0.5 * _FINGER_SIZE[1]} {_PALM_SIZE[2]}"/>'
@@ -123,7 +106,7 @@ def measured(
         limits = [(finger.closed, finger.opened) for finger in gripper.fingers]
         raise RobotError(
             f"The gripper cannot open: over the whole range {limits} m of the joints {names} their fingers stay as "
-            "far apart. Mend the joints' limits or axes in the URDF, or name other joints."
+            "far apart. Correct the joints' limits or axes in the URDF, or name other joints."
         )
     if apart[1] < apart[0]:
         flipped = tuple(Finger(f.joint, f.opened, f.closed) for f in gripper.fingers)

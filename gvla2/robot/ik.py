@@ -55,7 +55,7 @@ class InverseKinematics:
 
         Raises :class:`gvla2.errors.GeometryError` for a pose that is not one.
         """
-        # Compiled loops take contiguous arrays only; other layouts compile anew.
+        # Compiled loops take contiguous arrays; another memory layout would compile them again.
         target = np.ascontiguousarray(check_rigid(world_from_tcp, "target pose"))
         near = self._home if near is None else np.ascontiguousarray(near, dtype=np.float64)
         found: list[IKSolution] = []

@@ -18,7 +18,6 @@ _PURPOSES = {
     "pinocchio": "An arm's kinematics",
     "coal": "Collision checking",
     "ompl": "Motion planning",
-    "toppra": "Timing a motion",
 }
 
 

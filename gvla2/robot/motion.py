@@ -48,7 +48,7 @@ class MotionOptions:
     ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; if the start or the goal
     is nearer already, the pair keeps its distance there, less ``slack``. Perception is a few millimetres off, so a
     start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are ``fine_step`` radians apart.
-    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds one search, of which there are ``attempts``;
+    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds each of ``attempts`` searches;
     ``max_seconds`` is a safety net for each.
     """
 
@@ -213,10 +213,7 @@ class _Query:
                 max_checks=options.max_checks,
                 max_seconds=options.max_seconds,
             )
-            if path is None:
-                continue
-            path = shorten(path, lambda a, b: self._clear(np.stack([a, b])), seed)
-            if self._clear(path):
+            if path is not None and self._clear(path):
                 return MotionPath(path, "rrt_connect")
         return None
 
@@ -253,11 +250,11 @@ def _place(pose: FloatArray) -> str:
 RESOLUTION = 0.001
 """Spacing of checked configurations as a share of the joint space's extent. 0.01 lets colliding paths through."""
 
+SHORTCUTS = 25
+"""Attempts to join two points of a found path by a straight segment."""
+
 Free = Callable[[FloatArray], bool]
 """Whether joints (dof,) are allowed."""
-
-SegmentFree = Callable[[FloatArray, FloatArray], bool]
-"""Whether the straight joint-space segment between two configurations (dof,) is allowed."""
 
 
 def rrt_connect(
@@ -274,8 +271,8 @@ def rrt_connect(
 ) -> FloatArray | None:
     """A path (N, dof) from ``start`` to one of ``goals``, inside the limits; None when none was found.
 
-    Tree edges are at most ``reach`` radians long. The search is bounded by ``max_checks`` calls of ``free``, which
-    keeps it reproducible; ``max_seconds`` is a safety net far above that.
+    Tree edges are at most ``reach`` radians long; detours are cut afterwards. The search is bounded by ``max_checks``
+    calls of ``free``, which keeps it reproducible; ``max_seconds`` is a safety net far above that.
     """
     ob, og, ou = (library(f"ompl.{part}") for part in ("base", "geometric", "util"))
     dof = len(start)
@@ -317,34 +314,12 @@ def rrt_connect(
         if not problem.hasExactSolution():
             return None
         path = problem.getSolutionPath()
+        simplifier = og.PathSimplifier(information)
+        simplifier.reduceVertices(path)
+        simplifier.partialShortcutPath(path, SHORTCUTS, SHORTCUTS, 1.0)
+        simplifier.ropeShortcutPath(path)
+        simplifier.reduceVertices(path)
         return np.array([[s[j] for j in range(dof)] for s in path.getStates()])
-
-
-def shorten(path: FloatArray, segment_free: SegmentFree, seed: int, tries: int = 25) -> FloatArray:
-    """The path (N, dof) with detours cut where the straight segment is allowed; its ends stay.
-
-    First whole vertices are skipped, farthest first; then random points on the path are joined.
-    """
-    path = _skip_vertices(path, segment_free)
-    rng = np.random.default_rng(seed)
-    idle = 0
-    for _ in range(tries):
-        if len(path) < 3 or idle > 8:
-            break
-        lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        ends = np.concatenate([[0.0], np.cumsum(lengths)])
-        first, second = np.sort(rng.uniform(0.0, ends[-1], 2))
-        a, b = np.searchsorted(ends, [first, second], side="right") - 1
-        b = min(int(b), len(lengths) - 1)
-        idle += 1
-        if a >= b or lengths[a] < 1e-9 or lengths[b] < 1e-9:
-            continue
-        p = path[a] + (path[a + 1] - path[a]) * ((first - ends[a]) / lengths[a])
-        q = path[b] + (path[b + 1] - path[b]) * ((second - ends[b]) / lengths[b])
-        saved = (second - first) - np.linalg.norm(q - p)
-        if saved > 0.02 * ends[-1] and segment_free(p, q):
-            path, idle = np.vstack([path[: a + 1], p, q, path[b + 1 :]]), 0
-    return _skip_vertices(path, segment_free)
 
 
 def interpolate(path: FloatArray, step: float) -> FloatArray:
@@ -354,17 +329,6 @@ def interpolate(path: FloatArray, step: float) -> FloatArray:
         count = max(1, int(np.ceil(np.abs(b - a).max() / step)))
         pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
     return np.concatenate(pieces)
-
-
-def _skip_vertices(path: FloatArray, segment_free: SegmentFree) -> FloatArray:
-    kept, i = [path[0]], 0
-    while i < len(path) - 1:
-        j = len(path) - 1
-        while j > i + 1 and not segment_free(path[i], path[j]):
-            j -= 1
-        kept.append(path[j])
-        i = j
-    return np.array(kept)
 
 
 def _state(space: Any, joints: FloatArray) -> Any:

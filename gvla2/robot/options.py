@@ -58,13 +58,11 @@ class TaskConfig(ComponentConfig):
     """Base of a task's configuration: a task whose options extend it can be cluttered (:mod:`gvla2.robot.clutter`).
 
     ``distractors`` objects lie beside what the task needs. They are simple shapes, or meshes of the folder
-    ``distractors_root``; ``arrangement`` is "apart", "touching" (in pairs), "leaning" (a board against a block),
-    "stack" (threes, one on another) or "mixed".
+    ``distractors_root``.
     """
 
     distractors: int = 0
     distractors_root: str = ""
-    arrangement: str = "apart"
 
 
 @dataclass
@@ -73,7 +71,7 @@ class ArmConfig(ComponentConfig):
 
     ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
     found by sampling postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints``
-    are the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
+    are the arm's own two fingers; without any, a parallel gripper is mounted at the tool link.
     ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` its size for planners
     (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
     ``base_yaw``. The tool stays between ``workspace_low`` and ``workspace_high``. ``ease`` is the share of the arm's
@@ -88,7 +86,6 @@ class ArmConfig(ComponentConfig):
     tool_rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     tool_offset: list[float] = field(default_factory=list)
     gripper_joints: list[str] = field(default_factory=list)
-    gripper: str = "parallel"
     hand: dict[str, float] = field(default_factory=dict)
     home: list[float] = field(default_factory=list)
     limit_margin: float = 0.01

@@ -25,11 +25,11 @@ class WaypointReport:
     """The result of one waypoint. Positions in metres, world frame; times in seconds.
 
     ``error`` is the distance of the tool from its target; ``contacts`` are the names of the robot's own links that felt
-    a contact (never names of scene bodies); ``gripper_width`` in metres; ``held`` says that the fingers stopped on
-    something, None when the robot cannot tell. ``status`` is the motion planner's ("linear", "direct", "rrt_connect",
-    "failed"), or "guarded" if the waypoint's guard ended the motion early; ``abort`` is "" when the waypoint was
-    carried out. ``motion_seconds`` are the robot's own, the hand's included, as planned for a robot without a clock.
-    ``force`` is the largest on the hand in a guarded motion, newtons, None if not measured.
+    a contact (never names of scene bodies); ``gripper_width`` in metres; ``held`` says that the fingers stopped on an
+    object, None when the robot does not measure it. ``status`` is the motion planner's ("linear", "direct",
+    "rrt_connect", "failed"), or "guarded" if the waypoint's guard ended the motion early; ``abort`` is "" when the
+    waypoint was carried out. ``motion_seconds`` are the robot's own, the hand's included, as planned for a robot
+    without a clock. ``force`` is the largest on the hand in a guarded motion, newtons, None if not measured.
     """
 
     index: int

@@ -287,7 +287,7 @@ def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]
             raise ConfigurationError(f"There is no object '{name}'.{hint} Available: {', '.join(library)}.")
         if known in picked:
             raise ConfigurationError(
-                f"The object '{known}' is named twice; an instruction could not tell them apart."
+                f"The object '{known}' is named twice; an instruction could not distinguish them."
             )
         picked[known] = library[known]
     return picked

@@ -67,7 +67,7 @@ def read_urdf(path: Path) -> ET.Element:
     names = {link.get("name") for link in robot.iterfind("link")}
     named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
     for element, key in named:
-        if element.get(key) in names:  # pinocchio can't tell the two apart
+        if element.get(key) in names:  # pinocchio does not distinguish the two
             element.set(key, f"{element.get(key)}_joint")
     for joint in robot.iterfind("joint[@type='continuous']"):
         joint.set("type", "revolute")
@@ -141,7 +141,7 @@ def _as_collision(visual: ET.Element) -> ET.Element:
 def _as_obj(collada: Path) -> Path:
     """A COLLADA file's triangles in metres as an OBJ file in the cache.
 
-    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; of an OBJ all read the same.
+    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; an OBJ file they read alike.
     """
     from gvla2.geometry.mesh_files import (
         read_mesh,

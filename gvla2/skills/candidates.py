@@ -13,7 +13,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
-from gvla2.planning.effects import Ban, Effect, sides_of
+from gvla2.planning.effects import Ban, sides_of
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.skill import Job, Proposal
 
@@ -49,61 +49,51 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
     say so, with an upper bound of their score. But a feasible one with another approach is looked for among the next
     ``tries``, because memory forbids an approach only if there is an alternative.
     """
-    forbidden = _forbidden(request.advice.effects, job.skill)
+    forbidden = {
+        e.parameter: e.source or "remembered"
+        for e in request.advice.effects
+        if isinstance(e, Ban) and e.skill in ("", job.skill)
+    }
     reach = _Reach(request)
     candidates: list[Candidate] = []
-    chosen: Proposal | None = None
-    passed_over = not request.rejections
     unreached: dict[bytes, str] = {}
-    for reserve in (False, True):
-        if chosen is not None:
-            break  # the reserve is for when nothing else is feasible
+    passed_over = not request.rejections
+    for reserve in (False, True):  # the reserve is for when nothing else is feasible
         walks = [_Walk(p, request, reach, forbidden) for p in proposals if p.reserve == reserve]
         tried = 0
         for walk in _ranked(walks):
             rejected = walk.trouble or unreached.get(walk.poses(), "")
-            if not rejected:
-                if tried < tries:
-                    tried += 1
-                    report = _check(walk.proposal, request, job)
-                    rejected = " ".join(report.reasons)
-                    failed = {f.check for f in report.findings if not f.passed}
-                    if failed == {"kinematics"}:  # nor are the same poses with another opening of the hand
-                        unreached[walk.poses()] = rejected
-                else:
-                    rejected = f"not checked: {tries} better ones were"
+            if not rejected and tried == tries:
+                rejected = f"not checked: {tries} better ones were"
+            elif not rejected:
+                tried += 1
+                report = _check(walk.proposal, request, job)
+                rejected = " ".join(report.reasons)
+                if {f.check for f in report.findings if not f.passed} == {"kinematics"}:
+                    unreached[walk.poses()] = rejected  # whatever the opening of the hand
                 if not rejected and not passed_over:
                     passed_over, rejected = True, "rejected by the checks: " + "; ".join(request.rejections)
             candidates.append(walk.candidate(rejected))
             if not rejected:
-                chosen = walk.proposal
-                break
-        left = [walk for walk in walks if not walk.ranked]
-        if chosen is not None:
-            others = [walk for walk in left if _instead_of(chosen, walk.proposal)]
-            for walk in islice(_ranked(others), tries):
-                candidates.append(walk.candidate(walk.trouble))
-                if not walk.trouble:
-                    break
-            left = [walk for walk in left if not walk.ranked]
-        left.sort(key=lambda walk: -walk.score)
-        candidates += [
-            walk.candidate(walk.trouble or "not followed to its end: it is no better") for walk in left
-        ]
-    return Ranking(tuple(candidates), chosen)
+                return Ranking((*candidates, *_others(walk.proposal, walks, tries)), walk.proposal)
+    return Ranking(tuple(candidates), None)
 
 
-def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
-    return {
-        e.parameter: e.source or "remembered"
-        for e in effects
-        if isinstance(e, Ban) and e.skill in ("", skill)
-    }
-
-
-def _instead_of(chosen: Proposal, other: Proposal) -> bool:
-    """Whether the other avoids an approach of the chosen one, or the chosen one names none."""
-    return not chosen.approaches or not set(chosen.approaches) <= set(other.approaches)
+def _others(chosen: Proposal, walks: Sequence[_Walk], tries: int) -> list[Candidate]:
+    """The candidates after the chosen one: followed until one is feasible that avoids an approach of it."""
+    instead = [
+        walk
+        for walk in walks
+        if not walk.ranked and not (chosen.approaches and {*chosen.approaches} <= {*walk.proposal.approaches})
+    ]
+    found: list[Candidate] = []
+    for walk in islice(_ranked(instead), tries):
+        found.append(walk.candidate(walk.trouble))
+        if not walk.trouble:
+            break
+    left = sorted((walk for walk in walks if not walk.ranked), key=lambda walk: -walk.score)
+    why = "not followed to its end: it is no better"
+    return [*found, *(walk.candidate(walk.trouble or why) for walk in left)]
 
 
 class _Reach:

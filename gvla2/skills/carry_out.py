@@ -72,29 +72,11 @@ def _one(
         return Plan(None, abstention=Abstention("unknown_skill", message))
     skill = skills[what.skill]
     call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
-    refusal = unaimed(call, skill, request.scene) or _no_amount(call, skill, what.goal)
+    refusal = unaimed(call, skill, request.scene)
     plan = refusal or _planned(call, what, skill, request, options, share)
     if isinstance(plan, Abstention):
         plan = Plan(None, skill.name, {"theme": what.theme.id}, abstention=plan)
     return replace(plan, calls=(call,))
-
-
-def _no_amount(call: SkillCall, skill: Skill, goal: SceneObject | None) -> Abstention | None:
-    if call.amount is None or skill.amount or call.direction is not None:
-        return None
-    role, asked = skill.role("goal"), f"{call.amount:g} m"
-    if not skill.free:
-        message = f"'{skill.name}' takes no amount; {asked} was asked for."
-    elif goal is None or role is None:
-        message = f"'{skill.name}' takes an amount only with a direction; {asked} was asked for."
-    else:
-        sides = ", ".join(r.replace("front_of", "in front of").replace("_", " ") for r in role.relations)
-        message = (
-            f"A distance from another object is not supported; {asked} from the {goal.label} was asked for. "
-            f"'{skill.name}' takes an amount only with a direction ('10 cm to the right'), and a goal without one: "
-            f"{sides} the {goal.label}."
-        )
-    return Abstention("other", message)
 
 
 def _planned(
@@ -182,10 +164,11 @@ def _theta(
         own[skill.amount] = call.amount
     raised: list[str] = []
     least = rise(theme, request.scene) + CLEAR
-    if "lift_height" not in own and (asked := theta.get("lift_height", least)) < least:
+    if theta.get("lift_height", least) < least and "lift_height" not in own:
+        raised = [
+            f"lift_height: {theta['lift_height']:.4g} -> {least:.4g} to clear what the object stands in"
+        ]
         theta["lift_height"] = least
-        why = f"the least that takes the {theme.label} clear of what it stands on or in"
-        raised.append(f"lift_height was raised from {asked:.4g} to {least:.4g} m, {why}")
     theta |= own
     lengths, effects = sides_of(theme), request.advice.effects
     theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)

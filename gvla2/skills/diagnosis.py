@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from gvla2.planning.skill import EMPTY, Outcome, Signal
-from gvla2.skills.mechanisms import FLAT, hinged, opening_angle, shines
+from gvla2.skills.mechanisms import hinged, opening_angle, shines
 from gvla2.skills.parameters import PRESS_DEPTH
 
 STAYS_OPEN = 1.45
@@ -45,37 +45,20 @@ PUSH_TOLERANCE = 0.01
 """Tolerance of a push, metres from the goal's centre."""
 
 
-def _opening(outcome: Outcome) -> tuple[float, float | None]:
-    """How far the lid was open before and afterwards, radians; None if it was not found."""
-    lid, body = hinged(outcome.theme, outcome.before.objects)
-    later = outcome.later(lid.id) if lid is not None else None
-    if lid is None or later is None:
-        return 0.0, None
-    return opening_angle(lid, body), opening_angle(later, (outcome.later(body.id) if body else None) or body)
-
-
 def of_open(outcome: Outcome) -> Signal | None:
     """A lid that did not stay open, or that the fingers missed."""
-    _, angle = _opening(outcome)
-    if angle is None or angle >= STAYS_OPEN:
+    lid, body = hinged(outcome.theme, outcome.before.objects)
+    later = outcome.later(lid.id) if lid is not None else None
+    if (
+        later is None
+        or opening_angle(later, (outcome.later(body.id) if body else None) or body) >= STAYS_OPEN
+    ):
         return None
     if not outcome.gripped():
         deeper = outcome.changed("lip_depth", HOOK_MARGIN)
         return Signal("missed_grasp", "the fingers closed before the lip", deeper)
     further = outcome.changed("open_angle", SWING_MARGIN)
     return Signal("undershoot", "the lid was not swung so far that it stays open", further)
-
-
-def of_close(outcome: Outcome) -> Signal | None:
-    """A lid that the fingers missed, or that was released too early."""
-    was, angle = _opening(outcome)
-    if angle is None or angle < FLAT:
-        return None
-    if was - angle < SWING_MARGIN:
-        deeper = outcome.changed("hook_depth", HOOK_MARGIN)
-        return Signal("missed_grasp", "the fingers passed the lid without taking it along", deeper)
-    further = outcome.changed("let_go_angle", -SWING_MARGIN, "<=")
-    return Signal("undershoot", "the lid was let go before it falls shut by itself", further)
 
 
 def of_pull(outcome: Outcome) -> Signal | None:
@@ -158,18 +141,6 @@ def of_press(outcome: Outcome) -> Signal | None:
     return Signal("undershoot", "the button was not pressed until its lamp was lit", deeper)
 
 
-def of_insert(outcome: Outcome) -> Signal | None:
-    """A ring that rests on the end of the post."""
-    post, later = outcome.goal, outcome.later(outcome.theme.id)
-    if later is None or post is None:
-        return None
-    beside = float(np.linalg.norm((later.centre - post.centre)[:2]))
-    if beside > 0.5 * float(post.extents[:2].max()) or later.bottom - post.bottom <= IN_PLACE:
-        return None
-    deeper = outcome.changed("insert_depth", max(0.005, outcome.theme.top - outcome.theme.bottom))
-    return Signal("undershoot", "the ring was let go before it was well over the post's end", deeper)
-
-
 def of_push(outcome: Outcome) -> Signal | None:
     """An object that was pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
     goal, later = outcome.goal, outcome.later(outcome.theme.id)
@@ -190,11 +161,9 @@ def of_push(outcome: Outcome) -> Signal | None:
 
 DIAGNOSE: Mapping[str, Callable[[Outcome], Signal | None]] = {
     "open": of_open,
-    "close": of_close,
     "pull": of_pull,
     "twist": of_twist,
     "press": of_press,
-    "insert": of_insert,
     "push": of_push,
 }
 """What went wrong with a standard skill, by its name; picking and placing are diagnosed by the episode's report."""

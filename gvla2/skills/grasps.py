@@ -1,13 +1,13 @@
 """Grasps: the ways a hand fits around an object, from the holds of its shape and from its seen surface.
 
-A hold is a part that fits between the fingers from above: the whole object, between two of its faces; a slim upper end
-(a nozzle, a neck, a handle), found from its points; or the wall of a hollow object, with one finger inside.
+A hold is a part that fits between the fingers from above: the whole object, between two of its faces, or the wall of a
+hollow object, with one finger inside. Anything else (a nozzle, a neck, a handle) is found from the seen surface.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,56 +29,51 @@ enough to come from the side."""
 STEEP = 0.7
 """A hand whose unit approach has a smaller downward component comes from the side."""
 
-FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}
-"""Families of approaches for each part: a leaning hand needs room that there is none of beside a wall."""
+FAMILIES = {"": ("top", "leaning", "side"), "rim": ("top",)}
+"""Families of approaches for each part: beside a wall there is no room for a leaning hand."""
 WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
 
 DEFAULT = GraspOptions()
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
-SLIMMER = 0.012
-"""An upper end is a hold of its own if it is slimmer than the whole by this much, metres."""
+YAW_ANGLES = np.pi * np.arange(36) / 36
 FEWEST = 25
 """The fewest points that define a part's outline."""
 STRAYS = (0.01, 0.99)
 """Quantiles of an object's points that bound its width; points beyond them are outliers."""
-SHALLOW = 0.006
-"""Least depth of the tool below the top, metres: the fingers' pads then overlap the object by 15 mm."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """Fingers closing along ``closing`` (3,) over ``width`` metres, at ``xy`` (2,), at most ``depth`` below the top.
+    """Fingers closing along ``closing`` (3,) over ``width`` metres, at ``xy`` (2,).
 
     ``slide`` is how far it may be shifted along the hand's breadth, ``opening`` in [0, 1] the hand's greatest opening,
-    ``cost`` a deduction from the preference, ``part`` "top", "rim" or "" for the whole object.
+    ``cost`` a deduction from the preference, ``part`` "rim", or "" for the whole object.
     """
 
     closing: FloatArray
     width: float
     name: str
     xy: FloatArray
-    depth: float = np.inf
     slide: float = 0.0
     opening: float = 1.0
     cost: float = 0.0
     part: str = ""
 
 
-def holds(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
-    """All holds that fit in the hand, those of the whole object first."""
-    return [*_fitting(theme, hand, options), *slim_top(theme, hand, options), *wall(theme, hand, options)]
-
-
 def has_hold(theme: SceneObject, hand: Hand, options: GraspOptions = DEFAULT) -> bool:
-    """Whether there is any hold; the upper end, which takes longest, is looked at last."""
-    return bool(
-        _fitting(theme, hand, options) or wall(theme, hand, options) or slim_top(theme, hand, options)
-    )
+    """Whether the hand fits around the whole object, around a slimmer part of its height, or over its wall."""
+    if _holds(theme, hand, options):
+        return True
+    upper = theme.points[theme.points[:, 2] > theme.top - deepest(hand)]
+    slim = np.ptp(spans(upper[:, :2], YAW_ANGLES), axis=0).min() if len(upper) >= FEWEST else np.inf
+    return bool(slim + options.clearance <= hand.max_width)
 
 
-def _fitting(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
-    return [h for h in whole(theme, hand) if h.width + options.clearance <= hand.max_width]
+def _holds(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
+    """All holds that fit in the hand, those of the whole object first."""
+    around = [h for h in whole(theme, hand) if h.width + options.clearance <= hand.max_width]
+    return [*around, *wall(theme, hand, options)]
 
 
 def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
@@ -99,52 +94,6 @@ def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
         slide = max(0.0, float(np.abs(beside @ axes) @ theme.extents) - hand.finger_breadth)
         for sign, flip in EITHER_WAY:
             yield Hold(sign * flat, width, f"across its {width * 1000:.0f} mm{flip}", xy, slide=slide)
-
-
-def slim_top(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
-    """Around an upper end that is slimmer than the whole, as deep as it fits in the hand."""
-    if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
-        return []
-    top = float(np.quantile(theme.points[:, 2], 0.995))
-    broad = float(theme.extents[:2].max())
-    for depth in np.arange(min(deepest(hand), 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
-        band = theme.points[theme.points[:, 2] > top - depth - hand.tip_beyond_tcp]
-        if len(band) < FEWEST:
-            return []
-        found = [
-            h for h in _around(theme, band[:, :2], float(depth), hand, options) if h.width < broad - SLIMMER
-        ]
-        if found:
-            return found
-    return []
-
-
-def _around(
-    theme: SceneObject, band: FloatArray, depth: float, hand: Hand, options: GraspOptions
-) -> list[Hold]:
-    """Holds that fit around points (N, 2) of an upper end, starting with its slimmest side."""
-    turns = (
-        np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
-    )
-    widths = np.ptp(spans(band, turns), axis=0)
-    if widths.min() + options.clearance > hand.max_width or widths.min() >= theme.extents[:2].max() - SLIMMER:
-        return []
-    yaw = float(turns[widths.argmin()])
-    found = []
-    yaws = yaw + np.pi * np.arange(2 * YAWS) / YAWS
-    ends, sides = spans(band, yaws).T, spans(band, yaws + 0.5 * np.pi).T
-    for k, ((low, high), (left, right)) in enumerate(zip(ends, sides, strict=True)):
-        closing = horizontal(yaw + np.pi * k / YAWS)
-        beside = np.array([-closing[1], closing[0], 0.0])
-        width = float(high - low)
-        if width + options.clearance > hand.max_width:
-            continue
-        xy = closing[:2] * 0.5 * (low + high) + beside[:2] * 0.5 * (left + right)
-        name = f"the slim top, {width * 1000:.0f} mm, yaw {np.degrees(yaw + np.pi * k / YAWS) % 360:.0f}°"
-        # A box that is held askew turns in the hand.
-        found.append(Hold(closing, width, name, xy, depth, cost=0.05, part="top"))
-    slimmest = min((h.width for h in found), default=0.0)
-    return [h for h in found if h.width < slimmest + 0.004]
 
 
 def wall(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
@@ -207,7 +156,7 @@ class Grasp:
 def grasps(job: Job) -> list[Grasp] | Abstention:
     """Grasps by every hold from above, leaning or from the side, and by the surface, that the seen points allow."""
     found = []
-    for hold in holds(job.theme, job.hand, job.grasp):
+    for hold in _holds(job.theme, job.hand, job.grasp):
         snug = min(hold.opening, (hold.width + 2 * job.grasp.snug) / job.hand.max_width)
         grips = [(hold.opening, "")]
         if snug < hold.opening:
@@ -215,7 +164,7 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
     if not any(inside(job.theme, holder) for holder in holders(job.theme, job.scene)):
-        found = by_what_is_there(job, found)
+        found = _agreeing(job, found)
     if found:
         return found
     width = 1000 * min(h.width for h in whole(job.theme, job.hand))
@@ -232,54 +181,35 @@ SQUARE = 0.9
 hand, and corners of a box, would squeeze it out. Plates are exempt: their boxes say little about their outlines."""
 
 
-def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
-    """The box's grasps that agree with the object's surface. Irregular objects, and those for which none agrees, also
-    have grasps by their surface.
+def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
+    """The box's grasps that agree with the object's surface: some of it between the fingers, none in their way.
+
+    Irregular objects, and those for which none agrees, also have grasps by their surface.
     """
-    found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
-    if irregular:
-        return [*found, *by_surface(job)]
-    return found or by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
-
-
-def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
-    """The box's grasps with some of the object's surface between the fingers and none in their way."""
-    skin = skin_of(job.theme)
-    if skin is None:
-        return found
+    skin, hand = skin_of(job.theme), job.hand
 
     def fits(grasp: Grasp) -> bool:
-        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * job.hand.max_width
-        return held_between(skin, rotation, grasp.centre, opening, job.hand)
+        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * hand.max_width
+        return skin is None or held_between(skin, rotation, grasp.centre, opening, hand)
 
-    return [grasp for grasp in found if fits(grasp)]
+    found = [grasp for grasp in boxed if fits(grasp)]
+    if job.theme.shape in ("other", "bar"):
+        return [*found, *_by_surface(job)]
+    return found or _by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
 
 
-def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
+def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     """Grasps by the object's surface, either way round, whose sides face the fingers by this cosine at least."""
-    hand, found = job.hand, []
-    for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward(), job.grasp.facing):
-        if grasp.facing < square:
-            continue
-        size = 1000 * grasp.width
-        at = ", ".join(f"{1000 * v:.0f}" for v in (grasp.centre - job.theme.centre)[:2])
-        closing = grasp.rotation[:, 1]
+    hand, found = job.hand, list[Grasp]()
+    facing = max(square, job.grasp.facing)
+    for seen in antipodal(job.theme, hand, job.scene.table_height, job.outward(), facing):
+        at = ", ".join(f"{1000 * v:.0f}" for v in (seen.centre - job.theme.centre)[:2])
+        _, closing, approach = seen.rotation.T
         yaw = np.degrees(np.arctan2(closing[1], closing[0]))
-        how = f"grasp {WHENCE[grasp.family]}, {size:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
-        approach, opening = grasp.rotation[:, 2], min(1.0, grasp.opening / hand.max_width)
-        found += [
-            Grasp(
-                how + flip,
-                grasp.family,
-                sign * closing,
-                approach,
-                grasp.centre,
-                opening,
-                grasp.worth,
-                grasp.back,
-            )
-            for sign, flip in EITHER_WAY
-        ]
+        how = f"grasp {WHENCE[seen.family]}, {1000 * seen.width:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
+        opening = min(1.0, seen.opening / hand.max_width)
+        one = Grasp(how, seen.family, closing, approach, seen.centre, opening, seen.worth, seen.back)
+        found += [one, replace(one, description=f"{how} turned round", closing=-closing)]
     return found
 
 
@@ -293,7 +223,7 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
     along = (theta["grasp_fraction"] - 0.5) * hold.slide
     spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + 0.5 * job.hand.finger_breadth * np.sin(tilt))
     lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
-    height = max(theme.top - min(theta["grasp_depth"], hold.depth), lowest)
+    height = max(theme.top - theta["grasp_depth"], lowest)
     centre = np.array([*hold.xy, height]) + along * beside
     snug = 0.1 * (opening < hold.opening)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost

@@ -118,34 +118,38 @@ def slides(scene: Scene) -> list[Slide]:
 
 def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
     """A lid's hinge, inferred from the lid's pose on its box."""
-    axes, extents = lid.world_from_object[:3, :3], lid.extents
-    thin = int(np.argmin(extents))
-    sides = [i for i in range(3) if i != thin]
-    tilt = float(np.arccos(min(1.0, abs(axes[2, thin]))))
-    if tilt < CLOSED:
-        level, reach, guessed = _lip(lid, body, sides, scene)
+    thickness = float(lid.extents.min())
+    if _tilt(lid) < CLOSED:
+        level, reach, guessed = _lip(lid, body, scene)
         origin = lid.centre - 0.5 * reach * level
         breadth = 2 * lid.half_along(np.cross(level, UP))
-        return Hinge(body, lid, origin, level, 0.0, reach, breadth, float(extents[thin]), guessed)
-    rising = max(sides, key=lambda i: abs(axes[2, i]))
+        return Hinge(body, lid, origin, level, 0.0, reach, breadth, thickness, guessed)
+    out, level, reach, breadth = _swung(lid, body)
+    angle = float(np.arctan2(out[2], out @ level))
+    return Hinge(body, lid, lid.centre - 0.5 * reach * out, level, angle, reach, breadth, thickness)
+
+
+def _tilt(lid: SceneObject) -> float:
+    """Angle between a flat object and the level, radians."""
+    return float(np.arccos(min(1.0, abs(lid.world_from_object[2, int(np.argmin(lid.extents))]))))
+
+
+def _swung(lid: SceneObject, body: SceneObject | None) -> tuple[FloatArray, FloatArray, float, float]:
+    """For an open lid: its direction (3,) from the hinge, its level direction (3,) when closed, reach and breadth."""
+    axes, extents = lid.world_from_object[:3, :3], lid.extents
+    sides = sorted((i for i in range(3) if i != int(np.argmin(extents))), key=lambda i: abs(axes[2, i]))
+    other, rising = sides
     out = axes[:, rising] * (1.0 if axes[2, rising] > 0 else -1.0)
     reach = float(extents[rising])
-    origin = lid.centre - 0.5 * reach * out
-    other = next(i for i in sides if i != rising)
-    across = axes[:, other] * [1.0, 1.0, 0.0]
-    level = np.cross(UP, across / max(float(np.linalg.norm(across)), 1e-9))
-    inward = body.centre - origin if body is not None else -out
-    if inward @ level < 0:
-        level = -level
-    angle = float(np.arctan2(out[2], out @ level))
-    return Hinge(body, lid, origin, level, angle, reach, float(extents[other]), float(extents[thin]))
+    level = np.cross(UP, _flat(axes[:, other]))
+    inward = out if body is None else body.centre - (lid.centre - 0.5 * reach * out)
+    return out, level if inward @ level >= 0 else -level, reach, float(extents[other])
 
 
-def _lip(
-    lid: SceneObject, body: SceneObject | None, sides: list[int], scene: Scene
-) -> tuple[FloatArray, float, bool]:
+def _lip(lid: SceneObject, body: SceneObject | None, scene: Scene) -> tuple[FloatArray, float, bool]:
     """Direction (3,) from the hinge to the free edge of a closed lid, the lid's length, and whether that is a guess."""
     axes = lid.world_from_object[:3, :3]
+    sides = [i for i in range(3) if i != int(np.argmin(lid.extents))]
     ways = [(sign * _flat(axes[:, i]), float(lid.extents[i])) for i in sides for sign in (1.0, -1.0)]
     if body is not None:
         stands_out = [_reach(lid, way) - _reach(body, way) for way, _ in ways]
@@ -291,28 +295,16 @@ def _near(theme: SceneObject, other: SceneObject) -> bool:
     return gap < TOUCHING and float(np.linalg.norm((theme.centre - other.centre)[:2])) < reach
 
 
-FLAT = 0.15
-"""Tilt below which a lid lies flat, radians."""
-
-
 def opening_angle(lid: SceneObject, body: SceneObject | None) -> float:
     """Radians that a lid is open: 0 where it lies flat, a right angle where it stands, more where it leans away.
 
     Its lower edge is assumed to be the hinge; ``body`` shows on which side of it the box is. Without one, a tilted lid
     is assumed to lean over what it closes, so the angle is at most a right one.
     """
-    axes, extents = lid.world_from_object[:3, :3], lid.extents
-    thin = int(np.argmin(extents))
-    if np.arccos(min(1.0, abs(float(axes[2, thin])))) < FLAT:
+    if _tilt(lid) < CLOSED:
         return 0.0
-    rising = max((i for i in range(3) if i != thin), key=lambda i: abs(float(axes[2, i])))
-    out = axes[:, rising] * (1.0 if axes[2, rising] > 0 else -1.0)
-    level = float(np.hypot(out[0], out[1]))
-    if body is None:
-        return float(np.arctan2(out[2], level))
-    hinge = lid.centre - 0.5 * float(extents[rising]) * out
-    towards = float((body.centre - hinge)[:2] @ out[:2])
-    return float(np.arctan2(out[2], level if towards > 0 else -level))
+    out, level, _, _ = _swung(lid, body)
+    return float(np.arctan2(out[2], out @ level))
 
 
 def hinged(

@@ -10,7 +10,7 @@ which order, is up to the planner.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.effects import Bound, apply_effects, sides_of
 from gvla2.planning.part_hierarchy import assembled, button_of, joined
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.skill import Job, Proposal, Skill
+from gvla2.planning.skill import Job, Proposal
 from gvla2.skills.carry_out import answer
 from gvla2.skills.grasps import Grasp, grasps
 from gvla2.skills.grounding import whole_meant
@@ -41,19 +41,18 @@ from gvla2.skills.schemas.pick_place import (
     put_down,
     take,
 )
-from gvla2.skills.schemas.push import PushStroke, propose_press, push
+from gvla2.skills.schemas.push import propose_press, propose_push
 from gvla2.skills.table import STANDARD
 
 CLOSED = 0.5
 """A hand opened by a smaller share counts as closed."""
 MOST_POINTS = 16
+SHALLOWEST = 0.006
+"""Least depth of a grasp below the top, metres."""
 NEAR = 0.04
 """A point this close to an object's box is at that object, metres."""
 LEVEL = 0.05
 """A closed hand pushes if it moves sideways by more and vertically by less than this, metres."""
-
-SPREAD = 0.6
-"""The fingers spread over this share of the pushed face: two contacts push an object without turning it."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,9 @@ class PathPoint:
     at: str = ""
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(v) for v in (*self.xyz, self.gripper)):
-            raise ValueError(
-                f"A point of the path has a number that is not finite: {self.xyz}, {self.gripper}."
-            )
+        numbers = (*self.xyz, self.gripper)
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f"A point of the path has a number that is not finite: {numbers}.")
 
     @property
     def closed(self) -> bool:
@@ -116,9 +114,10 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
                     f"The hand closes again, at {in_millimetres(point, scene)}: a path handles one object only."
                 )
     name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
-    depth = theme.top - points[take].xyz[2]
-    job, notes = _job(name, theme, goal, {"grasp_depth": depth}, request, options)
-    return _answer(job, carried(job, points, take, opened), notes, request, options)
+    depth = {"grasp_depth": max(SHALLOWEST, theme.top - points[take].xyz[2])}
+    return _followed(
+        name, theme, goal, depth, lambda job: carried(job, points, take, opened), request, options
+    )
 
 
 def in_millimetres(point: PathPoint, scene: Scene) -> str:
@@ -129,85 +128,51 @@ def in_millimetres(point: PathPoint, scene: Scene) -> str:
 
 def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions) -> Plan:
     """The plan of a path without a grasp: the closed hand pushes or presses."""
-    scene = request.scene
-    moves = [(b.array - a.array, k) for k, (a, b) in enumerate(pairwise(points))]
-    low = min(points, key=lambda p: p.xyz[2])
-    level = [(float(np.linalg.norm(m[:2])), k) for m, k in moves if abs(m[2]) < LEVEL]
-    length, k = max(level, default=(0.0, 0))
-    struck = _struck(points[k], points[k + 1], scene) if length > LEVEL else None
+    scene, hand = request.scene, request.arm.hand
+    level = [(a, b) for a, b in pairwise(points) if abs(b.xyz[2] - a.xyz[2]) < LEVEL]
+    a, b = max(level, key=lambda move: math.dist(move[0].xyz[:2], move[1].xyz[:2]), default=points[:1] * 2)
+    shift = (b.array - a.array) * [1.0, 1.0, 0.0]
+    length = float(np.linalg.norm(shift))
+    struck = _struck(a, b, scene) if length > LEVEL else None
     if struck is not None:
-        goal = _goal_at(points[k + 1], scene, frozenset({struck.id}))
-        job, notes = _job("push", struck, goal, {}, request, options)
-        found = _pushed(job, points[k].array, points[k + 1].array)
-        return _answer(job, found, notes, request, options)
+        reach = struck.half_along(shift / length) + 0.5 * hand.finger_breadth
+        target = (b.array + reach * shift / length)[:2]  # the hand stops at the path's end
+        goal = _goal_at(b, scene, frozenset({struck.id}))
+        return _followed(
+            "push", struck, goal, {}, lambda job: propose_push(replace(job, target=target)), request, options
+        )
+    low = min(points, key=lambda p: p.xyz[2])
     obj = _object_at(low, scene)
     button = button_of(obj, scene) if obj is not None else None
     if button is None:
-        raise PlanningError(
-            f"The closed hand touches nothing: its lowest point is {in_millimetres(low, scene)}."
-        )
-    depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
-    job, notes = _job("press", button, None, {"press_depth": depth}, request, options)
-    return _answer(job, propose_press(job), notes, request, options)
+        lowest = in_millimetres(low, scene)
+        raise PlanningError(f"The closed hand touches nothing: its lowest point is {lowest}.")
+    depth = {"press_depth": max(0.0, button.top + hand.tip_beyond_tcp - low.xyz[2])}
+    return _followed("press", button, None, depth, propose_press, request, options)
 
 
-def _pushed(job: Job, begin: FloatArray, end: FloatArray) -> list[Proposal]:
-    """Pushes from ``begin`` (3,) to ``end`` (3,) along the table, the fingers across; one for each way round."""
-    theme, hand, standoff = job.theme, job.hand, job.theta["standoff"]
-    way = (end - begin) * [1.0, 1.0, 0.0]
-    way = way / np.linalg.norm(way)
-    across = np.array([-way[1], way[0], 0.0])
-    behind = theme.centre - way * (theme.half_along(way) + 0.5 * hand.finger_breadth + standoff)
-    # The hand cannot come down over the object, or too close to it.
-    begin = begin - way * max(0.0, float((begin - behind) @ way))
-    opening = float(np.clip(2.0 * SPREAD * theme.half_along(across) / hand.max_width, 0.0, 1.0))
-    found = []
-    for sign in (1.0, -1.0):
-        stroke = PushStroke(begin + standoff * way, end, way, np.zeros(3), sign * across, opening)
-        how = "push along the path" + (", hand turned round" if sign < 0 else "")
-        found.append(push(job, [stroke], how, "straight", 0.8))
-    return found
-
-
-def _skill(name: str, request: PlanRequest) -> Skill:
-    return request.skills[name] if name in request.skills else STANDARD[name]
-
-
-def _job(
+def _followed(
     name: str,
     theme: SceneObject,
     goal: SceneObject | None,
     meant: Mapping[str, float],
-    request: PlanRequest,
-    options: SkillOptions,
-) -> tuple[Job, list[str]]:
-    """The path's job, with the path's own numbers limited by memory's bounds, and a note for each limit."""
-    skill = _skill(name, request)
-    theta = dict(skill.defaults(theme, request.arm.hand, options))
-    ranges = {p.name: p for p in skill.parameters}
-    for parameter, value in meant.items():
-        least = 0.006 if parameter == "grasp_depth" else 0.0
-        theta[parameter] = float(
-            np.clip(value, least, ranges[parameter].most if parameter in ranges else value)
-        )
-    bounds = [e for e in request.advice.effects if isinstance(e, Bound)]
-    theta, notes = apply_effects(theta, bounds, skill.name, lengths=sides_of(theme))
-    theta, limits = limited(theta, theme, request.scene)
-    hand, workspace = request.arm.hand, request.arm.workspace
-    job = Job(skill.name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
-    return job, [*notes, *limits]
-
-
-def _answer(
-    job: Job,
-    found: Sequence[Proposal] | Abstention,
-    notes: Sequence[str],
+    propose: Callable[[Job], Sequence[Proposal] | Abstention],
     request: PlanRequest,
     options: SkillOptions,
 ) -> Plan:
-    refusal = f"The path to {job.skill} the {job.theme.label} cannot be followed"
+    """The plan by the path's proposals, with the numbers ``meant`` by the path limited by memory's bounds."""
+    skill, hand = {**STANDARD, **request.skills}[name], request.arm.hand
+    most = {p.name: p.most for p in skill.parameters}
+    theta = dict(skill.defaults(theme, hand, options))
+    theta |= {parameter: float(min(value, most.get(parameter, value))) for parameter, value in meant.items()}
+    bounds = [e for e in request.advice.effects if isinstance(e, Bound)]
+    theta, notes = apply_effects(theta, bounds, name, lengths=sides_of(theme))
+    theta, limits = limited(theta, theme, request.scene)
+    workspace = request.arm.workspace
+    job = Job(name, request.scene, hand, workspace, theta, theme, goal, "on", grasp=options.grasp)
+    refusal = f"The path to {name} the {theme.label} cannot be followed"
     request = replace(request, rejections=())  # a path has no alternatives
-    return answer(job, _skill(job.skill, request), found, request, options, refusal, notes)
+    return answer(job, skill, propose(job), request, options, refusal, [*notes, *limits])
 
 
 def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
@@ -249,16 +214,13 @@ def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject
 
 
 def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
-    """The first object on the table that a straight motion hits, seen from above, or the one its start was written
-    for.
-    """
-    objects = [o for o in scene.obstacles() if not o.parent]
-    if a.at and a.at in {o.id for o in objects}:
-        return scene[a.at]
-    for step in np.linspace(0.0, 1.0, 60):
-        at = a.array + step * (b.array - a.array)
-        for obj in objects:
-            if at[2] < obj.top + NEAR and obj.distances(np.array([*at[:2], obj.centre[2]])) < 0.015:
+    """The first object that a straight motion along the table hits, or the one that its start was written for."""
+    solids = {o.id: o for o in scene.obstacles() if not o.parent}
+    if a.at in solids:
+        return solids[a.at]
+    for at in np.linspace(a.array, b.array, 60):
+        for obj in solids.values():
+            if at[2] < obj.top + NEAR and obj.distances([*at[:2], obj.centre[2]]) < 0.015:
                 return obj
     return None
 
@@ -266,7 +228,7 @@ def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
 NEAREST = 24
 """The number of grasps, nearest to the point where the hand closes, that are considered."""
 APPROACH = 0.12
-"""Points within this horizontal distance of the grasp belong to its approach or retreat, metres."""
+"""Points within this horizontal distance of the grasp belong to its approach, metres."""
 CENTRED = 0.03
 """An object released this close to a goal's middle is put down at the middle, metres."""
 LOWERED = 0.03
@@ -316,7 +278,7 @@ def _along(
             before.go("move", point.array)
     path.waypoints[:0] = before.waypoints
     held = stuck(job.theme, job.scene)
-    touching = job.own() | job.resting() | (held.holders if held is not None else frozenset())
+    touching = job.own | job.resting | (held.holders if held is not None else frozenset())
     here = draw_out(job, path, grasp)
     clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
     end = len(points) if opened is None else opened
@@ -336,10 +298,6 @@ def _along(
         here = there
     if opened is not None:
         _let_go(job, path, points[opened], grasp, turn, here, touching)
-        for point in points[opened + 1 :]:
-            away = np.asarray(path.waypoints[-1].xyz)
-            if float(np.linalg.norm(point.array - away)) > APPROACH:
-                path.go("leave", point.array)
     how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     cost = TURNED * (turn != 0.0)
     return Proposal(how, grasp.approaches, preference - cost, path.trajectory())

@@ -52,11 +52,16 @@ class Path:
         """A straight motion, split if it is long, then ``dwell`` seconds of rest; a ``guard`` may end it early."""
         speed = self.contact_speed if slow else self.speed
         if self.waypoints:
-            begin = np.asarray(self.waypoints[-1].xyz)
+            begin = self.end
             parts = math.ceil(math.dist(xyz, begin) / LONGEST_LINE - 1e-9)
             for k in range(1, parts):
                 self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
         return self._add(stage, xyz, "linear", speed, gripper, allowed, guard, dwell)
+
+    @property
+    def end(self) -> FloatArray:
+        """(3,) position of the tool at the last waypoint."""
+        return np.asarray(self.waypoints[-1].xyz)
 
     def trajectory(self) -> Trajectory:
         """The trajectory of all waypoints so far."""

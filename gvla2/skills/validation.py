@@ -27,8 +27,8 @@ def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill
             return Abstention(
                 "unknown_skill", f"There is no skill '{call.skill}'.{hint} Skills: {', '.join(skills)}."
             )
-        for role, name in (("theme", call.theme), ("goal", call.goal)):
-            if name not in ids and (name or role == "theme"):
+        for name in (call.theme, *([call.goal] if call.goal else [])):
+            if name not in ids:
                 known = ", ".join(f"{o.id} ({o.label})" for o in scene.objects) or "nothing"
                 return Abstention(
                     "nothing_matches", f"There is no object '{name}' to {call.skill}; the scene has: {known}."
@@ -38,58 +38,42 @@ def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill
 
 def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
     """The refusal of a call that is meaningless for any object; its skill must be in ``skills``."""
-    theme, goal = scene[call.theme], scene[call.goal] if call.goal else None
+    theme, goal, message = scene[call.theme], scene[call.goal] if call.goal else None, ""
     if theme.shape == "region":
-        return Abstention(
-            "other", f"The {theme.label} is painted on the table; '{call.skill}' does not apply to it."
-        )
-    if goal is not None:
-        if goal.id == theme.id:
-            return Abstention(
-                "other",
-                f"The {theme.label} cannot be its own goal: nothing goes on, in or beside itself. Name another object.",
-            )
-        if goal in scene.parts_of(theme.id):
-            return Abstention(
-                "other", f"The {goal.label} is a part of the {theme.label}, so not a goal for it."
-            )
-    return _wrong_numbers(call, skills)
+        message = f"The {theme.label} is painted on the table; '{call.skill}' does not apply to it."
+    elif goal is theme:
+        message = f"The {theme.label} cannot be its own goal. Name another object."
+    elif goal in scene.parts_of(theme.id):
+        message = f"The {call.goal} is a part of the {theme.label}, so not a goal for it."
+    elif call.amount is not None and call.amount <= 0.0:
+        message = f"An amount must be positive; {call.amount:g} m was asked for."
+    elif call.direction is not None and np.linalg.norm(call.direction) < 1e-6:
+        message = "A direction must not be (0, 0)."
+    return Abstention("other", message) if message else wrong_parameters(call.theta, skills, call.skill)
 
 
 def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
-    """The refusal of a missing, superfluous or wrong goal; ``skill`` is what the call means for its theme."""
-    label = scene[call.theme].label
-    role = skill.role("goal")
+    """The refusal of a missing, superfluous or wrong goal or amount; ``skill`` is what the call means for its theme."""
+    role, message = skill.role("goal"), ""
     given = [bool(call.goal), call.xy is not None, call.direction is not None]
-    if role is None or (not skill.free and any(given[1:])):
-        if any(given):
-            aimed = "a goal" if call.goal else "a place" if call.xy is not None else "a direction"
-            return Abstention(
-                "other", f"'{skill.name}' does not take {aimed}; its signature is {skill.signature()}."
-            )
-        if role is None:
-            return None
-    if sum(given) > 1:
-        return Abstention("other", f"Only one of goal, place and direction can say where the {label} goes.")
-    if role.required and not any(given):
-        example = "name a goal or a direction, such as 'onto the red square' or '10 cm to the left'"
-        return Abstention("no_goal", f"Where to {skill.name} the {label} is not said; {example}.")
-    if call.relation and not call.goal:
-        return Abstention("other", f"The relation '{call.relation}' needs a goal.")
-    if call.relation and role.relations and call.relation not in role.relations:
+    if any(given) and (role is None or (not skill.free and any(given[1:]))):
+        aimed = "a goal" if call.goal else "a place" if call.xy is not None else "a direction"
+        message = f"'{skill.name}' does not take {aimed}; its signature is {skill.signature()}."
+    elif call.amount is not None and not skill.amount and call.direction is None:
+        what = "an amount only with a direction ('10 cm to the right')" if skill.free else "no amount"
+        message = f"'{skill.name}' takes {what}; {call.amount:g} m was asked for."
+    elif sum(given) > 1:
+        message = "Only one of goal, place and direction can say where an object goes."
+    elif role and call.relation and not call.goal:
+        message = f"The relation '{call.relation}' needs a goal."
+    elif call.relation and role and role.relations and call.relation not in role.relations:
         there = ", ".join(role.relations)
-        return Abstention(
-            "other", f"'{skill.name}' does not have the relation '{call.relation}'; it has {there}."
-        )
-    return None
-
-
-def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
-    if call.amount is not None and call.amount <= 0.0:
-        return Abstention("other", f"An amount must be positive; {call.amount:g} m was asked for.")
-    if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:
-        return Abstention("other", "A direction must not be (0, 0).")
-    return wrong_parameters(call.theta, skills, call.skill)
+        message = f"'{skill.name}' does not have the relation '{call.relation}'; it has {there}."
+    if not message and role is not None and role.required and not any(given):
+        example = "name a goal or a direction, such as 'onto the red square' or '10 cm to the left'"
+        where = f"Where to {skill.name} the {scene[call.theme].label} is not said; {example}."
+        return Abstention("no_goal", where)
+    return Abstention("other", message) if message else None
 
 
 def wrong_parameters(
@@ -103,9 +87,8 @@ def wrong_parameters(
     ranges = {p.name: p for each in skills.values() for p in each.parameters} | own
     for name, value in values.items():
         if name not in ranges:
-            who, there = (f"'{skill}' has", own) if skill else ("No skill has", ranges)
-            no = "no " if skill else "the "
-            return Abstention("other", f"{who} {no}parameter '{name}'; there are {', '.join(there)}.")
+            there = ", ".join(own or ranges)
+            return Abstention("other", f"There is no parameter '{name}'; there are {there}.")
         least, most = ranges[name].least, ranges[name].most
         if not least <= value <= most:
             unit = f" {ranges[name].unit}" if ranges[name].unit else ""

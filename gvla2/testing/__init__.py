@@ -56,7 +56,7 @@ __all__ = [
 
 
 def check_tracker(tracker: Tracker) -> None:
-    """Whether the tracker handles a run from begin to end, including one that fails immediately."""
+    """Check that the tracker handles a run from begin to end, including one that fails immediately."""
     require_members(tracker, "tracker")
     with tempfile.TemporaryDirectory() as place, allowed("A tracker that gets a run"):
         folder = Path(place)
@@ -69,7 +69,7 @@ def check_tracker(tracker: Tracker) -> None:
 
 
 def check_viewer(viewer: Viewer) -> None:
-    """Whether the viewer handles an episode with a scene, and one that ended before; each leaves a file."""
+    """Check that the viewer handles an episode with a scene, and one that ended before; each leaves a file."""
     require_members(viewer, "view")
     blind = EpisodeRecord("run/0", INSTRUCTION, "task", 3, {"robot": "gantry"})
     seen = replace(blind, episode_id="run/1", observation=observation(48), scene=scene())
@@ -108,7 +108,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
 
 
 def check_component(component: Component[Any], kind: str | Kind = "", **needs: object) -> None:
-    """Whether gvla2 would accept the component, and whether its options survive YAML and worker processes.
+    """Check that gvla2 would accept the component, and that its options survive YAML and worker processes.
 
     With ``kind`` it is also built with its default options (and ``needs``, by kind) and its kind's check is run. Of
     your own kind, by name where its plugin is found or else as an object, the build must satisfy the protocol.

@@ -35,7 +35,7 @@ from gvla2.robot.report import ExecutionReport, WaypointReport
 
 DOWN = np.array([0.0, 0.0, -1.0])
 TILT = 0.05
-"""How far from straight down, as 1 - cos, a pose may point and still be reached."""
+"""Maximum deviation of a reachable pose from straight down, as 1 - cos."""
 
 SPARE_TRAVEL = 0.1
 """Metres that the axes go beyond the workspace, so that its border is not a joint limit."""
@@ -73,7 +73,7 @@ class Gantry:
 
     @property
     def workspace(self) -> Box:
-        """Where the tool centre point may go."""
+        """The range of the tool centre point."""
         return self._workspace
 
     def forward(self, joints: FloatArray) -> FloatArray:

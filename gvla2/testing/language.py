@@ -182,7 +182,7 @@ def _entry(token: str | bytes, logprob: float) -> dict[str, Any]:
 
 
 def check_language(model: LanguageModel) -> None:
-    """Whether a model answers, or fails with a typed error, and keeps its ledger."""
+    """Check that a model answers, or fails with a typed error, and keeps its ledger."""
     asked = [Request([{"role": "user", "content": "Say yes."}], max_tokens=4, seed=seed) for seed in (0, 1)]
     with allowed("complete_all()"):
         answers = model.complete_all(asked, purpose="check")

@@ -110,7 +110,7 @@ def check_fusion(fusion: FusionStrategy) -> None:
         "two sources": (a, b, some, sure),
         "equal sources": (a, a, some, some),
         "sources without support": (a, b, nothing, nothing),
-        "empty sources": (empty, empty, np.zeros(0), np.zeros(0)),
+        "empty sources": (empty, empty, nothing[:0], nothing[:0]),
     }.items():
         with allowed(f"fuse() of {what}"):
             fused = require_array(fusion.fuse(p, q, u, v), (len(p), 3), f"fuse()'s answer to {what}")
@@ -126,14 +126,8 @@ def check_renderer(renderer: Renderer) -> None:
     before = Camera.from_fov(0.8, look_along([0.0, -0.5, 0.0], [0.0, 1.0, 0.0]), 33, 25)
     behind = Camera.from_fov(0.8, look_along([0.0, -0.5, 0.0], [0.0, -1.0, 0.0]), 33, 25)
     ball = inputs.ball()
-    none = replace(
-        ball,
-        centres=ball.centres[:0],
-        log_scales=ball.log_scales[:0],
-        rotations=ball.rotations[:0],
-        opacity_logits=ball.opacity_logits[:0],
-        sh_dc=ball.sh_dc[:0],
-    )
+    arrays = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
+    none = replace(ball, **{name: getattr(ball, name)[:0] for name in arrays})
     for what, gaussians, camera in (
         ("a ball", ball, before),
         ("a ball behind the camera", ball, behind),

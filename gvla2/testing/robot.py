@@ -11,10 +11,9 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, RobotBackend, SuccessCheck
-from gvla2.robot.checked_task import CheckedTask
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
-from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.task import CheckedTask, Layout, Task, TaskInstance, TaskSite
 from gvla2.testing.conformance import (
     ConformanceError,
     allowed,
@@ -26,7 +25,7 @@ from gvla2.testing.conformance import (
     require_type,
 )
 
-SEEDS = (0, 1, 2, 17, 4242)
+SEEDS = (0, 1, 17)
 SITE = TaskSite(centre=(0.25, 0.0), size=(0.65, 0.91), table_height=0.752, reachable=lambda point: True)
 
 
@@ -78,8 +77,8 @@ def check_task(task: Task, site: TaskSite = SITE) -> None:
         )
         first.append(_places(instance))
         with allowed("sample() with an instruction"):
-            worded = task.sample(np.random.default_rng(seed), site, "do the object with words of my own")
-        require(worded.instruction == "do the object with words of my own", "A given instruction is kept.")
+            worded = task.sample(np.random.default_rng(seed), site, "words of my own")
+        require(worded.instruction == "words of my own", "A given instruction is kept.")
         require(_places(worded) == _places(instance), "An instruction must not change the seed's layout.")
     require(len(set(first)) > 1, f"The seeds {SEEDS} all give the same layout.")
 
@@ -89,25 +88,16 @@ def _places(instance: TaskInstance) -> tuple[bytes, ...]:
 
 
 def _check_instance(instance: TaskInstance, site: TaskSite) -> None:
-    require(
-        instance.instruction and "{" not in instance.instruction, "An instruction is a finished sentence."
-    )
+    words = instance.instruction
+    require(words and "{" not in words, "An instruction is a finished sentence.")
     for body in instance.layout.bodies:
-        _check_place(body, site)
+        for solid in body.solids if not body.fixed else ():
+            sunk = site.table_height - lowest(solid, body.world_from_body) if solid.collides else 0.0
+            require(sunk < 0.002, f"Body '{body.name}' reaches {sunk:.4f} m into the table.")
     for profile, done in instance.succeeded.items():
         with allowed(f"The predicate '{profile}'"):
             value = done(_AtRest(instance.layout))
         require(not value, f"The task is already done ({profile}) before anything moved.")
-
-
-def _check_place(body: Body, site: TaskSite) -> None:
-    for solid in body.solids:
-        if solid.collides and not body.fixed:
-            bottom = lowest(solid, body.world_from_body)
-            require(
-                bottom > site.table_height - 0.002,
-                f"Body '{body.name}' reaches {site.table_height - bottom:.4f} m into the table.",
-            )
 
 
 def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = True) -> None:
@@ -154,18 +144,14 @@ def _check_observation(robot: RobotBackend, seen: Observation) -> None:
 
 
 def _check_motion(robot: RobotBackend, seen: Observation) -> None:
-    start = seen.world_from_tcp[:3, 3]
-    goal = _near_goal(robot, seen)
+    start, goal = seen.world_from_tcp[:3, 3], _near_goal(robot, seen)
     if goal is None:
         raise ConformanceError(
             "arm.line() finds no straight move of 5 cm from where the arm is, in no direction."
         )
-    path = Trajectory(
-        (
-            Waypoint(_xyz(start), seen.gripper, "start"),
-            Waypoint(_xyz(goal), seen.gripper, "move", motion="linear", speed=0.1),
-        )
-    )
+    (x, y, z), (u, v, w) = start.tolist(), goal.tolist()
+    begin = Waypoint((x, y, z), seen.gripper, "start")
+    path = Trajectory((begin, Waypoint((u, v, w), seen.gripper, "move", motion="linear", speed=0.1)))
     scene = Scene((), float(robot.arm.workspace.low[2]), robot.arm.workspace)
     heard: list[WaypointReport] = []
     with allowed("execute()"):
@@ -192,10 +178,6 @@ def _near_goal(robot: RobotBackend, seen: Observation) -> FloatArray | None:
     return None
 
 
-def _xyz(point: FloatArray) -> tuple[float, float, float]:
-    return float(point[0]), float(point[1]), float(point[2])
-
-
 def check_camera(camera: DepthCamera) -> None:
     """Frames are RGB-D in metres, rigidly placed, timestamped, and new for each call; closing twice is allowed."""
     require_members(camera, "camera")
@@ -210,19 +192,13 @@ def check_camera(camera: DepthCamera) -> None:
             if view.depth is None:
                 raise ConformanceError(f"The view '{view.name}' has no depth.")
             known = view.depth[np.isfinite(view.depth)]
-            require(
-                bool((known > 0).all() and (known < 100).all()),
-                f"The depth of '{view.name}' is not in metres: values outside (0, 100).",
-            )
+            metres = bool((known > 0).all() and (known < 100).all())
+            require(metres, f"The depth of '{view.name}' is not in metres: values outside (0, 100).")
             require(bool(np.isfinite(stamp)) and stamp > 0, f"The timestamp of '{view.name}' is {stamp}.")
-    require(
-        [v.name for v in first.views] == [v.name for v in second.views],
-        "Two observations must have the same views in the same order.",
-    )
-    require(
-        all(b >= a for a, b in zip(first.timestamps, second.timestamps, strict=True)),
-        "A later observation has earlier timestamps.",
-    )
+    same = [view.name for view in first.views] == [view.name for view in second.views]
+    require(same, "Two observations must have the same views in the same order.")
+    later = all(b >= a for a, b in zip(first.timestamps, second.timestamps, strict=True))
+    require(later, "A later observation has earlier timestamps.")
     with allowed("close(), twice"):
         camera.close()
         camera.close()

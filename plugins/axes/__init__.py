@@ -13,29 +13,32 @@ if TYPE_CHECKING:
 
 @dataclass
 class ContoursConfig(ComponentConfig):
-    """Options of ``contours``."""
+    """Options of ``contours``.
+
+    ``iterations``: maximum number of Gauss-Newton steps. ``contour_points``: points used per mask contour.
+    ``least_gain``: gain in symmetric IoU below which the shape is left unchanged. ``scale_bound``: most that an axis
+    grows or shrinks, as a share of itself; ``shift_bound``: most shift along an axis, as a share of the longest side.
+    """
 
     iterations: int = 10
-    """Most Gauss-Newton steps."""
     contour_points: int = 400
-    """Points used per mask contour."""
     least_gain: float = 5e-4
-    """Gain in symmetric IoU below which the shape is left unchanged."""
+    scale_bound: float = 0.1
+    shift_bound: float = 0.05
 
 
 @dataclass
 class MaskEnergyConfig(ComponentConfig):
-    """Options of ``mask_energy``."""
+    """Options of ``mask_energy``: ``iterations``, of which L-BFGS-B takes up to five times as many."""
 
     iterations: int = 10
-    """L-BFGS-B takes up to five times as many steps."""
 
 
 def _contours(config: ContoursConfig) -> AxisCompensation:
     """Makes the outlines meet the masks' contours; kept when the symmetric IoU rises."""
     from gvla2_plugins.axes.compensations import Contours
 
-    return Contours(config.iterations, config.contour_points, config.least_gain)
+    return Contours(config)
 
 
 def _mask_energy(config: MaskEnergyConfig) -> AxisCompensation:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.silhouette import Field, Outline
 from gvla2.reconstruction.support import projection
 
@@ -32,7 +31,7 @@ class Contour:
     length: FloatArray
 
 
-def mask_contour(mask: NDArray[np.float32], count: int | None = None) -> Contour:
+def mask_contour(mask: NDArray[np.float32], count: int) -> Contour:
     """The contour of a mask (H, W) in [0, 1]: every crossing between two neighbouring pixels' centres.
 
     Where the mask meets the image's border the object's outline is unknown, so no point lies there. About ``count``
@@ -41,25 +40,25 @@ def mask_contour(mask: NDArray[np.float32], count: int | None = None) -> Contour
     values = np.asarray(mask, dtype=np.float64)
     inside = values > LEVEL
     found: list[FloatArray] = []
-    for axis, step in ((1, np.array([1.0, 0.0])), (0, np.array([0.0, 1.0]))):
-        a = values[:, :-1] if axis == 1 else values[:-1]
-        b = values[:, 1:] if axis == 1 else values[1:]
-        crossing = (inside[:, :-1] != inside[:, 1:]) if axis == 1 else (inside[:-1] != inside[1:])
-        rows, columns = np.nonzero(crossing)
-        share = (LEVEL - a[crossing]) / (b[crossing] - a[crossing])
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        rows, columns = np.nonzero(inside[a] != inside[b])
+        before, after = values[a][rows, columns], values[b][rows, columns]
+        step = [1.0, 0.0] if a == np.s_[:, :-1] else [0.0, 1.0]
+        share = (LEVEL - before) / (after - before)
         found.append(np.stack([columns, rows], axis=1) + 0.5 + share[:, None] * step)
     uv = np.concatenate(found)
     if len(uv) == 0:
         return Contour(uv, uv.copy(), np.zeros(0))
     smooth = gaussian_filter(values, _SMOOTHING, mode="nearest")
-    down, across = (np.asarray(slope, dtype=np.float64) for slope in np.gradient(smooth))
-    normal = -np.stack([_sample(across, uv), _sample(down, uv)], axis=1)
+    at = uv[:, ::-1].T - 0.5
+    down, across = (map_coordinates(slope, at, order=1, mode="nearest") for slope in np.gradient(smooth))
+    normal = -np.stack([across, down], axis=1)
     size = np.linalg.norm(normal, axis=1)
     kept = size > 1e-6  # a speck that vanishes after smoothing has no direction
     uv, normal = uv[kept], normal[kept] / size[kept, None]
     # A slanted contour is crossed by rows and columns both.
     length = 1.0 / np.abs(normal).sum(axis=1)
-    if count is not None and len(uv) > count:
+    if len(uv) > count:
         chosen = _even(uv, length, count)
         length = np.full(len(chosen), length.sum() / len(chosen))
         uv, normal = uv[chosen], normal[chosen]
@@ -73,17 +72,6 @@ def _even(uv: FloatArray, length: FloatArray, count: int) -> NDArray[np.int64]:
     reached = np.cumsum(length[order])
     marks = (np.arange(count) + 0.5) * (reached[-1] / count)
     return np.asarray(order[np.unique(np.searchsorted(reached, marks))])
-
-
-def _sample(image: FloatArray, uv: FloatArray) -> FloatArray:
-    """Bilinear samples (M,) of an image at pixels (M, 2) between the outermost pixels' centres."""
-    x, y = uv[:, 0] - 0.5, uv[:, 1] - 0.5
-    j = np.clip(x.astype(np.int64), 0, image.shape[1] - 2)
-    i = np.clip(y.astype(np.int64), 0, image.shape[0] - 2)
-    s, t = x - j, y - i
-    above = image[i, j] * (1 - s) + image[i, j + 1] * s
-    below = image[i + 1, j] * (1 - s) + image[i + 1, j + 1] * s
-    return np.asarray(above * (1 - t) + below * t)
 
 
 _STEP = 0.5  # pixels between two samples along a normal
@@ -106,8 +94,6 @@ class Residuals:
     @classmethod
     def joined(cls, parts: Sequence[Residuals]) -> Residuals:
         """The residuals of several views as one; every view counts the same."""
-        if not parts:
-            return cls(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0))
         return cls(
             np.concatenate([p.pixels for p in parts]),
             np.concatenate([p.index for p in parts]),
@@ -124,9 +110,14 @@ def outline_residuals(
     An edge counts only if the shape is on its inner side, as at the contour; contour points without such an edge within
     reach (a part is missing, or another one begins) are left out.
     """
-    pixels = np.full(len(contour.uv), np.nan)
-    index = np.full(len(contour.uv), -1, dtype=np.int64)
-    _follow(drawn.inside, drawn.nearest, contour.uv, contour.normal, reach, pixels, index)
+    pixels = _crossings(drawn.inside, contour, reach)
+    # The point that forms the edge is drawn at it or just inside.
+    inward = pixels[:, None] - 0.5 * np.arange(4)
+    spot = contour.uv[:, None] + inward[..., None] * contour.normal[:, None]  # (M, 4, 2)
+    within = camera.inside(spot)
+    column, row = np.where(within[..., None], spot, 0).astype(np.int64).transpose(2, 0, 1)
+    drawn_there = np.where(within, drawn.nearest[row, column], -1)
+    index = drawn_there[np.arange(len(pixels)), (drawn_there >= 0).argmax(axis=1)].astype(np.int64)
     found = np.isfinite(pixels) & (index >= 0)
     index, normal = index[found], contour.normal[found]
     P = projection(camera)
@@ -139,56 +130,24 @@ def outline_residuals(
     return Residuals(pixels[found], index, gradient, contour.length[found])
 
 
-@compiled
-def _value(image: Field, u: float, v: float) -> float:
-    """Bilinear sample; NaN outside the pixels' centres."""
-    height, width = image.shape
-    x, y = u - 0.5, v - 0.5
-    if not (x >= 0 and y >= 0 and x < width - 1 and y < height - 1):
-        return np.nan
-    j, i = int(x), int(y)
-    s, t = x - j, y - i
-    above = image[i, j] * (1 - s) + image[i, j + 1] * s
-    below = image[i + 1, j] * (1 - s) + image[i + 1, j + 1] * s
-    return float(above * (1 - t) + below * t)
+def _crossings(inside: Field, contour: Contour, reach: float) -> FloatArray:
+    """(M,) pixels along each normal to the nearest place where the outline ends outwards, NaN where there is none."""
+    t = _STEP * np.arange(int(reach / _STEP) + 1)
 
+    def along(sign: float) -> FloatArray:
+        at = contour.uv[:, None] + sign * t[:, None] * contour.normal[:, None] - 0.5  # (M, T, 2)
+        where = at[..., ::-1].transpose(2, 0, 1)
+        return np.asarray(map_coordinates(inside, where, output=np.float64, order=1, cval=np.nan))
 
-@compiled
-def _follow(
-    inside: Field,
-    nearest: NDArray[np.int32],
-    uv: FloatArray,
-    normal: FloatArray,
-    reach: float,
-    pixels: FloatArray,
-    index: NDArray[np.int64],
-) -> None:
-    height, width = inside.shape
-    steps = int(reach / _STEP)
-    for k in range(len(uv)):
-        here = _value(inside, uv[k, 0], uv[k, 1])
-        out, back = here, here  # the latest values in both directions
-        at = np.nan
-        for n in range(1, steps + 1):
-            t = n * _STEP
-            value = _value(inside, uv[k, 0] + t * normal[k, 0], uv[k, 1] + t * normal[k, 1])
-            if out >= 0 and value < 0:
-                at = t - _STEP + _STEP * out / (out - value)
-                break
-            out = value
-            value = _value(inside, uv[k, 0] - t * normal[k, 0], uv[k, 1] - t * normal[k, 1])
-            if back < 0 and value >= 0:
-                at = -t + _STEP * value / (value - back)
-                break
-            back = value
-        if not np.isfinite(at):
-            continue
-        # The point that forms the edge lies at it or just inside.
-        for inward in range(4):
-            u = uv[k, 0] + (at - 0.5 * inward) * normal[k, 0]
-            v = uv[k, 1] + (at - 0.5 * inward) * normal[k, 1]
-            i, j = int(v), int(u)
-            if u >= 0 and v >= 0 and i < height and j < width and nearest[i, j] >= 0:
-                index[k] = nearest[i, j]
-                pixels[k] = at
-                break
+    def first(crossed: NDArray[np.bool_]) -> NDArray[np.intp]:
+        return np.where(crossed.any(axis=1), crossed.argmax(axis=1), len(t))
+
+    out, back = along(1.0), along(-1.0)
+    leaves = first((out[:, :-1] >= 0) & (out[:, 1:] < 0))
+    enters = first((back[:, :-1] < 0) & (back[:, 1:] >= 0))
+    n, rows = np.minimum(np.minimum(leaves, enters), len(t) - 2), np.arange(len(out))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        outwards = t[n] + _STEP * out[rows, n] / (out[rows, n] - out[rows, n + 1])
+        inwards = -t[n + 1] + _STEP * back[rows, n + 1] / (back[rows, n + 1] - back[rows, n])
+    crossing = np.where(leaves <= enters, outwards, inwards)
+    return np.where(np.minimum(leaves, enters) < len(t), crossing, np.nan)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.calls import OPTION_RANGES, GraspOptions
+from gvla2.planning.calls import OPTION_RANGES, SkillOptions
 
 if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
@@ -15,16 +15,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class CodePoliciesConfig(ComponentConfig):
+class CodePoliciesConfig(SkillOptions, ComponentConfig):
     """Options of the ``code_policies`` planner, which asks the run's ``language``.
 
-    The model is asked at most ``tries`` times, each time with the reason why its last program cannot be carried out;
+    The model is asked at most ``tries`` times, each time with the reason why its last program cannot be executed;
     ``samples`` answers are drawn per try and the most frequent one is taken. ``agreement`` in [0, 1]: the planner
     abstains if a smaller share of the samples agrees. ``programs`` is the maximum number of remembered successes in the
-    prompt, ``calls`` the maximum number of calls in a program. ``lift_height`` and ``push_distance`` (metres) apply if
-    the program gives no amount; ``speed`` of the tool in free space and ``contact_speed`` in contact, m/s;
-    ``parameters`` and ``grasp`` are as in :class:`~gvla2.planning.calls.SkillOptions`.
-    ``explore`` > 0 varies each plan's parameters by this relative spread; ``explore_seed`` selects the variation.
+    prompt, ``calls`` the maximum number of calls in a program. All others are as in
+    :class:`~gvla2.planning.calls.SkillOptions`.
     """
 
     tries: int = 3
@@ -33,14 +31,6 @@ class CodePoliciesConfig(ComponentConfig):
     programs: int = 2
     calls: int = 6
     max_tokens: int = 200
-    lift_height: float = 0.25
-    push_distance: float = 0.10
-    speed: float = 0.25
-    contact_speed: float = 0.08
-    parameters: dict[str, float] = field(default_factory=dict)
-    grasp: GraspOptions = field(default_factory=GraspOptions)
-    explore: float = 0.0
-    explore_seed: int = 0
 
     def __post_init__(self) -> None:
         check_ranges(self, "planner", {**OPTION_RANGES, "calls": (1, 12, "")})

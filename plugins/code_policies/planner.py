@@ -30,8 +30,8 @@ class CodePolicies:
 
     def __init__(self, config: CodePoliciesConfig, language: LanguageModel) -> None:
         self.config, self._language = config, language
-        shared = {f.name for f in fields(SkillOptions)} & {f.name for f in fields(config)} - {"tries"}
-        self._options = SkillOptions(**{name: getattr(config, name) for name in shared})
+        names = {f.name for f in fields(SkillOptions)} - {"tries"}  # the model's, not the candidates'
+        self._options = SkillOptions(**{name: getattr(config, name) for name in names})
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan for the program's first part, with the remaining calls; or an abstention with the conversation.

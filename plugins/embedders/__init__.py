@@ -18,9 +18,7 @@ class StaticConfig(ComponentConfig):
 
 @dataclass
 class MiniLMConfig(ComponentConfig):
-    """Options of the ``minilm`` embedder: ``batch`` texts are processed at a time."""
-
-    batch: int = 32
+    """The ``minilm`` embedder has no options."""
 
 
 @dataclass
@@ -39,12 +37,12 @@ def _build_minilm(config: MiniLMConfig) -> Embedder:
     """Embeds sentences by all-MiniLM-L6-v2, offline, on the CPU, without torch: closer to the meaning."""
     from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
-    return MiniLMEmbedder(config.batch)
+    return MiniLMEmbedder()
 
 
 def _build_auto(config: AutoConfig) -> Embedder:
     """That of the bank's vectors; for a new bank MiniLM if installed, else the static table."""
-    from gvla2_plugins.embedders.choosing import BestInstalled
+    from gvla2_plugins.embedders.minilm import BestInstalled
 
     return BestInstalled()
 

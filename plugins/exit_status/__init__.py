@@ -24,7 +24,8 @@ class ExitStatusConfig(ComponentConfig):
 class ExitStatusVerifier:
     """Judges software tasks by an exit status: 0 succeeded, anything else or a time-out failed.
 
-    It reads ``Evidence.facts``: the status, a whole number or its digits, and ``timed_out``, always a failure. Any other status, such as an agent's own "Submitted", makes the verdict ``unavailable``.
+    It reads ``Evidence.facts``: the status, a whole number or its digits, and ``timed_out``, always a failure. Any
+    other status, such as an agent's own "Submitted", makes the verdict ``unavailable``.
     """
 
     def __init__(self, config: ExitStatusConfig) -> None:

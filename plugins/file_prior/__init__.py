@@ -7,7 +7,6 @@ The file holds, for S views in the order of the run's views:
     confidence          (S, h, w)     optional, >= 0, default 1
     world_from_camera   (S, 4, 4)     optional poses (OpenCV axes) in the prior's own frame and scale; without them
                                       the depth is metric and belongs to the calibrated cameras
-    names               (S,)          optional names of the views: rows are then found by name, in any order
 
 The pictures may differ in size from the views, with the same aspect ratio within two percent: they are resized by the
 nearest pixel, which never invents depth between two surfaces.
@@ -29,7 +28,7 @@ class FilePriorConfig(ComponentConfig):
     """Options of the ``file`` prior: ``path`` is the .npz file, required; one file serves one set of views.
 
     Its arrays, for S views: ``depth`` (S, h, w) along each camera's z, or ``point_map`` (S, h, w, 3) with
-    ``world_from_camera`` (S, 4, 4); optional ``confidence`` (S, h, w) and ``names`` (S,) of the views.
+    ``world_from_camera`` (S, 4, 4); optional ``confidence`` (S, h, w).
     """
 
     path: str = ""

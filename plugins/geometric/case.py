@@ -20,7 +20,7 @@ GROWN = 0.02
 
 
 @dataclass(frozen=True)
-class CriterionScore:
+class Score:
     """A score in [0, 1], None when unknown, and why."""
 
     score: float | None

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 
@@ -15,9 +14,8 @@ from gvla2.planning.scene import SceneObject
 from gvla2.skills.mechanisms import shines
 from gvla2_plugins.geometric.case import (
     Case,
-    CriterionScore,
     InconclusiveError,
-    goal_now,
+    Score,
     outside_footprint,
     something_at,
 )
@@ -25,10 +23,10 @@ from gvla2_plugins.geometric.rules import (
     closed,
     drawn,
     inserted,
-    inside,
     opened,
     place,
     pulled,
+    pushed,
     shut,
     twisted,
 )
@@ -41,19 +39,17 @@ CLEARED = 0.9
 """Share of a holder's height that an object must rise to be out of it."""
 
 
-def completion(case: Case) -> CriterionScore:
+def completion(case: Case) -> Score:
     """The finding of the plan's skill; unknown for a skill without a rule."""
     rule = _RULES.get(case.evidence.plan.skill)
     if rule is None:
-        return CriterionScore(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
+        return Score(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
     try:
         found = rule(case)
     except InconclusiveError as error:
-        return CriterionScore(None, str(error))
+        return Score(None, str(error))
     if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
-        return CriterionScore(
-            0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not."
-        )
+        return Score(0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
     return found
 
 
@@ -71,18 +67,18 @@ def _meant_another(case: Case) -> str:
     return "" if named & handled else min(named, default="")
 
 
-def _pick(case: Case) -> CriterionScore:
+def _pick(case: Case) -> Score:
     """The theme is up and in the hand; or it is not visible, gone from its place, and the hand holds something."""
     theme = case.handled()
     if not case.holding:
-        return CriterionScore(0.0, "The hand is empty at the end.")
+        return Score(0.0, "The hand is empty at the end.")
     after, later = case.perceived(), case.later(theme)
     if later is None:
         if something_at(theme, after, case.config.same_place):
-            return CriterionScore(0.2, f"Something still stands where {theme.label} stood.")
+            return Score(0.2, f"Something still stands where {theme.label} stood.")
         if case.last_held is False:
-            return CriterionScore(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
-        return CriterionScore(
+            return Score(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
+        return Score(
             0.85, f"{theme.label} is gone from its place and the hand is held open by what it holds."
         )
     risen = _rise(theme, later)
@@ -90,17 +86,13 @@ def _pick(case: Case) -> CriterionScore:
     enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
     holder = _holder(case, theme)
     if risen >= enough and holder is not None and not _out_of(case, later, holder):
-        return CriterionScore(
-            0.4, f"{theme.label} rose by {100 * risen:.1f} cm: it may still be in {holder.label}."
-        )
+        return Score(0.4, f"{theme.label} rose by {100 * risen:.1f} cm: it may still be in {holder.label}.")
     if risen >= enough:
-        return CriterionScore(
-            1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something."
-        )
+        return Score(1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something.")
     if case.in_hand(later):
-        return CriterionScore(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
+        return Score(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
     moved = float(np.linalg.norm(later.centre - theme.centre))
-    return CriterionScore(
+    return Score(
         max(0.0, 0.3 * risen / enough),
         f"{theme.label} was found {100 * moved:.1f} cm from its old place, raised by {100 * risen:.1f} cm only.",
     )
@@ -143,71 +135,35 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
     return bool(held) and held[-1] - held[0] >= CLEARED * (holder.top - holder.bottom)
 
 
-def _push(case: Case) -> CriterionScore:
-    """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
-    theme, goal = case.handled(), case.role("goal")
-    case.perceived()
-    later = case.again(theme)
-    if goal is None:
-        return _shifted(case, theme, later)
-    reach = float(later.extents[:2].max())
-    if goal.shape == "region":
-        return inside(case, later, goal, reach)
-    gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
-    if gap <= 0.015:
-        return CriterionScore(1.0, f"{theme.label} lies against {goal.label}.")
-    return CriterionScore(
-        max(0.0, 0.45 * (1 - gap / reach)), f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}."
-    )
-
-
-def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> CriterionScore:
-    """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
-    plan = case.evidence.plan
-    stroke = np.zeros(3)
-    for before, after in pairwise(case.planned):
-        if theme.id in after.allowed_contacts and after.stage.startswith("push"):
-            stroke += np.subtract(after.xyz, before.xyz)
-    length = float(np.linalg.norm(stroke))
-    planned = length - plan.parameters.get("standoff", 0.0)
-    if length < 1e-6 or planned <= case.config.same_place:
-        raise InconclusiveError("The plan does not say how far to push.")
-    along = float((later.centre - theme.centre) @ stroke) / length
-    travel = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
-    if 0.5 * planned <= along <= 1.5 * planned:
-        return CriterionScore(1.0, f"{travel}.")
-    return CriterionScore(max(0.0, 0.4 * min(along / planned, 1.0)), f"{travel}: not as planned.")
-
-
-def _press(case: Case) -> CriterionScore:
+def _press(case: Case) -> Score:
     """The tool went at least half of the planned press below the button's top, and felt it."""
     button = case.handled("part", "theme", "goal")
     plan, reports = case.evidence.plan, case.evidence.report.waypoints
     near = [r for r in reports if outside_footprint(np.asarray(r.target), button) <= 0.02]
     if not near:
-        return CriterionScore(0.0, f"The tool never came over {button.label}.")
+        return Score(0.0, f"The tool never came over {button.label}.")
     lowest = min(near, key=lambda r: r.target[2])
     planned = plan.parameters.get("press_depth", button.top - lowest.target[2])
     if planned <= 0:
-        return CriterionScore(0.0, f"The plan does not go below the top of {button.label}.")
+        return Score(0.0, f"The plan does not go below the top of {button.label}.")
     # The tool's shortfall is what is missing of the planned depth.
     depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
     aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
     travel = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
     if aside > max(0.02, 0.5 * float(button.extents[:2].max())):
-        return CriterionScore(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
+        return Score(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
     if depth < 0.5 * planned:
-        return CriterionScore(max(0.0, 0.6 * depth / planned), f"{travel}: not far enough.")
+        return Score(max(0.0, 0.6 * depth / planned), f"{travel}: not far enough.")
     if not lowest.contacts:
-        return CriterionScore(0.4, f"{travel}, but felt no contact.")
+        return Score(0.4, f"{travel}, but felt no contact.")
     if case.after is not None and shines(button, case.before, case.after) is False:
-        return CriterionScore(0.1, f"{travel} and felt it, but the lamp stayed dark.")
-    return CriterionScore(1.0, f"{travel} and felt it.")
+        return Score(0.1, f"{travel} and felt it, but the lamp stayed dark.")
+    return Score(1.0, f"{travel} and felt it.")
 
 
-_RULES: dict[str, Callable[[Case], CriterionScore]] = {
+_RULES: dict[str, Callable[[Case], Score]] = {
     "pick": _pick,
-    "push": _push,
+    "push": pushed,
     "place": place,
     "press": _press,
     "open": opened,

@@ -8,7 +8,7 @@ import numpy as np
 
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2_plugins.geometric.case import Case, CriterionScore
+from gvla2_plugins.geometric.case import Case, Score
 from gvla2_plugins.geometric.completion import completion
 
 if TYPE_CHECKING:
@@ -81,10 +81,10 @@ def _not_executed(evidence: RobotEvidence) -> str | None:
     return None
 
 
-def _spatial_consistency(case: Case) -> CriterionScore:
+def _spatial_consistency(case: Case) -> Score:
     """Bystanders are where they were; those not seen again do not count."""
     if case.evidence.after is None:
-        return CriterionScore(None, "")
+        return Score(None, "")
     actors = set(case.evidence.plan.roles.values())
     involved = actors | {o.parent for o in case.before.objects if o.id in actors}
     bystanders = [o for o in case.before.obstacles() if not {o.id, o.parent} & (involved - {""})]
@@ -94,52 +94,46 @@ def _spatial_consistency(case: Case) -> CriterionScore:
         if (later := case.later(o)) is not None and np.linalg.norm(later.centre - o.centre) > DISTURBED
     ]
     if disturbed:
-        return CriterionScore(
-            max(0.0, 1 - 0.5 * len(disturbed)), f"Moved in passing: {', '.join(disturbed)}."
-        )
-    return CriterionScore(1.0, "")
+        return Score(max(0.0, 1 - 0.5 * len(disturbed)), f"Moved in passing: {', '.join(disturbed)}.")
+    return Score(1.0, "")
 
 
-def _collision_safety(case: Case) -> CriterionScore:
+def _collision_safety(case: Case) -> Score:
     """The robot touched nothing where its plan allowed no contact."""
     planned, touched = case.planned, []
     for report in case.evidence.report.waypoints:
         if report.abort == "collision":
-            return CriterionScore(0.0, f"Stopped in a collision at '{report.stage}'.")
+            return Score(0.0, f"Stopped in a collision at '{report.stage}'.")
         waypoint = planned[report.index] if report.index < len(planned) else None
         expected = report.held or (waypoint is not None and (waypoint.carries or waypoint.allowed_contacts))
         if report.contacts and not expected:
             touched.append(f"{', '.join(report.contacts)} at '{report.stage}'")
     if touched:
-        return CriterionScore(max(0.0, 1 - 0.4 * len(touched)), f"Unplanned contact: {'; '.join(touched)}.")
-    return CriterionScore(1.0, "")
+        return Score(max(0.0, 1 - 0.4 * len(touched)), f"Unplanned contact: {'; '.join(touched)}.")
+    return Score(1.0, "")
 
 
-def _execution_validity(case: Case) -> CriterionScore:
+def _execution_validity(case: Case) -> Score:
     """The motion ran to its end, near its waypoints."""
     planned, reports = case.planned, case.evidence.report.waypoints
     done = [r for r in reports if not r.abort]
     if (stopped := case.evidence.report.abort) is not None:
         share = len(done) / max(len(planned), 1)
-        return CriterionScore(
-            0.5 * share, f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}"
-        )
+        return Score(0.5 * share, f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}")
     if len(done) < len(planned):
-        return CriterionScore(
+        return Score(
             0.5 * len(done) / len(planned), f"Only {len(done)} of {len(planned)} waypoints were reported."
         )
     near = [
         r.error <= 2 * planned[r.index].tolerance if r.index < len(planned) else r.error <= 0.02 for r in done
     ]
     share = sum(near) / len(near)
-    return CriterionScore(
-        0.5 + 0.5 * share, "" if share == 1 else f"{len(near) - sum(near)} waypoints were missed."
-    )
+    return Score(0.5 + 0.5 * share, "" if share == 1 else f"{len(near) - sum(near)} waypoints were missed.")
 
 
-def _generalizability(case: Case) -> CriterionScore:
+def _generalizability(case: Case) -> Score:
     """How little was luck: confident perception of the handled objects and no fallback planner."""
     handled = [o.confidence for o in case.before.objects if o.id in set(case.evidence.plan.roles.values())]
     score = min(handled, default=0.5)
     score -= 0.2 * bool(case.evidence.plan.fallback)
-    return CriterionScore(float(np.clip(score, 0.0, 1.0)), "")
+    return Score(float(np.clip(score, 0.0, 1.0)), "")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
-from gvla2.memory.bank import BankOptions, KnowledgeBank
+from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,
@@ -45,7 +44,7 @@ class GovernedMemory:
         # Absolute from the start: a run may change its working directory later.
         self.url = settled(config.url, os.environ)
         check_bank(config.bank)
-        self._options = options_of(config)
+        config.check("memory")
         self._config, self._retriever, self._embedder = config, retriever, embedder
         self._verifier, self._inducer, self._judge = verifier, inducer, judge
         self._opened: KnowledgeBank | None = None
@@ -84,14 +83,7 @@ class GovernedMemory:
                 inducer=self._inducer,
                 verifier=self._verifier,
                 judge=self._judge,
-                options=self._options,
+                options=self._config,
                 busy_seconds=self._config.busy_seconds,
             )
         return self._opened
-
-
-def options_of(config: GovernedConfig) -> BankOptions:
-    """The bank's options; raises :class:`~gvla2.errors.ConfigurationError` for invalid values."""
-    options = BankOptions(**{field.name: getattr(config, field.name) for field in fields(BankOptions)})
-    options.check("memory")
-    return options

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
 from gvla2.language import LanguageModel, ask_typed, json_in
-from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
+from gvla2.memory.contracts import Lesson, MemoryEpisode, Verdict
 from gvla2.memory.induction import MAX_CONTENT, RulesInducer
+from gvla2.memory.records import RecordType
 from gvla2.memory.rendering import neutralised
 
 if TYPE_CHECKING:

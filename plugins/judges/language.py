@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Message, Request
-from gvla2.language.score_tokens import TokenScore, score_answer
+from gvla2.language.score_tokens import TokenScore, score_answer, usage_of
 from gvla2.memory.contracts import Judgement, LessonPair
 from gvla2.memory.rendering import neutralised
 
@@ -23,7 +23,7 @@ You compare two lessons that a robot or a software agent wrote down after differ
 
 Do they contradict each other? They do when nobody could follow both in the same situation: another number for the \
 same quantity, the opposite direction, act or order, one forbids what the other asks for. They do not when they speak \
-of different things, parts, parameters, tasks or circumstances, when one only adds to the other, or when they say the \
+of different objects, parts, parameters, tasks or circumstances, when one only adds to the other, or when they say the \
 same in other words or units.
 
 Score with one letter from A to T, in even steps:
@@ -60,7 +60,7 @@ class LlmJudge:
 
     def _judgement(self, pair: LessonPair, given: Sequence[Completion | LanguageModelError]) -> Judgement:
         answers = [answer for answer in given if isinstance(answer, Completion)]
-        usage = _usage(answers)
+        usage = usage_of(answers)
         failed = next((str(answer) for answer in given if not isinstance(answer, Completion)), "")
         if failed:
             return Judgement(None, 0.5, f"The model could not be asked: {failed}", NAME, usage)
@@ -81,7 +81,7 @@ def _messages(pair: LessonPair, turned: bool) -> list[Message]:
     lines = []
     for name, (text, query) in zip("12", reversed(sides) if turned else sides, strict=True):
         task = neutralised(query.replace("\n", " / "), LONGEST_TASK)
-        lines.append(f"{name}. {neutralised(text, LONGEST)}" + (f" (learnt in: {task})" if task else ""))
+        lines.append(f"{name}. {neutralised(text, LONGEST)}" + (f" (learned in: {task})" if task else ""))
     shown = "\n".join(["<lessons>", *lines, "</lessons>"])
     return [{"role": "system", "content": _ORDERS}, {"role": "user", "content": shown}]
 
@@ -91,13 +91,3 @@ def _reason(answers: Sequence[Completion], scores: Sequence[TokenScore]) -> str:
     said = neutralised(text[: max(text.lower().rfind("<score>"), 0)], LONGEST_REASON)
     mass = fmean(score.mass for score in scores)
     return f"{said} (mass {mass:.2f})" if said else f"mass {mass:.2f}"
-
-
-def _usage(answers: Sequence[Completion]) -> dict[str, int]:
-    paid = [answer for answer in answers if not answer.cached]
-    return {
-        "prompt_tokens": sum(answer.usage.prompt_tokens for answer in paid),
-        "completion_tokens": sum(answer.usage.completion_tokens for answer in paid),
-        "calls": len(paid),
-        "cached": len(answers) - len(paid),
-    }

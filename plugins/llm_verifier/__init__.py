@@ -16,15 +16,12 @@ if TYPE_CHECKING:
 class LlmVerifierConfig(ComponentConfig):
     """Options of the ``llm`` verifier, which asks the run's ``language``.
 
-    ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead if given. Each
-    criterion is asked ``repeats`` times, with the seeds ``seed``, ``seed`` + 1, ...: more than one only makes sense
-    with a temperature above 0. Transcripts are cut in the middle to ``longest`` characters.
+    ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead if given.
+    Transcripts are cut in the middle to ``longest`` characters.
     """
 
     criteria: str = "robot"
     questions: dict[str, str] = field(default_factory=dict)
-    repeats: int = 1
-    seed: int = 0
     longest: int = 24_000
 
 

@@ -21,7 +21,7 @@ class VectorStoreConfig(ComponentConfig):
     """Options common to all of them.
 
     ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
-    wait for other processes; ``top_k`` how many entries are recalled; ``frozen`` recalls and learns nothing;
+    wait for other processes; ``top_k`` is the number of recalled entries; ``frozen`` recalls and learns nothing;
     ``max_chars`` bounds the text given to a planner.
     """
 
@@ -42,11 +42,7 @@ class VectorStoreConfig(ComponentConfig):
 
 @dataclass(kw_only=True)
 class SemanticMemoryConfig(VectorStoreConfig):
-    """Options of the ``semantic`` memory.
-
-    ``top_k`` is how many lessons are recalled, ``frozen`` recalls and learns nothing, ``max_chars``
-    bounds the text given to a planner.
-    """
+    """Options of the ``semantic`` memory, an entry of which is a lesson."""
 
     bank: str = "semantic"
     top_k: int = 6
@@ -55,19 +51,14 @@ class SemanticMemoryConfig(VectorStoreConfig):
 
 def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
-    from gvla2_plugins.memory_baselines.methods import Semantic
-    from gvla2_plugins.memory_baselines.store import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Semantic, WholeMethod
 
     return WholeMethod(config, Semantic(), embedder)
 
 
 @dataclass(kw_only=True)
 class AwmConfig(VectorStoreConfig):
-    """Options of the ``awm`` memory.
-
-    ``top_k`` is how many workflows are recalled, ``fewest_steps`` the least steps of a workflow,
-    ``frozen`` recalls and learns nothing, ``max_chars`` bounds the text given to a planner.
-    """
+    """Options of the ``awm`` memory: ``fewest_steps`` is the minimum number of steps of a workflow."""
 
     bank: str = "awm"
     top_k: int = 3
@@ -77,19 +68,14 @@ class AwmConfig(VectorStoreConfig):
 
 def _build_awm(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
-    from gvla2_plugins.memory_baselines.methods import Workflows
-    from gvla2_plugins.memory_baselines.store import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import WholeMethod, Workflows
 
     return WholeMethod(config, Workflows(config.fewest_steps), embedder, inducer)
 
 
 @dataclass(kw_only=True)
 class ReasoningBankConfig(VectorStoreConfig):
-    """Options of the ``reasoning_bank`` memory.
-
-    ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` the most
-    items per episode; ``frozen`` recalls and learns nothing; ``max_chars`` bounds the text given to a planner.
-    """
+    """Options of the ``reasoning_bank`` memory: ``most_items`` is the maximum number of items of an earlier task."""
 
     bank: str = "reasoning_bank"
     top_k: int = 1
@@ -101,19 +87,14 @@ def _build_reasoning_bank(
     config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None
 ) -> Memory:
     """Titled items from successes and failures of the most similar task; after ReasoningBank."""
-    from gvla2_plugins.memory_baselines.methods import Strategies
-    from gvla2_plugins.memory_baselines.store import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Strategies, WholeMethod
 
     return WholeMethod(config, Strategies(config.most_items), embedder, inducer)
 
 
 @dataclass(kw_only=True)
 class SynapseConfig(VectorStoreConfig):
-    """Options of the ``synapse`` memory.
-
-    ``top_k`` is how many trajectories are recalled; ``frozen`` recalls and learns nothing;
-    ``max_chars`` bounds the text given to a planner.
-    """
+    """Options of the ``synapse`` memory, an entry of which is a trajectory."""
 
     bank: str = "synapse"
     top_k: int = 3
@@ -122,8 +103,7 @@ class SynapseConfig(VectorStoreConfig):
 
 def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
     """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
-    from gvla2_plugins.memory_baselines.methods import Exemplars
-    from gvla2_plugins.memory_baselines.store import WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Exemplars, WholeMethod
 
     return WholeMethod(config, Exemplars(), embedder)
 

@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import Any, Protocol
 
-from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
+from gvla2.errors import Gvla2Error
+from gvla2.memory.contracts import (
+    Embedder,
+    Inducer,
+    Learned,
+    Lesson,
+    MemoryContext,
+    MemoryEpisode,
+    MemoryItem,
+    MemoryTask,
+    Verdict,
+)
 from gvla2.memory.induction import MOST_ACTS, acts_of
+from gvla2.memory.records import Record
 from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
-from gvla2_plugins.memory_baselines.store import Draft, Found
+from gvla2.memory.store import Store, check_bank, settled
+from gvla2_plugins.memory_baselines import VectorStoreConfig
+from gvla2_plugins.memory_baselines.store import Draft, Found, VectorStore
 
 _LONGEST_LINE = 400
 _SENTENCE = re.compile(r"(?<=[.!?。！？])\s+|\n")
@@ -22,6 +41,108 @@ _VALUES = (
     (re.compile(r"(?<![\w{])[-+]?\d+(?:[.,]\d+)*"), "{number}"),
 )
 """Episode-specific parts of a step, and the slots that replace them."""
+
+
+class Method(Protocol):
+    """The specifics of a method: what it keeps of an episode, and how it renders entries."""
+
+    of_content: bool
+    """Whether entries are found by their content too, or only by their tasks."""
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Sequence[Draft], str]:
+        """The drafts to keep, and "" or why there are none."""
+        ...
+
+    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
+        """The bounded block of text, delimited as data."""
+        ...
+
+
+class WholeMethod:
+    """The memory of a :class:`Method`. It opens on first use and answers "degraded" if the store fails.
+
+    An invalid address or name of a bank raises :class:`~gvla2.errors.ConfigurationError` immediately.
+    """
+
+    def __init__(
+        self,
+        config: VectorStoreConfig,
+        method: Method,
+        embedder: Embedder,
+        inducer: Inducer | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.url = settled(config.url, os.environ)
+        check_bank(config.bank)
+        self._config, self._method, self._embedder = config, method, embedder
+        self._inducer, self._clock = inducer, clock
+        self._entries: VectorStore | None = None
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """The most similar entries; an empty context that says why when there are none or the store fails."""
+        try:
+            nearest = self._open().nearest(task.query, self._config.top_k)
+        except Gvla2Error as error:
+            return MemoryContext(degraded=str(error))
+        found = [entry for entry in nearest if entry.similarity > 0]
+        if not found:
+            return MemoryContext(abstained=f"The bank '{self._config.bank}' has nothing similar.")
+        items = tuple(_item(record, entry.similarity) for entry in found for record in entry.records)
+        return MemoryContext(items, self._method.show(items, found, self._config.max_chars))
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Store what the method learns from the episode (its lessons, or those of an inducer), all of it or nothing."""
+        if self._config.frozen:
+            notes = ("The memory is frozen: nothing was learned.",)
+            return Learned(discarded=len(episode.lessons), notes=notes)
+        if self._inducer is not None:
+            episode = replace(episode, lessons=self._inducer.induce(episode, verdict))
+        drafts, why = self._method.drafts(episode, verdict)
+        if not drafts:
+            return Learned(discarded=len(episode.lessons), notes=(why,) if why else ())
+        try:
+            added, grown = self._open().add(drafts, episode, verdict, actor=self._config.name or "memory")
+        except Gvla2Error as error:
+            return Learned(degraded=str(error))
+        return Learned(added=tuple(added), merged=tuple(grown))
+
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank, see :meth:`Store.stats`; raises Gvla2Error when it cannot be used."""
+        return self._open().store.stats(self._config.bank)
+
+    def close(self) -> None:
+        """Release the store; safe to call twice."""
+        if self._entries is not None:
+            self._entries.store.close()
+        self._entries = None
+
+    def _open(self) -> VectorStore:
+        if self._entries is None:
+            store = Store.open(self.url, busy_seconds=self._config.busy_seconds)
+            self._entries = VectorStore(
+                store,
+                self._config.bank,
+                self._embedder,
+                of_content=self._method.of_content,
+                clock=self._clock,
+            )
+        return self._entries
+
+
+def _item(record: Record, similarity: float) -> MemoryItem:
+    return MemoryItem(
+        id=record.id,
+        type=record.type,
+        content=record.content,
+        confidence=record.confidence,
+        score=similarity,
+        terms={"similarity": similarity},
+        binding=record.type == "failure_avoidance",
+        effect=record.effect_json(),
+    )
+
+
+# Methods ------------------------------------------------------------------------------------------------------------
 
 
 class Semantic:
@@ -43,33 +164,31 @@ class Exemplars:
     """The unchanged transcript of each verified success, and its successful numbers."""
 
     of_content = False
+    title = "Trajectories of similar tasks that succeeded (optional):"
 
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
         """One exemplar of a verified success."""
         if verdict.outcome != "verified_success":
-            return [], "Exemplars are only verified successes."
+            return [], "Only verified successes are kept."
         if not episode.transcript.strip():
             return [], "The episode has no transcript."
         text = f"Task: {episode.task.query}\n{episode.transcript}"
-        values = (
-            lesson for lesson in episode.lessons if lesson.effect and lesson.type != "failure_avoidance"
-        )
-        return [Draft((Lesson("procedural_hint", text), *values))], ""
+        return [Draft((Lesson("procedural_hint", text), *_values(episode)))], ""
 
     def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
-        """The trajectories, the most similar task first."""
+        """The entries, the most similar task first, each with its usual values."""
         entries = with_values(items, [len(entry.records) for entry in found])
-        return show_exemplars("Trajectories of similar tasks that succeeded (optional):", entries, max_chars)
+        return show_exemplars(self.title, entries, max_chars)
 
 
-class Workflows:
+class Workflows(Exemplars):
     """The steps of a success with abstracted values are a workflow; the same steps again confirm it.
 
     Multi-line lessons, as written by an inducer with a language model, are workflows as they are. Numbers of the other
     lessons are kept with the workflow, pooled over all episodes that confirm it: the usual values of its slots.
     """
 
-    of_content = False
+    title = "Workflows that succeeded before (optional):"
 
     def __init__(self, fewest_steps: int) -> None:
         self._fewest = fewest_steps
@@ -77,28 +196,22 @@ class Workflows:
     def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
         """One workflow of a verified success."""
         if verdict.outcome != "verified_success":
-            return [], "Workflows are induced only from verified successes."
+            return [], "Only verified successes are kept."
         written = [x for x in episode.lessons if x.type != "failure_avoidance" and "\n" in x.content.strip()]
         if written:  # a language model has written workflows already
             return [Draft((Lesson("procedural_hint", x.content, x.effect),)) for x in written], ""
-        steps: list[str] = []
-        for step in map(abstracted, steps_of(episode.transcript)):
-            if not steps or steps[-1] != step:  # only the values differed
-                steps.append(step)
+        steps = [step for step, _ in groupby(map(abstracted, steps_of(episode.transcript)))]
         if len(steps) < self._fewest:
             return [], f"A workflow needs {self._fewest} steps; this episode's transcript has {len(steps)}."
         goal = f"Workflow for: {abstracted(episode.task.query)}"
         text = "\n".join([goal, *(f"{number}. {step}" for number, step in enumerate(steps, 1))])
-        values = (
-            lesson for lesson in episode.lessons if lesson.effect and lesson.type != "failure_avoidance"
-        )
         key = "\n".join([episode.task.skill, *steps])
-        return [Draft((Lesson("procedural_hint", text), *values), key)], ""
+        return [Draft((Lesson("procedural_hint", text), *_values(episode)), key)], ""
 
-    def show(self, items: Sequence[MemoryItem], found: Sequence[Found], max_chars: int) -> str:
-        """The workflows, each with its usual values."""
-        entries = with_values(items, [len(entry.records) for entry in found])
-        return show_exemplars("Workflows that succeeded before (optional):", entries, max_chars)
+
+def _values(episode: MemoryEpisode) -> list[Lesson]:
+    """The lessons with successful numbers."""
+    return [lesson for lesson in episode.lessons if lesson.effect and lesson.type != "failure_avoidance"]
 
 
 class Strategies:
@@ -151,10 +264,8 @@ def _from_transcript(episode: MemoryEpisode, *, failed: bool) -> list[Lesson]:
         return []
     goal = abstracted(episode.task.query)
     if failed:
-        tried = "; ".join(steps[-3:])
-        words = (
-            f"{goal}: this failed. It ended with: {ending_of(episode.transcript)[:300]}. Tried last: {tried}."
-        )
+        ended = episode.transcript.strip().rpartition("\n")[2].strip()[:300]
+        words = f"{goal}: this failed. It ended with: {ended}. Tried last: {'; '.join(steps[-3:])}."
         return [Lesson("failure_avoidance", words)]
     return [Lesson("procedural_hint", f"{goal}: these steps succeeded. {'; '.join(steps[:12])}.")]
 
@@ -167,7 +278,7 @@ def steps_of(transcript: str) -> list[str]:
     if acts := acts_of(transcript):
         return acts
     lines = [step for line in transcript.splitlines() if (step := " ".join(line.split()))]
-    return [line for i, line in enumerate(lines) if i == 0 or line != lines[i - 1]][:MOST_ACTS]
+    return [line for line, _ in groupby(lines)][:MOST_ACTS]
 
 
 def abstracted(step: str) -> str:
@@ -177,11 +288,6 @@ def abstracted(step: str) -> str:
     for pattern, slot in _VALUES:
         rest = pattern.sub(slot, rest)
     return " ".join((head + rest).split())
-
-
-def ending_of(transcript: str) -> str:
-    """The last non-empty line: how the episode ended, in its own words."""
-    return next((line.strip() for line in reversed(transcript.splitlines()) if line.strip()), "")
 
 
 # Entries as a bounded block of text -------------------------------------------------------------------------
@@ -219,20 +325,9 @@ def show_exemplars(title: str, entries: Sequence[tuple[str, Sequence[str]]], max
 
 def _block(number: int, text: str, notes: Sequence[str], room: int) -> str:
     """One entry in at most ``room`` characters: its notes are short and stay, its text is cut."""
-    tail = [f"- {neutralised(note, 160)}" for note in notes]
-    while tail and sum(map(len, tail)) + len(tail) > room // 2:
-        tail.pop()
-    left = room - sum(len(line) + 1 for line in tail)
-    lines = [f"({number})"]
-    left -= len(lines[0]) + 1
+    tail = "".join(f"\n- {neutralised(note, 160)}" for note in notes)
+    tail = tail if len(tail) <= room // 2 else ""
     # Text beyond the limit is never shown, so the cost is bounded.
-    for line in text[: 4 * room].splitlines():
-        plain = neutralised(line, _LONGEST_LINE)
-        if not plain:
-            continue
-        if len(plain) + 2 > left:
-            lines.append("…")
-            break
-        lines.append(plain)
-        left -= len(plain) + 1
-    return "\n".join([*lines, *tail])
+    lines = [neutralised(line, _LONGEST_LINE) for line in text[: 4 * room].splitlines()]
+    body, left = "\n".join([f"({number})", *filter(None, lines)]), room - len(tail)
+    return (body if len(body) <= left else body[: left - 1].rstrip() + "…") + tail

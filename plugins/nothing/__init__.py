@@ -62,7 +62,7 @@ class NoAxis:
 
         none = float("nan")
         reason = "There is no axis compensation."
-        return AxisFit(np.ones(3), np.zeros(3), False, none, none, 0, reason, centre, np.eye(3))
+        return AxisFit(np.ones(3), np.zeros(3), False, none, none, 0, reason, centre)
 
 
 class NoFusion:

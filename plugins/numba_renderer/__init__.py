@@ -19,22 +19,13 @@ class NumbaRendererConfig(ComponentConfig):
     """Added to both variances of a projected Gaussian, square pixels: none becomes thinner than a pixel."""
     near: float = 0.01
     """Gaussians with a centre nearer to the camera's plane than this are skipped, metres."""
-    min_alpha: float = 1 / 255
-    """Contributions below this opacity are skipped."""
-    max_alpha: float = 0.99
-    """The most that a single Gaussian hides."""
-    stop: float = 1e-4
-    """A pixel is finished when at most this share of light still passes."""
-    threads: int = 0
-    """Number of threads, 0 for one per core; the result does not depend on it."""
 
 
 def _build(config: NumbaRendererConfig) -> Renderer:
     """Fast on the CPU: 100,000 Gaussians at 256 x 256 in tens of milliseconds."""
     from gvla2.reconstruction.rasteriser import Rasteriser
 
-    c = config
-    return Rasteriser(c.low_pass, c.near, c.min_alpha, c.max_alpha, c.stop, c.threads)
+    return Rasteriser(config.low_pass, config.near)
 
 
 @hookimpl

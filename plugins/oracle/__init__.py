@@ -35,6 +35,7 @@ class OraclePerceiver:
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The true scene; neither images nor words are used."""
+        from gvla2.planning.colours import nearest_colours
         from gvla2.planning.scene import Scene
 
         scene = self._robot.true_scene()
@@ -43,7 +44,15 @@ class OraclePerceiver:
         ]
         inside.sort(key=lambda o: tuple(o.centre.round(3)))
         ids = {obj.id: f"o{k + 1}" for k, obj in enumerate(inside)}
-        objects = tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in inside)
+        objects = tuple(
+            replace(
+                o,
+                id=ids[o.id],
+                parent=ids.get(o.parent, ""),
+                colour=o.colour or nearest_colours(o.rgb, 1)[0][0],
+            )
+            for o in inside
+        )
         return Scene(objects, scene.table_height, workspace, "oracle", (NOTE,))
 
 

@@ -1,4 +1,4 @@
-"""AgileX's Piper arm: a real-robot backend that sends nothing unless it is armed, and a simulated arm to try it on."""
+"""AgileX's Piper arm: a real-robot backend that sends nothing unless it is armed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class PiperConfig(ComponentConfig):
     """Options of ``piper``; metres, radians, seconds.
 
-    ``bus`` is python-can's interface (``socketcan``, ``slcan``, ``udp_multicast``), ``virtual`` for a simulated arm in
-    this process, or ``none`` to plan without any; ``channel`` is the interface's channel (``virtual`` needs none).
+    ``bus`` is python-can's interface (``socketcan``, ``slcan``), or ``none`` to plan without an arm; ``channel`` is the
+    interface's channel.
     ``armed`` allows motion, after a word typed on the terminal; without it everything is planned, checked and shown,
     and nothing is sent. ``speed`` is the share of full joint speed (0.2 at most), ``tool_speed`` m/s, ``acceleration``
     rad/s², ``grip_effort`` Nm (2 at most). The base stands at ``base_position`` in the world, turned by ``base_yaw``;
@@ -40,40 +40,17 @@ class PiperConfig(ComponentConfig):
     workspace_high: list[float] = field(default_factory=lambda: [0.60, 0.45, 0.60])
     tcp_offset: float = 0.1358
     tracking_limit: float = 0.10
-    video_size: int = 200
     log: str = ""
 
 
-@dataclass
-class SceneryConfig(ComponentConfig):
-    """Options of ``scenery``: pictures of ``image_size`` pixels a side, of cubes laid out by ``seed``."""
-
-    image_size: int = 256
-    seed: int = 0
-    table_height: float = 0.0
-
-
 def _build(config: PiperConfig, camera: DepthCamera) -> RobotBackend:
-    """AgileX's Piper: dry-run unless armed, held at the first sign of trouble, or simulated on a virtual bus."""
+    """AgileX's Piper: dry-run unless armed, held at the first sign of trouble."""
     from gvla2_plugins.piper.backend import Piper
 
     return Piper(config, camera)
-
-
-def _build_scenery(config: SceneryConfig) -> DepthCamera:
-    """A synthetic table with cubes, to try a robot without cameras: moved objects stay where they were."""
-    from gvla2_plugins.piper.scenery import Scenery
-
-    return Scenery(config)
 
 
 @hookimpl
 def gvla2_robots() -> list[Component[RobotBackend]]:
     """The Piper, with the chosen camera."""
     return [Component("piper", PiperConfig, _build, needs=("camera",))]
-
-
-@hookimpl
-def gvla2_cameras() -> list[Component[DepthCamera]]:
-    """A synthetic view."""
-    return [Component("scenery", SceneryConfig, _build_scenery)]

@@ -7,7 +7,8 @@ it). Its solids are cylinders and boxes drawn a little larger than the real link
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -16,11 +17,9 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
-from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.collision import CollisionModel
-from gvla2.robot.kinematics import Finger, Kinematics
-from gvla2.robot.looks import RobotLooks, link_surfaces
-from gvla2.robot.urdf import find_file, read_urdf, without_looks
+from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
+from gvla2.robot.options import ArmConfig
+from gvla2.robot.urdf import find_file, read_urdf
 
 DESCRIPTION = "package://gvla2/robot/descriptions/piper"
 
@@ -54,28 +53,32 @@ HAND = Hand(
 
 
 def make_arm(
-    world_from_base: FloatArray,
     workspace: Box,
+    base_position: Sequence[float] = (0.0, 0.0, 0.0),
+    base_yaw: float = 0.0,
     tcp_offset: float = TCP_OFFSET,
-    limit_margin: float = 0.02,
-) -> tuple[ArmModel, RobotLooks]:
-    """The Piper at its place in the world, and its looks; ``limit_margin`` radians are kept from each joint limit."""
-    robot = piper_urdf(tcp_offset)
+) -> UrdfArm:
+    """The Piper at its place in the world, metres and radians."""
     with tempfile.TemporaryDirectory(prefix="gvla2-piper-") as folder:
         urdf = Path(folder) / "piper.urdf"
-        urdf.write_text(without_looks(robot))
-        kinematics = Kinematics(
-            urdf,
-            world_from_base=world_from_base,
-            tcp_frame="tcp",
-            frame_from_tcp=np.eye(4),
-            fingers=tuple(Finger(f"{name}_joint", 0.0, 0.5 * MAX_WIDTH) for name in FINGERS),
-            limit_margin=limit_margin,
+        urdf.write_bytes(ET.tostring(piper_urdf(tcp_offset)))
+        config = ArmConfig(
+            name="piper",
+            urdf=str(urdf),
+            srdf=f"{DESCRIPTION}.srdf",
+            tool_link="tcp",
+            tool_offset=[0.0, 0.0, 0.0],
+            gripper_joints=[f"{name}_joint" for name in FINGERS],
+            hand=asdict(HAND),
+            home=list(HOME),
+            limit_margin=0.02,
+            base_position=list(base_position),
+            base_yaw=base_yaw,
+            table_height=base_position[2] - 1.0,  # the table is the path guard's, not the arm's
+            workspace_low=workspace.low.tolist(),
+            workspace_high=workspace.high.tolist(),
         )
-        srdf = find_file(f"{DESCRIPTION}.srdf", "the SRDF")
-        collisions = CollisionModel(kinematics, urdf, (), hand_links=("link6", *FINGERS), srdf=srdf)
-    arm = ArmModel(kinematics, collisions, hand=HAND, home=HOME, workspace=workspace)
-    return arm, RobotLooks(link_surfaces(robot))
+        return arm_from_urdf(config)
 
 
 def piper_urdf(tcp_offset: float = TCP_OFFSET) -> ET.Element:

@@ -1,4 +1,4 @@
-"""The robot backend: a Piper, armed, dry-run, simulated or only on paper, with any chosen camera."""
+"""The robot backend: a Piper, armed, dry-run or without any arm, with any chosen camera."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.geometry.transform import invert_rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import DepthCamera, ExecutionListener, SuccessCheck
+from gvla2.robot.backend import DepthCamera, ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.motion import MotionPlanner
@@ -25,18 +24,14 @@ from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
 from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
-from gvla2_plugins.piper.scenery import Preview
 from gvla2_plugins.piper.session import PERIOD, Session, ask_person, bounds_of
-
-FILM_EVERY = 1.0
-"""Seconds between pictures while the arm moves; drawing one delays the control loop by some milliseconds."""
 
 EXPLAINED = 0.025
 """A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""
 
 _SILENT = ExecutionListener()
 SIMULATED = ("virtual", "udp_multicast")
-"""Buses without a real arm: within the process, and between processes of one machine."""
+"""Buses without a real arm, for tests."""
 
 
 class Piper:
@@ -56,12 +51,11 @@ class Piper:
         if config.armed and config.bus not in SIMULATED and not camera.live:
             raise ConfigurationError(
                 f"robot.armed=true on the bus '{config.bus}' moves a real arm, and the chosen camera shows recorded or "
-                f"synthetic pictures. Choose a live camera, or a simulated arm: robot.bus={SIMULATED[0]}."
+                f"synthetic pictures. Choose a live camera, or robot.armed=false."
             )
         self._config, self._camera, self._ask = config, camera, ask
-        turn = Rotation.from_euler("z", config.base_yaw).as_matrix()
-        self._world_from_base = rigid(turn, config.base_position)
-        self._arm, self._looks = make_arm(self._world_from_base, self._workspace, config.tcp_offset)
+        self._made = make_arm(self._workspace, config.base_position, config.base_yaw, config.tcp_offset)
+        self._arm, self._world_from_base = self._made.arm, self._made.world_from_base
         self.planner = MotionPlanner(self._arm)
         self._guard = PathGuard(self._arm, self._workspace, config.table_height, config.table_margin)
         self._options = ExecutorOptions(
@@ -104,13 +98,13 @@ class Piper:
         frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
         views = tuple(self._placed(view) for view in frames.views) or (_darkness(),)
         opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
-        views = self._looks.mark(views, self._arm.kinematics.link_poses(state.joints, opening), EXPLAINED)
+        views = self._made.mask(views, state.joints, state.gripper_width, EXPLAINED)
         return Observation(Views(views), world_from_tcp, state.joints, opening, state.gripper_width)
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
     ) -> ExecutionReport:
-        """Move through the waypoints under supervision; in a dry run plan, check and show them, and send nothing.
+        """Move through the waypoints under supervision; in a dry run plan and check them, and send nothing.
 
         Raises :class:`SafetyStopError` when the watch stops the arm. A waypoint outside the workspace is refused
         before anything moves.
@@ -123,19 +117,14 @@ class Piper:
         if refusal := self._outside(slow):
             listener.waypoint(refusal)
             return ExecutionReport((refusal,))
-        preview = Preview(self._arm.kinematics, self._looks, scene, self._config.video_size)
         if session is None or loop is None:
-            return self._dry(slow, scene, listener, preview)
-        filmed = 0.0
+            return self._dry(slow, scene, listener)
 
-        def film() -> None:
-            nonlocal filmed
-            if listener.wants_frames and time.monotonic() - filmed > FILM_EVERY:
-                filmed = time.monotonic()
-                state = driver.state()
-                listener.frame(preview.picture(state.joints, state.gripper_width))
+        def note() -> None:
+            state = driver.state()
+            listener.moment(Moment(time.monotonic(), state.joints, state.gripper_width))
 
-        driver = PiperDriver(session.link, loop, self._guard, film)
+        driver = PiperDriver(session.link, loop, self._guard, note)
         return execute(slow, scene, self.planner, driver, listener, self._options)
 
     def success_check(self) -> SuccessCheck | None:
@@ -172,65 +161,50 @@ class Piper:
                 return self._not_started(index, waypoint, why)
         return None
 
-    def _not_started(
-        self, index: int, waypoint: Waypoint, message: str, seconds: float = 0.0
-    ) -> WaypointReport:
-        """The report of a waypoint to which nothing moved, after ``seconds`` of planning."""
+    def _not_started(self, index: int, waypoint: Waypoint, message: str) -> WaypointReport:
+        """The report of a waypoint to which nothing moved."""
         state = self._state()
-        x, y, z = self._arm.forward(state.joints)[:3, 3].tolist()
+        at = self._arm.forward(state.joints)[:3, 3]
+        error, (x, y, z) = float(np.linalg.norm(at - waypoint.xyz)), at.tolist()
+        width = state.gripper_width
         return WaypointReport(
-            index=index,
-            stage=waypoint.stage,
-            target=waypoint.xyz,
-            reached=(x, y, z),
-            error=float(np.linalg.norm(np.subtract((x, y, z), waypoint.xyz))),
-            gripper_width=state.gripper_width,
-            held=None,
+            index,
+            waypoint.stage,
+            waypoint.xyz,
+            (x, y, z),
+            error,
+            width,
+            None,
             abort="not_started",
             message=message,
-            planning_seconds=seconds,
         )
 
-    def _dry(
-        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener, preview: Preview
-    ) -> ExecutionReport:
+    def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
-        state = self._state()
-
-        def film(joints: FloatArray, width: float) -> None:
-            if listener.wants_frames:
-                listener.frame(preview.picture(joints, width))
-
-        driver = DryDriver(state, self._guard, film)
+        driver = DryDriver(self._state(), self._guard)
         planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
-        failed = planned.abort
-        if failed is None:
+        if failed := planned.abort:
+            word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
+        else:
             seconds = sum(w.motion_seconds for w in planned.waypoints)
             ways = ", ".join(w.status for w in planned.waypoints)
             word = f"all {len(trajectory)} waypoints can be reached ({ways}) in {seconds:.1f} s"
-        else:
-            word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         message = f"Dry run: {word}. Nothing was sent; robot.armed=true moves the arm."
         planning = sum(w.planning_seconds for w in planned.waypoints)
-        report = self._not_started(0, trajectory.waypoints[0], message, planning)
+        report = self._not_started(0, trajectory.waypoints[0], message)
+        report = replace(report, planning_seconds=planning)
         listener.waypoint(report)
-        return ExecutionReport((report,), report.planning_seconds, planned.joint_path)
+        return ExecutionReport((report,), planning, planned.joint_path)
 
 
 def _workspace(config: PiperConfig) -> Box:
-    try:
-        low, high = (
-            np.array(config.workspace_low, dtype=np.float64),
-            np.array(config.workspace_high, dtype=np.float64),
-        )
-        base = np.array(config.base_position, dtype=np.float64)
-    except ValueError:
-        low = high = base = np.empty(0)
-    if not (low.shape == high.shape == base.shape == (3,)) or not (low < high).all():
+    low, high = config.workspace_low, config.workspace_high
+    lengths = {len(low), len(high), len(config.base_position)}
+    if lengths != {3} or not all(a < b for a, b in zip(low, high, strict=True)):
         raise ConfigurationError(
             "robot.workspace_low, workspace_high and base_position are three numbers each, low below high."
         )
-    return Box(low, high)
+    return Box(np.array(low, dtype=np.float64), np.array(high, dtype=np.float64))
 
 
 def _darkness() -> View:

@@ -1,8 +1,8 @@
 """The append-only log of everything that was sent to an arm, and of everything that stopped it.
 
-One JSON object a line: ``session`` (who, which bus, settings), ``frame`` (id and bytes, written before sending),
-``event`` (armed, hold, refused, ended) and ``joints`` (measured, radians, some times a second). ``t`` is
-``time.time()``, ``m`` the monotonic clock, both in seconds.
+One JSON object a line, of the kind ``session`` (bus, settings), ``frame`` (id and bytes, written before sending),
+``event`` (armed, hold, refused, stop) or ``joints`` (measured, radians, at 10 Hz). ``t`` is ``time.time()``,
+``m`` the monotonic clock, both in seconds.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from gvla2.errors import RobotError
 
@@ -33,45 +33,29 @@ class CommandLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: int | None = os.open(
-                path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644
-            )
+            self._file: int | None = os.open(path, flags, 0o644)
         except OSError as error:
             raise RobotError(
                 f"The command log {path} can't be written ({error.strerror}). Choose another: robot.log=FILE."
             ) from error
 
-    def session(self, **settings: Any) -> None:
-        """Begin a session."""
-        self._write({"kind": "session", "pid": os.getpid(), **settings})
-
-    def frame(self, arbitration_id: int, data: bytes) -> None:
-        """A frame that is about to be sent."""
-        self._write({"kind": "frame", "id": f"{arbitration_id:03X}", "data": bytes(data).hex()})
-
-    def event(self, name: str, **details: Any) -> None:
-        """Something that happened."""
-        self._write({"kind": "event", "event": name, **details})
-
-    def joints(self, measured: list[float]) -> None:
-        """Measured joints, radians."""
-        self._write({"kind": "joints", "joints": [round(v, 6) for v in measured]})
-
-    def _write(self, entry: dict[str, Any]) -> None:
-        entry = {"t": time.time(), "m": time.monotonic(), **entry}
+    def write(self, kind: Literal["session", "frame", "event", "joints"], **fields: Any) -> None:
+        """Append an entry."""
+        entry = {"t": time.time(), "m": time.monotonic(), "kind": kind, **fields}
         line = (json.dumps(entry, separators=(",", ":")) + "\n").encode()
         with self._lock:
             if self._file is None:
                 raise RobotError(f"The command log {self.path} is closed.")
             try:
-                written = os.write(self._file, line)
+                complete = os.write(self._file, line) == len(line)
             except OSError as error:
                 raise RobotError(
                     f"The command log {self.path} can't be written: {error.strerror}."
                 ) from error
-        if written != len(line):
+        if not complete:
             raise RobotError(f"The command log {self.path} could not be written in full: is the disk full?")
 
     def close(self) -> None:

@@ -76,9 +76,9 @@ class PiperDriver:
     """Implements :class:`gvla2.robot.driver.Driver` on a running control loop."""
 
     def __init__(
-        self, link: PiperLink, loop: ControlLoop, guard: PathGuard, film: Callable[[], None] = lambda: None
+        self, link: PiperLink, loop: ControlLoop, guard: PathGuard, watcher: Callable[[], None] = lambda: None
     ) -> None:
-        self._link, self._loop, self._guard, self._film = link, loop, guard, film
+        self._link, self._loop, self._guard, self._watcher = link, loop, guard, watcher
 
     def state(self) -> DriverState:
         """The measured state, now; see :func:`measured`."""
@@ -100,7 +100,7 @@ class PiperDriver:
             raise RobotError(
                 f"Joint {joint + 1} would be moved faster than this arm is allowed. Nothing was sent."
             )
-        self._loop.move(ticks, self._film)
+        self._loop.move(ticks, self._watcher)
         goal = samples[-1]
 
         def there() -> bool:
@@ -136,34 +136,23 @@ class PiperDriver:
 class DryDriver:
     """An imaginary arm: it reaches every target immediately, and nothing is sent. The guard still checks."""
 
-    def __init__(
-        self,
-        state: DriverState,
-        guard: PathGuard,
-        show: Callable[[FloatArray, float], None] = lambda joints, width: None,
-        show_every: float = 0.2,
-    ) -> None:
-        self._joints, self._width = state.joints.copy(), state.gripper_width
-        self._guard, self._show, self._every = guard, show, show_every
+    def __init__(self, state: DriverState, guard: PathGuard) -> None:
+        self._joints, self._width, self._guard = state.joints.copy(), state.gripper_width, guard
 
     def state(self) -> DriverState:
         """Where the arm would be."""
         return DriverState(self._joints.copy(), self._width)
 
     def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
-        """Check the samples, show some of them, and jump to the last."""
+        """Check the samples and jump to the last."""
         self._guard.check(samples)
-        for row in samples[:: max(1, round(self._every / dt))]:
-            self._show(row, self._width)
         self._joints = np.asarray(samples[-1], dtype=np.float64).copy()
-        self._show(self._joints, self._width)
         return MoveResult()
 
     def grip(self, opening: float) -> GripResult:
         """Set the opening. What closing fingers would meet is unknown: they are assumed to stop on something."""
         goal = MAX_WIDTH * float(np.clip(opening, 0.0, 1.0))
         self._width = max(goal, ASSUMED_WIDTH) if goal < self._width else goal
-        self._show(self._joints, self._width)
         return GripResult(self._width, None)
 
     def hold(self) -> None:

@@ -104,10 +104,12 @@ class CommandGate(can.BusABC):
             if self._open:
                 self.trouble = f"the frame {msg.arbitration_id:03X} was refused: {reason}"
             if log is not None:
-                log.event("refused", id=f"{msg.arbitration_id:03X}", data=data.hex(), why=reason)
+                log.write(
+                    "event", event="refused", id=f"{msg.arbitration_id:03X}", data=data.hex(), why=reason
+                )
             raise can.CanOperationError(f"Frame {msg.arbitration_id:03X} was not sent: {reason}.")
         try:
-            log.frame(msg.arbitration_id, data)
+            log.write("frame", id=f"{msg.arbitration_id:03X}", data=data.hex())
             with self._lock:
                 self._remember(msg.arbitration_id, data)
             self._inner.send(msg, timeout)

@@ -98,18 +98,9 @@ class PiperLink:
             raise RobotError(_NO_FRAMES.format(bus=self.bus, channel=self.channel, wait=seconds))
         if seen.unbelievable:
             raise RobotError(f"The arm's measurements can't be believed: {seen.unbelievable}.")
-        missing = [
-            what
-            for what, age in (
-                ("joints", seen.joint_age),
-                ("status", seen.status_age),
-                ("drives", seen.drive_age),
-            )
-            if not np.isfinite(age)
-        ]
-        raise RobotError(
-            f"The arm on '{self.channel}' talks, but not all frames come: {', '.join(missing)} are missing."
-        )
+        ages = {"joints": seen.joint_age, "status": seen.status_age, "drives": seen.drive_age}
+        missing = ", ".join(name for name, age in ages.items() if not np.isfinite(age))
+        raise RobotError(f"The arm on '{self.channel}' talks, but these frames don't come: {missing}.")
 
     def reader_ok(self) -> bool:
         """Whether the SDK receives frames (it takes a third of a second to notice)."""
@@ -154,4 +145,4 @@ def _no_bus(bus: str, channel: str) -> str:
             f" Bring it up with `sudo ip link set {channel} up type can bitrate 1000000`"
             " (`ip link` lists what there is)."
         )
-    return f"{what} Or choose robot.bus=virtual for a simulated arm, robot.bus=none to plan without any."
+    return f"{what} Or plan without an arm: robot.bus=none."

@@ -63,9 +63,6 @@ class ControlLoop:
         self._switch_interval = sys.getswitchinterval()
         self.stopped = ""
         self.stopped_at = self.held_at = 0.0
-        self.tick_times: list[tuple[float, bool]] | None = (
-            None  # each tick's moment, and whether the arm moved
-        )
 
     def start(self, target: FloatArray) -> None:
         """Hold at ``target`` (6,), the measured joints, from now on; the motors are on already."""
@@ -76,7 +73,7 @@ class ControlLoop:
         self._thread.start()
 
     def move(self, samples: FloatArray, watcher: Callable[[], None] = lambda: None) -> None:
-        """Go through joint targets (T, 6), one a period, and wait; ``watcher`` is called some times a second.
+        """Go through joint targets (T, 6), one a period, and wait; ``watcher`` is called some times per second.
 
         Any exception that passes through here (Ctrl-C, one of ``watcher``) holds the arm first.
         """
@@ -113,7 +110,7 @@ class ControlLoop:
             self._halt()
             self._link.move_joints(self._target)
             with contextlib.suppress(RobotError):
-                self._log.event("hold", why=why)
+                self._log.write("event", event="hold", why=why)
 
     def interrupt(self) -> None:
         """A signal came: the next tick holds the arm, and the waiting or next caller gets a KeyboardInterrupt.
@@ -184,8 +181,6 @@ class ControlLoop:
         try:
             while not self._end.is_set():
                 now = time.monotonic()
-                if self.tick_times is not None:
-                    self.tick_times.append((now, self.moving))
                 self._tick(now, now - due)
                 due += self.period
                 left = due - time.monotonic()
@@ -218,7 +213,7 @@ class ControlLoop:
                     self.hold("interrupted")
             self._send(now)
             if self._ticks % _NOTE_EVERY == 0 and np.isfinite(seen.joints).all() and not self.stopped:
-                self._log.joints(seen.joints.tolist())
+                self._log.write("joints", joints=seen.joints.round(6).tolist())
 
     def _absence(self, now: float, late: float) -> str:
         limits = self._watch.limits
@@ -258,7 +253,7 @@ class ControlLoop:
                 self._link.move_joints(self._target)
             self.held_at = time.monotonic()
             with contextlib.suppress(RobotError):
-                self._log.event("stop", why=reason, found=found, held=self.held_at)
+                self._log.write("event", event="stop", why=reason, found=found, held=self.held_at)
 
     def _halt(self) -> None:
         measured = self._link.feedback.joints()

@@ -22,7 +22,6 @@ from gvla2_plugins.piper.feedback import Snapshot, Watch, WatchLimits
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.piper.loop import ControlLoop
-from gvla2_plugins.piper.virtual_arm import VirtualArm
 
 LISTEN_SECONDS, STILL = 0.5, 0.01
 """An arm that moves by more than this (radians) without a command has another master."""
@@ -152,18 +151,15 @@ def bounds_of(config: PiperConfig) -> Bounds:
 class Session:
     """Opens in the constructor; ``loop`` is the running control loop of an armed arm, None in a dry run.
 
-    ``virtual`` is the simulated arm on ``bus=virtual``; that one moves without asking. ``ask`` gets the arming question
-    and returns what was typed.
+    ``ask`` gets the arming question and returns what was typed.
     """
 
     def __init__(self, config: PiperConfig, ask: Callable[[str], str] = ask_person) -> None:
-        self.virtual: VirtualArm | None = None
         self._link: PiperLink | None = None
         self.loop: ControlLoop | None = None
         self.log: CommandLog | None = None
         self._handlers: dict[signal.Signals, Any] = {}
-        own = config.bus == "virtual" and config.channel == PiperConfig.channel
-        channel = f"gvla2-piper-{os.getpid()}" if own else config.channel
+        channel = config.channel
         self._lock = WriterLock(config.bus, channel)
         try:
             bounds = bounds_of(config)
@@ -172,16 +168,13 @@ class Session:
                 self.log = CommandLog(
                     Path(config.log) if config.log else default_log(config.bus, config.channel)
                 )
-                self.log.session(
-                    bus=config.bus, channel=channel, percent=bounds.percent, effort=bounds.grip_effort
+                self.log.write(
+                    "session", pid=os.getpid(), bus=config.bus, channel=channel, percent=bounds.percent
                 )
-            if own:
-                self.virtual = VirtualArm("virtual", channel).start()
             self._link = PiperLink(config.bus, channel, bounds, self.log)
             check_health(self.link)
             if self.log is not None:
-                if not own:
-                    confirm(channel, bounds.percent, ask)
+                confirm(channel, bounds.percent, ask)
                 self._arm(config, self.link, self.log)
         except BaseException:
             self.close()
@@ -196,7 +189,7 @@ class Session:
 
     def _arm(self, config: PiperConfig, link: PiperLink, log: CommandLog) -> None:
         seen = power_up(link)
-        log.event("armed", joints=seen.joints.tolist())
+        log.write("event", event="armed", joints=seen.joints.tolist())
         link.feedback.forget_trouble()
         watch = Watch(WatchLimits(tracking=config.tracking_limit))
         self.loop = ControlLoop(link, watch, log, PERIOD)
@@ -228,8 +221,6 @@ class Session:
         self._handlers.clear()
         if self._link is not None:
             self._link.close()
-        if self.virtual is not None:
-            self.virtual.stop()
         if self.log is not None:
             self.log.close()
         self._lock.release()

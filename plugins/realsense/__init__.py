@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
@@ -16,21 +16,16 @@ class RealsenseConfig(ComponentConfig):
     """Options of ``realsense``.
 
     ``calibration`` is the file that `gvla2 calibrate` writes; required, and the pictures get its size. ``serial`` is
-    needed only where several cameras are plugged in and the file's is not to be used. ``fps`` is pictures a second;
-    ``depth_width`` and ``depth_height`` are the depth sensor's own size, 0 for the one nearest to the colour's.
+    needed only where several cameras are plugged in and the file's is not to be used. ``fps`` is pictures per second.
     ``warm_up`` pictures are dropped at the start, while the exposure settles. ``timeout`` is how long to wait for a
-    picture, seconds. ``filters`` (decimation, spatial, temporal, hole_filling) are librealsense's, in the order
-    given; none by default, because they smear edges and invent depth.
+    picture, seconds.
     """
 
     calibration: str = ""
     serial: str = ""
     fps: int = 30
-    depth_width: int = 0
-    depth_height: int = 0
     warm_up: int = 30
     timeout: float = 5.0
-    filters: list[str] = field(default_factory=list)
 
 
 def _build(config: RealsenseConfig) -> DepthCamera:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
@@ -14,8 +17,7 @@ from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.lens import colour_axis, lens_of, pinhole
-from gvla2_plugins.realsense.library import choose, load, serial_of
-from gvla2_plugins.realsense.stream import Stream
+from gvla2_plugins.realsense.stream import Stream, name_of, serial_of
 
 TOLERANCE = 0.02
 """How far the stream's focal length and principal point may be from the calibration's, as a share of its own."""
@@ -47,9 +49,8 @@ class RealsenseCamera:
         if config.serial and config.serial != self.serial:
             raise RobotError(f"camera.serial is '{config.serial}', the camera in use is '{self.serial}'.")
         size = (calibration.intrinsics.width, calibration.intrinsics.height)
-        depth_size = (config.depth_width, config.depth_height)
         self._timeout = config.timeout
-        self._stream = Stream(rs, device, size, depth_size, config.fps, config.filters)
+        self._stream = Stream(rs, device, size, config.fps)
         try:
             self.intrinsics = pinhole(self._stream.intrinsics)
             _agree(self.intrinsics, calibration, path)
@@ -104,13 +105,6 @@ def _check(config: RealsenseConfig) -> None:
             f"camera.fps={config.fps} and camera.timeout={config.timeout} must be above 0, and "
             f"camera.warm_up={config.warm_up} not below."
         )
-    if (config.depth_width > 0) != (config.depth_height > 0) or min(
-        config.depth_width, config.depth_height
-    ) < 0:
-        raise ConfigurationError(
-            f"camera.depth_width={config.depth_width} and depth_height={config.depth_height} go together; "
-            "both 0 for the size nearest to the colour's."
-        )
 
 
 def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
@@ -128,3 +122,70 @@ def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
             f"The camera '{calibration.serial}' has other intrinsics than its calibration {path} says: "
             f"{', '.join(off)} pixels. Calibrate again, in the mode that is to be used."
         )
+
+
+_INSTALL = "pip install 'gvla2[realsense]'"
+
+
+def load() -> Any:
+    """The module ``pyrealsense2``.
+
+    Raises :class:`MissingDependencyError` when it, or its libusb, is missing.
+    """
+    _offer_libusb()
+    try:
+        import pyrealsense2
+    except ModuleNotFoundError as error:
+        raise MissingDependencyError("pyrealsense2", "camera=realsense", _INSTALL, "Apache-2.0") from error
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"a library that pyrealsense2 links to ({error})", "camera=realsense", _INSTALL
+        ) from error
+    return pyrealsense2
+
+
+def _offer_libusb() -> None:
+    """Load the libusb of the package ``libusb_package`` for all, so that pyrealsense2 finds its symbols there.
+
+    Without such a package, or if it does not fit this system, the system's own libusb may still work.
+    """
+    if os.name != "posix":
+        return  # elsewhere the wheel has what it needs
+    try:
+        import libusb_package
+
+        path = libusb_package.get_library_path()
+        if path is not None:
+            ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+    except (ImportError, OSError):
+        return
+
+
+_WEBCAM = "Platform Camera"
+"""librealsense's name for a foreign camera."""
+
+_RETIRED = (
+    " L5xx and SR3xx cameras need pyrealsense2<2.55; or record with other software and use camera=replay."
+)
+
+
+def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
+    """The device of that serial, or the only one there is.
+
+    Raises :class:`RobotError`, listing the connected ones.
+    """
+    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
+    if serial in found:
+        return found[serial]
+    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items())
+    if serial and found:
+        raise RobotError(f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_RETIRED}")
+    if not found:
+        asked = f" '{serial}'" if serial else ""
+        raise RobotError(
+            f"librealsense finds no camera{asked}. Plug it into a USB 3 port; on Linux, librealsense's udev rules "
+            f"give users access to it.{_RETIRED}"
+        )
+    if len(found) > 1:
+        raise RobotError(f"Several cameras are plugged in: {listing}. Choose one with camera.serial=...")
+    return next(iter(found.values()))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
@@ -33,24 +33,18 @@ def pinhole(given: Any) -> Intrinsics:
 class Lens:
     """Where in the bent picture each pixel of the straight one lies: ``rows`` and ``columns`` (H, W), pixels."""
 
-    rows: NDArray[np.float64]
-    columns: NDArray[np.float64]
+    rows: NDArray[np.float32]
+    columns: NDArray[np.float32]
 
     def image(self, bent: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The straight picture (H, W, 3); black where the bent one does not reach."""
-        channels = [
-            map_coordinates(bent[..., c].astype(np.float32), (self.rows, self.columns), order=1, cval=0.0)
-            for c in range(3)
-        ]
-        return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+        return np.asarray(cv2.remap(bent, self.columns, self.rows, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def depth(self, bent: NDArray[np.float32]) -> NDArray[np.float32]:
         """The straight depth (H, W), each from the nearest pixel: averages across an edge would lie on no surface."""
-        height, width = bent.shape
-        rows, columns = np.rint(self.rows).astype(np.intp), np.rint(self.columns).astype(np.intp)
-        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        picked = bent[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
-        return np.where(inside, picked, np.float32(np.nan))
+        nearest, outside = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
+        straight = cv2.remap(bent, self.columns, self.rows, nearest, borderMode=outside, borderValue=np.nan)
+        return np.asarray(straight, dtype=np.float32)
 
 
 def lens_of(rs: Any, given: Any) -> Lens | None:
@@ -65,7 +59,7 @@ def lens_of(rs: Any, given: Any) -> Lens | None:
         raise RobotError(f"The camera reports an invalid lens: {given.model}, {list(given.coeffs)}.")
     if np.abs(bent - np.stack([columns, rows], -1)).max() < NEGLIGIBLE:
         return None
-    return Lens(bent[..., 1], bent[..., 0])
+    return Lens(bent[..., 1].astype(np.float32), bent[..., 0].astype(np.float32))
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError, RobotError
-from gvla2_plugins.realsense.library import link_note, name_of, serial_of
+from gvla2.errors import RobotError
 
 
 @dataclass(frozen=True)
@@ -23,12 +21,10 @@ class Chosen:
     by_sensor: tuple[tuple[Any, list[Any]], ...]
 
 
-def choose_profiles(
-    rs: Any, device: Any, size: tuple[int, int], depth_size: tuple[int, int], fps: int
-) -> Chosen:
-    """Colour (RGB or BGR, 8 bit) of exactly ``size`` (width, height), and depth (16 bit) of ``depth_size``.
+def choose_profiles(rs: Any, device: Any, size: tuple[int, int], fps: int) -> Chosen:
+    """Colour (RGB or BGR, 8 bit) of exactly ``size`` (width, height), and depth (16 bit) of the size nearest to it.
 
-    A depth size of (0, 0) takes the nearest to the colour's. Raises :class:`RobotError`, listing the device's streams.
+    Raises :class:`RobotError`, listing the device's streams.
     """
     offers = [(sensor, p) for sensor in device.query_sensors() for p in sensor.get_stream_profiles()]
     video = [(sensor, p) for sensor, p in offers if p.is_video_stream_profile()]
@@ -39,39 +35,28 @@ def choose_profiles(
     ]
     depths = [(s, p) for s, p in video if p.stream_type() == rs.stream.depth and p.format() == rs.format.z16]
     who = f"The camera {name_of(rs, device)} '{serial_of(rs, device)}'"
-    for what, found in (("depth", depths), ("colour", colours)):
+
+    def nearest(what: str, found: list[Any], most: float) -> tuple[Any, Any]:
+        def distance(pair: Any) -> int:
+            width, height, _ = _key(pair[1])
+            return abs(width - size[0]) + abs(height - size[1])
+
         if not found:
-            raise RobotError(f"{who} has no {what} stream: it is not an RGB-D camera.{link_note(rs, device)}")
-    colour = _pick(colours, size, fps)
-    exact = depth_size != (0, 0)
-    depth = _pick(depths, depth_size, fps) if exact else _nearest(depths, size, fps)
-    for what, picked, found, wish in (
-        ("colour", colour, colours, size),
-        ("depth", depth, depths, depth_size if exact else size),
-    ):
-        if picked is None:
+            raise RobotError(f"{who} has no {what} stream: it is not an RGB-D camera.")
+        fit = min((pair for pair in found if _key(pair[1])[2] == fps), key=distance, default=None)
+        if fit is None or distance(fit) > most:
             have = ", ".join(sorted({"{}x{}@{}".format(*_key(p)) for _, p in found}))
             raise RobotError(
-                f"{who} has no {what} of {wish[0]}x{wish[1]} at {fps} a second; it has {have}. "
-                f"The colour's size is the calibration's.{link_note(rs, device)}"
+                f"{who} has no {what} of {size[0]}x{size[1]} at {fps} a second; it has {have}. The colour's size is "
+                "the calibration's. A USB 3 port offers more than USB 2."
             )
-    assert colour is not None
-    assert depth is not None
-    if colour[0] is depth[0] or _name(rs, colour[0]) == _name(rs, depth[0]):
-        return Chosen(colour[1], depth[1], ((depth[0], [depth[1], colour[1]]),))
-    return Chosen(colour[1], depth[1], ((depth[0], [depth[1]]), (colour[0], [colour[1]])))
+        return fit
 
-
-def _pick(found: list[Any], size: tuple[int, int], fps: int) -> Any | None:
-    return next((pair for pair in found if _key(pair[1]) == (*size, fps)), None)
-
-
-def _nearest(found: list[Any], size: tuple[int, int], fps: int) -> Any | None:
-    def distance(pair: Any) -> int:
-        width, height, _ = _key(pair[1])
-        return abs(width - size[0]) + abs(height - size[1])
-
-    return min((pair for pair in found if _key(pair[1])[2] == fps), key=distance, default=None)
+    depth_sensor, depth = nearest("depth", depths, np.inf)
+    colour_sensor, colour = nearest("colour", colours, 0)
+    if colour_sensor is depth_sensor or _name(rs, colour_sensor) == _name(rs, depth_sensor):
+        return Chosen(colour, depth, ((depth_sensor, [depth, colour]),))
+    return Chosen(colour, depth, ((depth_sensor, [depth]), (colour_sensor, [colour])))
 
 
 def _key(profile: Any) -> tuple[int, int, int]:
@@ -82,13 +67,6 @@ def _key(profile: Any) -> tuple[int, int, int]:
 def _name(rs: Any, sensor: Any) -> str:
     return str(sensor.get_info(rs.camera_info.name))
 
-
-FILTERS = {
-    "decimation": "decimation_filter",
-    "spatial": "spatial_filter",
-    "temporal": "temporal_filter",
-    "hole_filling": "hole_filling_filter",
-}
 
 _SLICE_MS = 250
 """Longest single wait: in between, Ctrl-C and the connection are checked."""
@@ -113,9 +91,7 @@ class Stream:
     """Opens and starts the sensors of ``device``; any librealsense device works, ``rs.software_device`` too.
 
     ``size`` is width and height of the colour picture; ``intrinsics`` are that stream's, ``extrinsics`` from depth to
-    colour. Raises
-    :class:`ConfigurationError` for unknown filters, :class:`RobotError` when the device has no such streams, or
-    they can't be started.
+    colour. Raises :class:`RobotError` when the device has no such streams, or they can't be started.
     """
 
     def __init__(
@@ -123,18 +99,11 @@ class Stream:
         rs: Any,
         device: Any,
         size: tuple[int, int],
-        depth_size: tuple[int, int] = (0, 0),
         fps: int = 30,
-        filters: Sequence[str] = (),
     ) -> None:
-        unknown = [name for name in filters if name not in FILTERS]
-        if unknown:
-            raise ConfigurationError(
-                f"camera.filters: there is no '{unknown[0]}'; there are {', '.join(FILTERS)}."
-            )
         self._rs, self._device = rs, device
         self.name = f"{name_of(rs, device)} '{serial_of(rs, device)}'"
-        chosen = choose_profiles(rs, device, size, depth_size, fps)
+        chosen = choose_profiles(rs, device, size, fps)
         self._sizes = {"colour": _size(chosen.colour), "depth": _size(chosen.depth)}
         self._swap = chosen.colour.format() == rs.format.bgr8
         self._period = 1.0 / max(1, chosen.colour.fps())
@@ -146,7 +115,6 @@ class Stream:
                 f"The camera {self.name} does not say how its two sensors stand to each other, so that depth can't be "
                 f"aligned to colour: {error}"
             ) from error
-        self._filters = [getattr(rs, FILTERS[name])() for name in filters]
         self._align = rs.align(rs.stream.color)
         self._queue = rs.syncer()
         self._running: list[Any] = []
@@ -232,8 +200,6 @@ class Stream:
                 )
 
     def _picture(self, frames: Any, exposed: float) -> Picture:
-        for step in self._filters:
-            frames = step.process(frames).as_frameset()
         aligned = self._align.process(frames)
         colour, depth = aligned.get_color_frame(), aligned.get_depth_frame()
         unit = depth.get_units()  # metres
@@ -259,3 +225,17 @@ def _lacking(seen: set[str]) -> str:
     if len(seen) == 1:
         return f"gave {next(iter(seen))} pictures, and no {'depth' if 'colour' in seen else 'colour'},"
     return "is frozen: it gave no new pair of colour and depth"
+
+
+def serial_of(rs: Any, device: Any) -> str:
+    """The device's serial number, "" for a device that has none."""
+    return _info(device, rs.camera_info.serial_number)
+
+
+def name_of(rs: Any, device: Any) -> str:
+    """The maker's name for it."""
+    return _info(device, rs.camera_info.name) or "a camera without a name"
+
+
+def _info(device: Any, what: Any) -> str:
+    return str(device.get_info(what)) if device.supports(what) else ""

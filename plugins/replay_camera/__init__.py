@@ -1,4 +1,4 @@
-"""Recorded RGB-D frames in place of a camera: a folder of pictures, or a run's stored views.
+"""Recorded RGB-D frames in place of a camera: folders of pictures.
 
 A folder of pictures is one camera's; or it has a folder of pictures for each of several cameras, named after them:
 
@@ -12,8 +12,7 @@ Depth is measured along the camera's z and aligned to the colour picture; 0 and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
@@ -22,33 +21,20 @@ if TYPE_CHECKING:
     from gvla2.robot.backend import DepthCamera
 
 
-class AtEnd(Enum):
-    """What comes after the last frame: the last again, the first again, or an error."""
-
-    stay = "stay"
-    again = "again"
-    stop = "stop"
-
-
 @dataclass
 class ReplayConfig(ComponentConfig):
     """Options of ``replay``.
 
-    ``path`` is a folder of pictures, a run's folder, or a ``views.npz``. Each observation shows the next frame;
-    ``at_end`` says what comes after the last. ``serial`` refuses recordings of another camera, "" takes any. The
-    views of a run are in its world: the robot's base stood there at ``base_position`` (metres), turned by ``base_yaw``
-    (radians); give the robot's own options of these names.
+    ``path`` is a folder of pictures. Each observation shows the next frame, and the last again at the end. ``serial``
+    refuses recordings of another camera, "" takes any.
     """
 
     path: str = ""
-    at_end: AtEnd = AtEnd.stay
     serial: str = ""
-    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    base_yaw: float = 0.0
 
 
 def _build(config: ReplayConfig) -> DepthCamera:
-    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: moved objects stay where they were."""
+    """Recorded RGB-D frames, from a folder of pictures, which shows no effect of motions."""
     from gvla2_plugins.replay_camera.camera import ReplayCamera
 
     return ReplayCamera(config)

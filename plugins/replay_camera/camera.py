@@ -1,4 +1,4 @@
-"""Recorded frames in order: numbered colour and depth pictures checked as a whole, or a run's stored views."""
+"""Recorded frames in order: numbered colour and depth pictures, checked as a whole."""
 
 from __future__ import annotations
 
@@ -6,24 +6,20 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, GeometryError, RobotError
+from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
-from gvla2.geometry.view_folders import ARCHIVE, read_archive
+from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration
-from gvla2_plugins.replay_camera import AtEnd, ReplayConfig
+from gvla2_plugins.replay_camera import ReplayConfig
 
 CAMERA = "camera.json"
 MILLIMETRE = 0.001
@@ -31,20 +27,13 @@ FARTHEST = 100.0
 """Metres; a picture with a larger median depth was stored in other units."""
 
 _NUMBER = re.compile(r"(\d+)\.(rgb\.png|depth\.png|depth\.npy)")
-_DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I")
-
-
-@dataclass(frozen=True)
-class Pair:
-    """The two files of one moment."""
-
-    colour: Path
-    depth: Path
 
 
 class FrameFolder:
-    """One camera's recording. Raises :class:`RobotError`, naming the file, for everything that could make :meth:`view`
-    fail except damaged pixels: no frames, half a frame, mixed sizes, depth of 8 bits, a calibration that is refused.
+    """One camera's recording, read once to check it.
+
+    Raises :class:`RobotError`, naming the file: no frames, half a frame, mixed sizes, depth of 8 bits, damaged pixels,
+    a calibration that is refused.
     """
 
     def __init__(self, folder: Path, name: str, serial: str = "") -> None:
@@ -52,9 +41,8 @@ class FrameFolder:
         self.calibration = Calibration.load(folder / CAMERA, serial)
         self._scale = _depth_scale(folder / CAMERA)
         self._pairs = _pairs(folder)
-        for pair in self._pairs:
-            for path in (pair.colour, pair.depth):
-                self._check_size(path, _size(path))
+        for index in range(len(self)):
+            self.view(index, np.eye(4))
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -67,23 +55,23 @@ class FrameFolder:
                 raise RobotError(f"{self.folder} was recorded from the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
         camera = Camera(intrinsics.K, pose, intrinsics.width, intrinsics.height, self.name)
-        pair = self._pairs[index]
-        return View(camera, _colour(pair.colour), self._depth(pair.depth))
-
-    def _check_size(self, path: Path, size: tuple[int, int]) -> None:
-        wanted = (self.calibration.intrinsics.width, self.calibration.intrinsics.height)
-        if size != wanted:
-            raise RobotError(
-                f"{path} has {size[0]}x{size[1]} pixels, the camera of {path.with_name(CAMERA)} {wanted[0]}x"
-                f"{wanted[1]}. All frames of a folder have the calibration's size."
-            )
+        colour, depth = self._pairs[index]
+        shown = {colour: _picture(colour, "RGB"), depth: self._depth(depth)}
+        for path, image in shown.items():
+            if image.shape[:2] != (camera.height, camera.width):
+                raise RobotError(
+                    f"{path} has {image.shape[1]}x{image.shape[0]} pixels, the camera of {path.with_name(CAMERA)} "
+                    f"{camera.width}x{camera.height}. All frames of a folder have the calibration's size."
+                )
+        return View(camera, shown[colour], shown[depth])
 
     def _depth(self, path: Path) -> NDArray[np.float32]:
-        if path.suffix == ".npy":
-            raw = _array(path)
-            scale = 1.0 if raw.dtype.kind == "f" else self._scale
-        else:
-            raw, scale = np.asarray(_loaded(path)), self._scale
+        raw = _array(path) if path.suffix == ".npy" else _picture(path)
+        if raw.ndim != 2 or raw.dtype.kind not in "fiu" or raw.dtype.itemsize < 2:
+            raise RobotError(
+                f"{path} must be a depth map (H, W) of numbers of 16 bits or more; it is {raw.shape}, {raw.dtype}."
+            )
+        scale = 1.0 if raw.dtype.kind == "f" else self._scale
         metres = raw.astype(np.float64) * scale
         metres[~(np.isfinite(metres) & (metres > 0))] = np.nan
         known = metres[np.isfinite(metres)]
@@ -95,8 +83,8 @@ class FrameFolder:
         return metres.astype(np.float32)
 
 
-def _pairs(folder: Path) -> list[Pair]:
-    """The frames by number; each has a colour file and one depth file."""
+def _pairs(folder: Path) -> list[tuple[Path, Path]]:
+    """The frames by number: the colour file and the depth file of each."""
     found: dict[int, dict[str, Path]] = {}
     for path in sorted(folder.iterdir()):
         if match := _NUMBER.fullmatch(path.name):
@@ -112,7 +100,7 @@ def _pairs(folder: Path) -> list[Pair]:
             kind, path = next(iter(frame.items()))
             other = "depth.png or .npy" if kind == "rgb" else "rgb.png"
             raise RobotError(f"{path} is half a frame: there is no {path.name.partition('.')[0]}.{other}.")
-    return [Pair(frame["rgb"], frame["depth"]) for _, frame in sorted(found.items())]
+    return [(frame["rgb"], frame["depth"]) for _, frame in sorted(found.items())]
 
 
 def _depth_scale(path: Path) -> float:
@@ -124,29 +112,9 @@ def _depth_scale(path: Path) -> float:
     return float(given)
 
 
-def _size(path: Path) -> tuple[int, int]:
-    """Width and height by the file's head, and whether it is a kind of picture that can be shown."""
-    if path.suffix == ".npy":
-        array = _array(path)
-        if array.ndim != 2 or array.dtype.kind not in "fiu":
-            raise RobotError(
-                f"{path} must be a depth map (H, W) of numbers; it is {array.shape}, {array.dtype}."
-            )
-        return array.shape[1], array.shape[0]
-    try:
-        with Image.open(path) as picture:
-            if ".depth." in path.name and picture.mode not in _DEPTH_MODES:
-                raise RobotError(
-                    f"{path} is a picture of mode {picture.mode}; depth is stored in one channel of 16 bits."
-                )
-            return picture.size
-    except OSError as error:
-        raise RobotError(f"{path} is not a readable picture: {error}.") from error
-
-
 def _array(path: Path) -> NDArray[Any]:
     try:
-        loaded = np.load(path, mmap_mode="r", allow_pickle=False)
+        loaded = np.load(path, allow_pickle=False)
         if not isinstance(loaded, np.ndarray):
             raise ValueError("it is an archive")
     except (OSError, ValueError, EOFError) as error:
@@ -154,21 +122,14 @@ def _array(path: Path) -> NDArray[Any]:
     return loaded
 
 
-def _colour(path: Path) -> NDArray[np.uint8]:
-    return np.array(_loaded(path, "RGB"))
-
-
-def _loaded(path: Path, mode: str | None = None) -> Image.Image:
+def _picture(path: Path, mode: str | None = None) -> NDArray[Any]:
+    """The pixels (H, W) or (H, W, 3) of a picture."""
     try:
         with Image.open(path) as picture:
             picture.load()
-            return picture.convert(mode) if mode else picture.copy()
+            return np.array(picture.convert(mode) if mode else picture)
     except (OSError, SyntaxError) as error:  # the latter is what Pillow makes of a broken chunk
-        raise RobotError(f"{path} is damaged: {error}.") from error
-
-
-Moment = Callable[[int, FloatArray | None], tuple[View, ...]]
-"""The views of a frame by its place, where the tool is at base_from_tcp (4, 4)."""
+        raise RobotError(f"{path} is not a readable picture: {error}.") from error
 
 
 class ReplayCamera:
@@ -182,13 +143,21 @@ class ReplayCamera:
     def __init__(self, config: ReplayConfig) -> None:
         if not config.path:
             raise ConfigurationError("camera=replay needs a recording: camera.path=FOLDER.")
-        self._path = Path(config.path).expanduser()
-        if not self._path.exists():
-            raise ConfigurationError(f"camera.path: there is nothing at '{self._path}'.")
-        self._at_end = config.at_end
-        self._count, self._moment = self._open(config)
-        self._next = 0
-        self._closed = False
+        path = self._path = Path(config.path).expanduser()
+        if not path.exists():
+            raise ConfigurationError(f"camera.path: there is nothing at '{path}'.")
+        if (path / CAMERA).is_file():
+            self._cameras = [FrameFolder(path, "replay", config.serial)]
+        else:
+            folders = sorted(file.parent for file in path.glob(f"*/{CAMERA}"))
+            self._cameras = [FrameFolder(folder, folder.name, config.serial) for folder in folders]
+        if not self._cameras:
+            raise RobotError(f"{path} is not a recording: it holds no {CAMERA}, nor folders with one.")
+        counts = {str(camera.folder): len(camera) for camera in self._cameras}
+        if len(set(counts.values())) > 1:
+            listing = ", ".join(f"{folder} has {count}" for folder, count in counts.items())
+            raise RobotError(f"The cameras of a recording have a frame each at every moment; {listing}.")
+        self._next, self._closed = 0, False
 
     @property
     def live(self) -> bool:
@@ -196,81 +165,13 @@ class ReplayCamera:
         return False
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
-        """The next frame of every camera. Raises :class:`RobotError` after the last with ``at_end=stop``."""
+        """The next frame of every camera, and the last again at the end."""
         if self._closed:
             raise RobotError(f"The recording {self._path} is closed.")
-        if self._next >= self._count:
-            if self._at_end is AtEnd.stop:
-                raise RobotError(
-                    f"The recording {self._path} is at its end, after {self._count} frames. camera.at_end=stay "
-                    f"continues with the last, again with the first."
-                )
-            self._next = self._count - 1 if self._at_end is AtEnd.stay else 0
-        views = self._moment(self._next, base_from_tcp)
-        self._next += 1
+        views = tuple(camera.view(self._next, base_from_tcp) for camera in self._cameras)
+        self._next = min(self._next + 1, len(self._cameras[0]) - 1)
         return CameraFrames(views, (time.time(),) * len(views))
 
     def close(self) -> None:
         """Nothing is open, but no more frames are shown."""
         self._closed = True
-
-    def _open(self, config: ReplayConfig) -> tuple[int, Moment]:
-        path = self._path
-        if path.is_file():
-            return 1, _archive(path, config)
-        if (path / CAMERA).is_file():
-            return _side_by_side([FrameFolder(path, "replay", config.serial)])
-        if (path / ARCHIVE).is_file():
-            return 1, _archive(path / ARCHIVE, config)
-        cameras = sorted(file.parent for file in path.glob(f"*/{CAMERA}"))
-        if not cameras:
-            raise RobotError(
-                f"{path} is not a recording: it holds neither {CAMERA} nor {ARCHIVE}, nor folders with a {CAMERA}."
-            )
-        return _side_by_side([FrameFolder(folder, folder.name, config.serial) for folder in cameras])
-
-
-def _side_by_side(cameras: list[FrameFolder]) -> tuple[int, Moment]:
-    counts = {str(camera.folder): len(camera) for camera in cameras}
-    if len(set(counts.values())) > 1:
-        listing = ", ".join(f"{folder} has {count}" for folder, count in counts.items())
-        raise RobotError(f"The cameras of a recording have a frame each at every moment; {listing}.")
-
-    def moment(index: int, base_from_tcp: FloatArray | None) -> tuple[View, ...]:
-        return tuple(camera.view(index, base_from_tcp) for camera in cameras)
-
-    return len(cameras[0]), moment
-
-
-def _archive(path: Path, config: ReplayConfig) -> Moment:
-    """The one moment of a run's views, moved from its world into the base frame, without what it made of them."""
-    world_from_base = _base(config)
-    if config.serial:
-        raise ConfigurationError(
-            f"camera.serial can't be compared: {path} does not say whose views it holds."
-        )
-    try:
-        views = read_archive(path)
-    except GeometryError as error:
-        raise RobotError(str(error)) from error
-    if blind := [view.name for view in views if view.depth is None]:
-        raise RobotError(f"{path}: the view '{blind[0]}' has no depth.")
-    shown = tuple(
-        replace(
-            view,
-            camera=replace(
-                view.camera, world_from_camera=invert_rigid(world_from_base) @ view.camera.world_from_camera
-            ),
-            mask=None,
-            robot_mask=None,
-        )
-        for view in views
-    )
-    return lambda index, base_from_tcp: shown
-
-
-def _base(config: ReplayConfig) -> FloatArray:
-    position = np.array(config.base_position, dtype=np.float64)
-    if position.shape != (3,) or not np.isfinite([*position, config.base_yaw]).all():
-        raise ConfigurationError("camera.base_position are three numbers, metres; base_yaw is one, radians.")
-    return rigid(Rotation.from_euler("z", config.base_yaw).as_matrix(), position)

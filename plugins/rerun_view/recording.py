@@ -22,7 +22,7 @@ import rerun.blueprint as rrb
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.record.motion import FILM, STATES
-from gvla2.record.scene_model import CLOSED, FAILED, OPEN, cloud, said_of, solid_of
+from gvla2_plugins.rerun_view.scene import CLOSED, FAILED, OPEN, cloud, solid_of, waypoint_text
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Observation
@@ -89,7 +89,7 @@ def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
     if not waypoints:
         return
     stops = [list(w.xyz) for w in waypoints]
-    said = [said_of(k, waypoint, record.checks) for k, waypoint in enumerate(waypoints)]
+    texts = [waypoint_text(k, waypoint, record.checks) for k, waypoint in enumerate(waypoints)]
     colours = [OPEN if w.gripper > 0.5 else CLOSED for w in waypoints]
     # The hand opens or closes after arriving: a leg shows the gripper as the previous waypoint left it.
     legs, looks = list(pairwise(stops)), colours[:-1]
@@ -100,8 +100,8 @@ def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
     dots = rr.Points3D(
         stops,
         radii=0.008,
-        colors=[FAILED if bad else colour for colour, (_, bad) in zip(colours, said, strict=True)],
-        labels=[text for text, _ in said],
+        colors=[FAILED if bad else colour for colour, (_, bad) in zip(colours, texts, strict=True)],
+        labels=[text for text, _ in texts],
         show_labels=False,
     )
     to.log("world/plan/waypoints", dots, static=True)

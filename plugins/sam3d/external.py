@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -18,55 +17,57 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError, OutputError
-from gvla2.geometry.view_formats import write_gso, write_plain
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_whole
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2_plugins.sam3d.registration import parse_rotation_word
 from gvla2_plugins.sam3d.result_tree import align_result, read_result
 
 if TYPE_CHECKING:
     from gvla2_plugins.sam3d import ExternalConfig
 
 
-_WEIGHTS = (
-    "request access to facebook/sam-3d-objects on Hugging Face, `hf auth login`, then `hf download --repo-type model "
-    "--local-dir checkpoints/hf-download facebook/sam-3d-objects` and move checkpoints/hf-download/checkpoints to "
-    "checkpoints/hf"
-)
-_SAM = "SAM License of Meta"
-
-
 @dataclass(frozen=True)
 class ExternalProgram:
-    """One external program; ``script`` is a file by which its checkout is known."""
+    """One external program: its repository, a file by which a checkout is known, and its usual command and results."""
 
     title: str
     source: str
     script: str
     licence: str
-    weights: str = _WEIGHTS
-    weights_licence: str = _SAM
+    command: tuple[str, ...]
+    results: tuple[str, ...]
 
 
+_SAM = "SAM License of Meta"
+_WEIGHTS = (
+    "request access to facebook/sam-3d-objects on Hugging Face, `hf auth login`, then `hf download --repo-type model "
+    "--local-dir checkpoints/hf-download facebook/sam-3d-objects` and move checkpoints/hf-download/checkpoints to "
+    "checkpoints/hf"
+)
 PROGRAMS = {
     "mv_sam3d": ExternalProgram(
-        "MV-SAM3D", "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py", _SAM
+        "MV-SAM3D", "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py", _SAM,
+        ("{python}", "run_inference_weighted.py", "--input_path", "{scene}", "--mask_prompt", "{object}"),
+        ("visualization/{scene_name}/{object}/*/result.*", "{output}/**/result.*"),
     ),
     "sam3d": ExternalProgram(
-        "SAM 3D Objects", "https://github.com/facebookresearch/sam-3d-objects", "notebook/inference.py", _SAM
+        "SAM 3D Objects", "https://github.com/facebookresearch/sam-3d-objects", "notebook/inference.py", _SAM,
+        ("{python}", "{plugin}/sam3d_runner.py", "--image", "{image}", "--output", "{output}"),
+        ("{output}/**/result.*",),
     ),
     "fast_sam3d": ExternalProgram(
-        "Fast-SAM3D",
-        "https://github.com/wlfeng0509/Fast-SAM3D",
-        "notebook/infer.py",
-        "MIT, with parts under the SAM License of Meta",
+        "Fast-SAM3D", "https://github.com/wlfeng0509/Fast-SAM3D", "notebook/infer.py", f"MIT and {_SAM}",
+        ("{python}", "notebook/infer.py", "--image_path", "{image}", "--mask_index", "0", "--output_dir", "{output}",
+         "--enable_acceleration"),
+        ("{output}/**/result.*", "{output}/splat-faster-0.*"),
     ),
-}
-
-
+}  # fmt: skip
 OBJECT = "object"
+_PLACES = ("python", "checkout", "plugin", "scene", "scene_name", "object", "output", "image", "count")
+_TAIL = 15  # lines of the log in a message
+_GRACE_S = 5.0  # between asking a program to end and ending it
 
 
 def write_scene(scene: Path, views: Views) -> Path:
@@ -79,7 +80,6 @@ def write_scene(scene: Path, views: Views) -> Path:
         raise GeometryError("No view has a mask that shows the object, and external programs need one.")
     shown = Views(masked)
     write_plain(scene, shown)
-    write_gso(scene / "render_mvs_25" / "model", shown)
     (scene / OBJECT).mkdir(exist_ok=True)
     for number, view in enumerate(shown):
         write_whole(scene / OBJECT / f"{number}.png", _cut_out(view))
@@ -108,32 +108,23 @@ def _png(array: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-_TAIL = 15  # lines of the log in a message
-_GRACE_S = 5.0  # between asking a program to end and ending it
-
-
 class ExternalRunError(Gvla2Error):
-    """An external program failed, exceeded its time or left no result; the message ends with its last output."""
+    """An external program failed, exceeded its time or left no result; the message ends with the end of its log."""
 
 
-def run_program(
-    title: str,
-    command: Sequence[str],
-    folder: Path,
-    environment: Mapping[str, str],
-    log: Path,
-    timeout_s: float,
-) -> None:
+def run_program(title: str, command: Sequence[str], folder: Path, log: Path, timeout_s: float) -> None:
     """Run ``command`` in ``folder`` with its output in ``log``; it and its children end within the time or are ended.
 
     Raises :class:`ExternalRunError`, and :class:`MissingDependencyError` when the command does not exist.
     """
+    paths = [str(folder), str(folder / "notebook"), os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in paths if p)}
     with log.open("wb") as stream:
         try:
             process = subprocess.Popen(
                 list(command),
                 cwd=folder,
-                env=dict(environment),
+                env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
@@ -143,17 +134,17 @@ def run_program(
             raise MissingDependencyError(
                 f"'{command[0]}' ({error})", title, f"reconstructor.python=PATH of {title}'s environment"
             ) from error
+        how = ""
         try:
-            code = process.wait(timeout=timeout_s)
+            if (code := process.wait(timeout=timeout_s)) != 0:
+                how = f"ended by signal {-code}" if code < 0 else f"ended with exit status {code}"
         except subprocess.TimeoutExpired:
-            raise ExternalRunError(
-                f"{title} was ended after {timeout_s:g} s; reconstructor.timeout_s sets the limit.{_last_words(log)}"
-            ) from None
+            how = f"was ended after {timeout_s:g} s; reconstructor.timeout_s sets the limit"
         finally:
             _end(process)
-    if code != 0:
-        how = f"by signal {-code}" if code < 0 else f"with exit status {code}"
-        raise ExternalRunError(f"{title} ended {how}: {' '.join(command)}{_last_words(log)}")
+    if how:
+        lines = log.read_text("utf-8", errors="replace").strip().splitlines()[-_TAIL:]
+        raise ExternalRunError("\n  ".join([f"{title} {how}: {' '.join(command)}", *lines]))
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -175,28 +166,21 @@ def _group_lives(group: int) -> bool:
     return True
 
 
-def _last_words(log: Path) -> str:
-    lines = log.read_text("utf-8", errors="replace").strip().splitlines()[-_TAIL:]
-    return "\nIts last words:\n  " + "\n  ".join(lines) if lines else " It said nothing."
-
-
 class ExternalReconstructor:
     """Runs one of :data:`PROGRAMS` once for each call.
 
     Checks the checkout, the weights and the interpreter when it is made, before any work is done. Raises
-    :class:`MissingDependencyError` for a missing part and :class:`ConfigurationError` for invalid options.
+    :class:`MissingDependencyError` for what is missing and :class:`ConfigurationError` for invalid options.
     """
 
     def __init__(self, program: str, config: ExternalConfig) -> None:
         self._program, self._config = PROGRAMS[program], config
         if not config.timeout_s > 0:
             raise ConfigurationError(f"reconstructor.timeout_s is {config.timeout_s}; it must be positive.")
-        if not config.command or not config.results:
-            raise ConfigurationError("reconstructor.command and reconstructor.results must not be empty.")
-        if config.axes != "auto":
-            parse_rotation_word(config.axes)
         self._checkout = self._find_checkout(f"reconstructor={program}")
-        self._fill(["", *config.command, *config.results], dict.fromkeys(_PLACES, ""))
+        self._command = config.command or self._program.command
+        self._results = config.results or self._program.results
+        self._fill([*self._command, *self._results], dict.fromkeys(_PLACES, ""))
 
     def reconstruct(self, views: Views) -> Reconstruction:
         """The program's result in the views' frame.
@@ -204,62 +188,47 @@ class ExternalReconstructor:
         Raises :class:`ExternalRunError` when it fails, takes too long or leaves no result, and
         :class:`gvla2.errors.GeometryError` when its result cannot be read.
         """
-        place = _work_folder(self._config.keep)
-        try:
-            return self._run(place, views)
-        finally:
-            if not self._config.keep:
-                shutil.rmtree(place, ignore_errors=True)
-
-    def _run(self, place: Path, views: Views) -> Reconstruction:
         c, title = self._config, self._program.title
-        # The program may name its own folders after the scene's, so that name must be unique.
-        scene, output = place / place.name, place / "output"
-        output.mkdir()
-        image = write_scene(scene, views)
-        names = {
-            "python": c.python,
-            "checkout": str(self._checkout),
-            "plugin": str(Path(__file__).parent),
-            "scene": str(scene),
-            "scene_name": scene.name,
-            "object": OBJECT,
-            "output": str(output),
-            "image": str(image),
-            "count": str(len(views)),
-        }
-        paths = [str(self._checkout), str(self._checkout / "notebook"), os.environ.get("PYTHONPATH", "")]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in paths if p)}
-        log = place / "log.txt"
-        run_program(title, self._fill(c.command, names), self._checkout, environment, log, c.timeout_s)
-        found = self._newest(self._fill(c.results, names))
-        if found is None:
-            patterns = ", ".join(self._fill(c.results, names))
-            raise ExternalRunError(f"{title} ended well but left no result; looked for {patterns}.")
-        result = read_result(found.parent, found.stem)
-        return align_result(result, views, c.axes, c.refine, c.gaussians)
+        with tempfile.TemporaryDirectory(prefix="gvla2_") as folder:
+            place = Path(folder).resolve()
+            # The program may name its own folders after the scene's, so that name must be unique.
+            scene, output = place / place.name, place / "output"
+            output.mkdir()
+            image = write_scene(scene, views)
+            places = (
+                c.python,
+                self._checkout,
+                Path(__file__).parent,
+                scene,
+                scene.name,
+                OBJECT,
+                output,
+                image,
+            )
+            names = dict(zip(_PLACES, map(str, (*places, len(views))), strict=True))
+            run_program(
+                title, self._fill(self._command, names), self._checkout, place / "log.txt", c.timeout_s
+            )
+            found = self._newest(self._fill(self._results, names))
+            if found is None:
+                patterns = ", ".join(self._fill(self._results, names))
+                raise ExternalRunError(f"{title} ended well but left no result; looked for {patterns}.")
+            return align_result(read_result(found.parent, found.stem), views, c.gaussians)
 
     def _find_checkout(self, asked: str) -> Path:
         p, c = self._program, self._config
         clone = f"git clone {p.source}, follow its installation, then reconstructor.checkout=PATH"
-        if not c.checkout:
-            raise MissingDependencyError(f"a checkout of {p.title}", asked, clone, p.licence)
         checkout = Path(c.checkout).expanduser().resolve()
-        if not checkout.is_dir():
-            raise MissingDependencyError(f"the checkout {checkout}", asked, clone, p.licence)
-        ours = any("{plugin}" in word for word in c.command)
-        script = (
-            p.script if ours else next((w for w in c.command if w.endswith(".py") and "{" not in w), p.script)
-        )
-        if not (checkout / script).is_file():
-            raise MissingDependencyError(f"{script} in the checkout {checkout}", asked, clone, p.licence)
+        if not c.checkout or not checkout.is_dir():
+            raise MissingDependencyError(f"a checkout of {p.title} ('{c.checkout}')", asked, clone, p.licence)
+        if not (checkout / p.script).is_file():
+            raise MissingDependencyError(f"{p.script} in the checkout {checkout}", asked, clone, p.licence)
         if c.weights and not (checkout / c.weights).exists():
-            raise MissingDependencyError(
-                f"{c.weights} in the checkout {checkout} (the weights)", asked, p.weights, p.weights_licence
-            )
+            what = f"{c.weights} in the checkout {checkout} (the weights)"
+            raise MissingDependencyError(what, asked, _WEIGHTS, _SAM)
         return checkout
 
-    def _fill(self, words: list[str], names: Mapping[str, str]) -> list[str]:
+    def _fill(self, words: Sequence[str], names: Mapping[str, str]) -> list[str]:
         try:
             return [word.format_map(names) for word in words]
         except (KeyError, ValueError, IndexError) as error:
@@ -277,18 +246,3 @@ class ExternalReconstructor:
             if files:
                 return max(files, key=lambda p: (p.stat().st_mtime_ns, p.name))
         return None
-
-
-_PLACES = ("python", "checkout", "plugin", "scene", "scene_name", "object", "output", "image", "count")
-
-
-def _work_folder(keep: str) -> Path:
-    """A new folder for one run, below ``keep`` or in the system's temporary place."""
-    try:
-        if keep:
-            Path(keep).expanduser().mkdir(parents=True, exist_ok=True)
-        return Path(
-            tempfile.mkdtemp(prefix="gvla2_", dir=Path(keep).expanduser() if keep else None)
-        ).resolve()
-    except OSError as error:
-        raise OutputError(f"Cannot make a folder in {keep or tempfile.gettempdir()}: {error}.") from error

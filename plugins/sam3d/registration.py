@@ -7,17 +7,16 @@ unknowns. Gaussians move with their rotations, scales and harmonics.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations, product, starmap
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
@@ -103,97 +102,51 @@ _TRIED_FURTHER = 4  # number of starts refined; the others fit too badly
 
 @dataclass(frozen=True)
 class Registration:
-    """``sim3`` from the shape's frame to the views' world; mean ``iou`` with the masks there, and at the start."""
+    """``sim3`` from the shape's frame to the views' world, and the mean ``iou`` with the masks there."""
 
     sim3: Sim3
     iou: float
-    iou_before: float
-
-
-def register(mesh: TriangleMesh, views: Views, start: Sim3) -> Registration:
-    """Improve a similarity until a mesh's silhouettes fit the masks; never to a worse IoU than at the start.
-
-    Converges from displacements of about a quarter of the object. Raises :class:`GeometryError` for an empty mesh
-    and when no view shows the object.
-    """
-    shown, _ = mask_silhouettes(views)
-    if len(mesh.faces) == 0:
-        raise GeometryError("A mesh without faces has no silhouette to align.")
-    return _refine(mesh, shown, start)
 
 
 def register_unposed(mesh: TriangleMesh, views: Views) -> Registration:
-    """The same for a shape whose frame is turned by quarter turns against the world's, at any scale and place.
+    """The similarity that fits a mesh's silhouettes to the masks, for a shape whose frame is turned by quarter turns.
 
-    Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull.
+    Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull. Raises
+    :class:`GeometryError` for an empty mesh and when no view shows the object.
     """
-    shown, _ = mask_silhouettes(views)
     hull = carve(views, resolution=32)
-    starts = [Sim3.identity(), *(_fitted(mesh, hull, turn) for turn in _quarter_turns())]
-    return _best(mesh, shown, starts)
+    return _best(mesh, views, [Sim3.identity(), *(_fitted(mesh, hull, turn) for turn in _quarter_turns())])
 
 
 def register_along_ray(mesh: TriangleMesh, views: Views, pose: Sim3, eye: FloatArray) -> Registration:
     """The same for a shape in a camera's frame of unknown scale: ``pose`` puts it into the world up to a scale
     about the camera's centre ``eye`` (3,), which is searched over four decades.
     """
+    scales = np.geomspace(0.01, 100.0, 81)
+    about_eye = [Sim3(float(scale), np.eye(3), (1 - scale) * eye) for scale in scales]
+    return _best(mesh, views, [scaled.compose(pose) for scaled in about_eye])
+
+
+def _best(mesh: TriangleMesh, views: Views, starts: Sequence[Sim3]) -> Registration:
+    """The best of the likeliest starts, refined; converges from displacements of about a quarter of the object."""
     shown, _ = mask_silhouettes(views)
-    starts = []
-    for scale in np.geomspace(0.01, 100.0, 81):
-        about_eye = Sim3(float(scale), np.eye(3), (1 - scale) * eye)
-        starts.append(about_eye.compose(pose))
-    return _best(mesh, shown, starts)
-
-
-def _best(mesh: TriangleMesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Registration:
-    scores = [_score(mesh, shown, start) for start in starts]
-    order = np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]
-    best: Registration | None = None
-    for i in order:
-        found = _refine(mesh, shown, starts[i])
-        best = found if best is None or found.iou > best.iou else best
+    if len(mesh.faces) == 0:
+        raise GeometryError("A mesh without faces has no silhouette to align.")
+    scores = [mask_agreement(place_mesh(mesh, start), shown) for start in starts]
+    first, *others = np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]
+    best = _refine(mesh, shown, starts[first])
+    for i in others:
         if best.iou > _GOOD:
             break
-    assert best is not None  # there is at least one start
+        best = max(best, _refine(mesh, shown, starts[i]), key=lambda found: found.iou)
     return best
-
-
-def _score(mesh: TriangleMesh, shown: Sequence[Silhouette], sim3: Sim3) -> float:
-    return mask_agreement(place_mesh(mesh, sim3), shown)
-
-
-def parse_rotation_word(word: str) -> FloatArray:
-    """(3, 3) rotation by quarter turns of a transform word of the released code, or of ``identity``.
-
-    ``perm021_signpnp`` means: the new axes are the old axes 0, 2 and 1, with the signs +, - and +. Raises
-    :class:`ConfigurationError` for anything else, and for a mirror (determinant -1), which is not a rotation.
-    """
-    if word == "identity":
-        return np.eye(3)
-    match = re.fullmatch(r"perm([012]{3})_sign([pn]{3})", word)
-    if match is None or len(set(match[1])) != 3:
-        raise ConfigurationError(
-            f"Cannot read the axis transform '{word}': write 'identity', or a permutation of 012 and three signs, "
-            "p or n, such as perm021_signpnp."
-        )
-    matrix = _signed_permutation(
-        [int(axis) for axis in match[1]], [1.0 if s == "p" else -1.0 for s in match[2]]
-    )
-    if np.linalg.det(matrix) < 0:
-        raise ConfigurationError(
-            f"The axis transform '{word}' is mirrored (determinant -1); flip one more sign."
-        )
-    return matrix
-
-
-def _signed_permutation(axes: Sequence[int], signs: Sequence[float]) -> FloatArray:
-    return np.diag(signs) @ np.eye(3)[list(axes)]
 
 
 def _quarter_turns() -> list[FloatArray]:
     """The 24 rotations that take axes to axes."""
     every = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
-    return [turn for turn in starmap(_signed_permutation, every) if np.linalg.det(turn) > 0]
+    turns = [np.diag(signs) @ np.eye(3)[list(axes)] for axes, signs in every]
+    return [turn for turn in turns if np.linalg.det(turn) > 0]
 
 
 def _fitted(mesh: TriangleMesh, hull: Carving, turn: FloatArray) -> Sim3:
@@ -208,12 +161,11 @@ def _fitted(mesh: TriangleMesh, hull: Carving, turn: FloatArray) -> Sim3:
 
 def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> Registration:
     """Levenberg-Marquardt with Huber weights; the best similarity seen on the way is kept."""
-    best, before, best_iou, now, stale = start, 0.0, -1.0, start, 0
-    for iteration in range(_ITERATIONS + 1):
+    best, best_iou, now, stale = start, -1.0, start, 0
+    for _ in range(_ITERATIONS + 1):
         placed = place_mesh(mesh, now)
         depths = [depth_map(placed, s.camera) for s in shown]
         iou = float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, shown, strict=True)]))
-        before = iou if iteration == 0 else before
         stale = 0 if iou > best_iou + 1e-5 else stale + 1
         if iou > best_iou:
             best, best_iou = now, iou
@@ -233,7 +185,7 @@ def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> Reg
         if float(np.abs(step).max()) < 1e-5:
             break
         now = _step(now, np.clip(step, -0.3, 0.3), centre, size)  # in units of the object's size
-    return Registration(best, best_iou, before)
+    return Registration(best, best_iou)
 
 
 def _step(now: Sim3, step: FloatArray, centre: FloatArray, size: float) -> Sim3:

@@ -7,7 +7,7 @@ import os
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -23,10 +23,7 @@ from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d.registration import (
-    Registration,
-    parse_rotation_word,
     place,
-    register,
     register_along_ray,
     register_unposed,
 )
@@ -36,28 +33,12 @@ if TYPE_CHECKING:
 
 
 def result_folder(root: str | os.PathLike[str], name: str, views: int = 5) -> Path:
-    """``<root>/<name>/<views>views``; raises :class:`GeometryError` saying which objects or folders there are."""
-    tree = Path(root)
-    folder = tree / name / f"{views}views"
-    if folder.is_dir():
-        return folder
-    if not tree.is_dir():
-        raise GeometryError(f"There is no result tree {tree}.")
-    if not (tree / name).is_dir():
-        present = ", ".join(objects(tree, views)) or "none"
-        raise GeometryError(f"The result tree {tree} has no object '{name}'. Objects there: {present}.")
-    present = ", ".join(sorted(p.name for p in (tree / name).iterdir() if p.is_dir())) or "none"
-    raise GeometryError(f"There is no folder {folder}. Folders of '{name}': {present}.")
-
-
-def objects(root: str | os.PathLike[str], views: int = 5) -> tuple[str, ...]:
-    """The objects of a tree that have a result of so many views."""
-    tree = Path(root)
-    return (
-        tuple(sorted(p.name for p in tree.iterdir() if (p / f"{views}views").is_dir()))
-        if tree.is_dir()
-        else ()
-    )
+    """``<root>/<name>/<views>views``; raises :class:`GeometryError` that lists the folders there are."""
+    folder = Path(root) / name / f"{views}views"
+    if not folder.is_dir():
+        present = sorted(str(p.parent.relative_to(root)) for p in Path(root).glob("*/*views/result.*"))
+        raise GeometryError(f"There is no folder {folder}. Results there: {', '.join(present) or 'none'}.")
+    return folder
 
 
 _POOR = 0.6
@@ -105,24 +86,15 @@ def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultF
     )
 
 
-def align_result(
-    result: ResultFiles, views: Views, axes: str = "auto", refine: bool = True, count: int = 15_000
-) -> Reconstruction:
-    """The result in the views' calibrated frame, refined on the masks by a similarity.
+def align_result(result: ResultFiles, views: Views, count: int) -> Reconstruction:
+    """The result in the views' calibrated frame, aligned with the masks by a similarity.
 
-    Starts from the result's own pose when it has one (its scale is searched), else from ``axes``: a transform word such
-    as ``perm012_signpnn`` from the result's frame to the world's, or ``auto``, which tries the 24 quarter turns; with
-    ``refine=False`` a word is applied as it is. A mirroring word is a :class:`gvla2.errors.ConfigurationError`. A
-    result without Gaussians gets ``count`` flat ones on its mesh. The status says how well the silhouettes fit if they
-    fit poorly.
+    Starts from the result's own pose when it has one (its scale is searched), else from the 24 quarter turns. A result
+    without Gaussians gets ``count`` flat ones on its mesh. The status says how well the silhouettes fit if they fit
+    poorly.
     """
     mesh = _silhouette_mesh(result)
-    start = None if axes == "auto" else Sim3(1.0, parse_rotation_word(axes), np.zeros(3))
-    if start is not None and not refine:
-        found = Registration(start, 1.0, 1.0)
-    elif start is not None:
-        found = register(mesh, views, start)
-    elif result.pose is not None:
+    if result.pose is not None:
         camera = views[0].camera
         world_from_camera = Sim3(1.0, camera.world_from_camera[:3, :3], camera.position)
         found = register_along_ray(mesh, views, world_from_camera.compose(result.pose), camera.position)
@@ -142,7 +114,10 @@ def align_result(
 def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
     """Triangles that cast the result's silhouettes: some of its mesh's, or one on each Gaussian."""
     if result.mesh is not None:
-        return result.mesh if len(result.mesh.faces) <= _MOST_FACES else _clustered(result.mesh)
+        if len(result.mesh.faces) <= _MOST_FACES:
+            return result.mesh
+        longest = float(np.ptp(result.mesh.bounds, axis=0).max())
+        return result.mesh.clustered(max(longest, 1e-12) / _CELLS)[0]
     assert result.gaussians is not None
     g = result.gaussians
     solid = np.flatnonzero(g.opacities > 0.3)
@@ -156,12 +131,6 @@ def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
     vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
     return TriangleMesh(vertices, (faces + 4 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3))
-
-
-def _clustered(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh with all vertices of a small cell made one: the same silhouette to half a cell."""
-    coarse, kept = mesh.clustered(max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12) / _CELLS)
-    return coarse if len(kept) else mesh
 
 
 def _spacing(points: FloatArray) -> float:
@@ -179,31 +148,20 @@ def _read_pose(path: Path) -> Sim3 | None:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             if not {"scale", "rotation", "translation"} <= set(arrays.files):
                 return None
-            scale, quaternion, translation = (
-                _flat(arrays[name], size)
-                for name, size in (("scale", 1), ("rotation", 4), ("translation", 3))
-            )
-        w, x, y, z = quaternion
+            scale = float(np.asarray(arrays["scale"], dtype=np.float64).mean())
+            w, x, y, z = np.asarray(arrays["rotation"], dtype=np.float64).ravel()
+            translation = np.asarray(arrays["translation"], dtype=np.float64).reshape(3)
         # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
         rotation = Rotation.from_quat([x, y, z, w]).as_matrix().T
-        return Sim3(float(scale[0]), _CAMERA_FROM_P3D @ rotation, _CAMERA_FROM_P3D @ translation)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        return Sim3(scale, _CAMERA_FROM_P3D @ rotation, _CAMERA_FROM_P3D @ translation)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, GeometryError) as error:
         raise GeometryError(f"Cannot read the pose {path}: {error}") from error
-
-
-def _flat(array: Any, size: int) -> FloatArray:
-    values = np.asarray(array, dtype=np.float64).ravel()[: 3 if size == 1 else size]
-    if len(values) < size or not np.isfinite(values).all():
-        raise ValueError(f"expected {size} finite numbers, got {values.tolist()}")
-    if size == 1 and not np.allclose(values, values[0], rtol=1e-3):
-        raise ValueError(f"the scale differs between axes: {values.tolist()}")
-    return values
 
 
 class ResultTreeReconstructor:
     """Reads the tree again for each call, so that it may be filled while a sweep runs.
 
-    Raises :class:`ConfigurationError` when root or object is not given or the axes cannot be read.
+    Raises :class:`ConfigurationError` when root or object is not given.
     """
 
     def __init__(self, config: ResultTreeConfig) -> None:
@@ -213,16 +171,10 @@ class ResultTreeReconstructor:
                     f"reconstructor.{option} is empty: result_tree reads <root>/<object>/{config.views}views; "
                     "give both reconstructor.root=PATH and reconstructor.object=NAME."
                 )
-        if config.axes != "auto":
-            parse_rotation_word(config.axes)
-        elif not config.refine:
-            raise ConfigurationError(
-                "reconstructor.axes=auto finds the axes by the masks and so cannot do without reconstructor.refine."
-            )
         self._config = config
 
     def reconstruct(self, views: Views) -> Reconstruction:
         """The result in the views' frame; a :class:`gvla2.errors.GeometryError` names the missing or broken part."""
         c = self._config
         result = read_result(result_folder(c.root, c.object, c.views))
-        return align_result(result, views, c.axes, c.refine, c.gaussians)
+        return align_result(result, views, c.gaussians)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -31,9 +30,6 @@ from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.truth import TrueState, cast_masks, true_scene
 from gvla2_plugins.sapien.world import World
 
-ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
-"""Appended to the goal of every episode with that option."""
-
 SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
@@ -52,9 +48,8 @@ JUDGE_SECONDS = 0.25
 class SapienArm:
     """Implements :class:`gvla2.robot.backend.RobotBackend`.
 
-    The same seed and calls give the same episode, bit by bit. The true state of the task's bodies is read by
-    :meth:`judge`, and by :meth:`true_state` and :meth:`true_scene`, which no part of the loop calls; the cameras see
-    the bodies by ray casting.
+    The same seed and calls give the same episode, bit by bit. Only :meth:`success_check`, :meth:`true_state` and
+    :meth:`true_scene` read the true state of the task's bodies; the cameras see the bodies by ray casting.
     """
 
     def __init__(self, config: SapienArmConfig) -> None:
@@ -68,7 +63,7 @@ class SapienArm:
         self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks
         self._world: World | None = None
-        self._eyes: CameraRig | None = None
+        self._rig: CameraRig | None = None
         self._layout = Layout(())
         self._lights: tuple[bool, ...] = ()
         self._instance: TaskInstance | None = None
@@ -88,12 +83,10 @@ class SapienArm:
             raise ConfigurationError(f"robot={self._cell.robot} has no task of its own, like '{task}'.")
         if task is not None:
             instance = task.sample(np.random.default_rng(seed), self._site(), instruction)
-            if self._config.attach:
-                instance = replace(instance, goal=f"{instance.goal}{ATTACHED}")
         layout = Layout(()) if instance is None else instance.layout
         self._world = World(self._config, self._cell, layout)
         self._layout, self._instance = layout, instance
-        self._open_eyes()
+        self._make_rig()
         return instance
 
     def observe(self) -> Observation:
@@ -168,11 +161,11 @@ class SapienArm:
         return driver.state()
 
     def true_state(self) -> TrueState:
-        """The state for success checks; for demonstrations (see :mod:`gvla2.robot.backend`)."""
+        """The state for success checks."""
         return TrueState(self._sane_world("read"))
 
     def true_scene(self) -> Scene:
-        """The episode's bodies as scene objects; for demonstrations and the ``oracle`` perceiver."""
+        """The episode's bodies as scene objects, for the ``oracle`` perceiver."""
         return true_scene(
             self._sane_world("read"), self._layout, self._cell.table_height, self._arm.workspace
         )
@@ -189,24 +182,24 @@ class SapienArm:
 
     def close(self) -> None:
         """Release the world; the arm's model stays, and :meth:`reset` makes a new world."""
-        self._world, self._eyes, self._instance = None, None, None
+        self._world, self._rig, self._instance = None, None, None
 
-    def _open_eyes(self) -> CameraRig:
+    def _make_rig(self) -> CameraRig:
         """A camera rig for the bodies' present looks: a lamp may have been switched on."""
         peaks = self._sane_world("seen").peaks
         self._lights = self._layout.lights(peaks)
         table = self._cell.table
         objects = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
-        self._eyes = CameraRig(self._robot, {name: body_surface(b) for name, b in objects.items()})
-        return self._eyes
+        self._rig = CameraRig(self._robot, {name: body_surface(b) for name, b in objects.items()})
+        return self._rig
 
     def _sight(self) -> Callable[[Sequence[Camera]], list[View]]:
         """Draws what cameras see at this moment, when it is called, from any thread."""
-        world, eyes = self._sane_world("seen"), self._eyes
-        if eyes is None or self._lights != self._layout.lights(world.peaks):
-            eyes = self._open_eyes()
+        world, rig = self._sane_world("seen"), self._rig
+        if rig is None or self._lights != self._layout.lights(world.peaks):
+            rig = self._make_rig()
         links, objects = world.link_poses(self._robot.links), self._object_poses(world)
-        return partial(eyes.look, world_from_link=links, world_from_object=objects)
+        return partial(rig.look, world_from_link=links, world_from_object=objects)
 
     def _object_poses(self, world: World) -> dict[str, FloatArray]:
         """world_from_object (4, 4) of everything that the cameras see besides the robot, now."""

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import MissingDependencyError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Joint, Layout, Solid
 from gvla2_plugins.sapien.convex import piece_file, pieces
-from gvla2_plugins.sapien.lazy_import import waiting
 
 
 def import_sapien() -> Any:
@@ -22,9 +21,8 @@ def import_sapien() -> Any:
         with warnings.catch_warnings():
             # It looks for Vulkan, which CPU physics does not need.
             warnings.simplefilter("ignore")
-            with waiting("requests"):  # for downloads that are not made here
-                import sapien
-                import sapien.physx
+            import sapien
+            import sapien.physx
     except ModuleNotFoundError as error:
         if error.name != "sapien":
             raise
@@ -59,12 +57,7 @@ class BuiltBodies:
 
 
 def build_bodies(scene: Any, layout: Layout) -> BuiltBodies:
-    """Put all bodies and joints of a layout into the scene.
-
-    Raises :class:`ConfigurationError` for an invalid layout: a joint of unknown bodies, a body with two parents, a ring
-    of joints, a free body with nothing solid.
-    """
-    _check(layout)
+    """Put all bodies and joints of a layout, which :mod:`gvla2.robot.task` has checked, into the scene."""
     by_name = {body.name: body for body in layout.bodies}
     jointed = {joint.parent for joint in layout.joints} | {joint.child for joint in layout.joints}
     built = BuiltBodies({}, {})
@@ -176,56 +169,3 @@ def _volume(solid: Solid) -> float:
         return sum(piece.hull.volume for piece in pieces(solid))
     x, y, z = solid.size
     return {"box": x * y * z, "cylinder": np.pi / 4 * x * y * z, "sphere": np.pi / 6 * x**3}[solid.kind]
-
-
-def _check(layout: Layout) -> None:
-    names = [body.name for body in layout.bodies]
-    if len(set(names)) != len(names):
-        raise ConfigurationError(f"The task's layout has two bodies of one name: {sorted(names)}.")
-    parents: dict[str, str] = {}
-    for joint in layout.joints:
-        if joint.parent not in names or joint.child not in names:
-            raise ConfigurationError(
-                f"Joint '{joint.name}' of the task's layout ties '{joint.parent}' to '{joint.child}'; "
-                f"its bodies are {sorted(names)}."
-            )
-        if joint.child in parents:
-            raise ConfigurationError(
-                f"Body '{joint.child}' of the task's layout hangs on two joints; one may carry it."
-            )
-        parents[joint.child] = joint.parent
-    for name in parents:
-        above, seen = name, {name}
-        while above in parents:
-            above = parents[above]
-            if above in seen:
-                raise ConfigurationError(f"The joints of the task's layout form a ring through '{above}'.")
-            seen.add(above)
-    for thread in layout.threads:
-        if thread.parent not in names or thread.child not in names:
-            raise ConfigurationError(
-                f"Thread '{thread.name}' of the task's layout ties '{thread.parent}' to '{thread.child}'; "
-                f"its bodies are {sorted(names)}."
-            )
-        if {thread.parent, thread.child} & (parents.keys() | set(parents.values())):
-            raise ConfigurationError(
-                f"Thread '{thread.name}' of the task's layout ties a body that also hangs on a joint."
-            )
-        if layout[thread.child].fixed or not 0 < thread.release < 2 * np.pi:
-            raise ConfigurationError(
-                f"Thread '{thread.name}' of the task's layout needs a child that is not fixed and a release in "
-                f"(0, 2 pi), got {thread.release}."
-            )
-    joints = {joint.name for joint in layout.joints}
-    for catch in layout.catches:
-        if not {catch.joint, catch.key} <= joints or catch.joint == catch.key:
-            raise ConfigurationError(
-                f"A catch of the task's layout holds '{catch.joint}' until '{catch.key}' has moved; its joints are "
-                f"{sorted(joints)}."
-            )
-    for body in layout.bodies:
-        loose = not body.fixed or body.name in parents
-        if loose and not any(solid.collides for solid in body.solids):
-            raise ConfigurationError(
-                f"Body '{body.name}' of the task's layout can move, but nothing of it is solid."
-            )

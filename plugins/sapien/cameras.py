@@ -49,7 +49,7 @@ def _merge(camera: Camera, robot: RayImage, objects: RayImage) -> View:
 
 
 class Filming:
-    """Draws frames beside the moving robot, on another core, and tells the listener of them in order, in our thread."""
+    """Draws frames in another thread while the robot moves; the listener gets them in order, in the caller's thread."""
 
     def __init__(self, listener: ExecutionListener) -> None:
         self._listener = listener
@@ -57,7 +57,7 @@ class Filming:
         self._awaited: deque[Future[list[View]]] = deque()
 
     def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
-        """Tell of the moment, and have its frame drawn if it is wanted; those that are ready go to the listener."""
+        """Report the moment, and have its frame drawn if frames are wanted; those that are ready go to the listener."""
         self._listener.moment(moment)
         if not self._listener.wants_frames:
             return

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.errors import MissingDependencyError, OutputError, SimulationError
@@ -23,7 +24,7 @@ VERSION = 2
 """Version of the decomposition: changes whenever its pieces would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
-"""CoACD's concavity, in sizes of the object; the pieces' number; corners a piece (PhysX takes 255)."""
+"""CoACD's concavity, in sizes of the object; the pieces' number; corners per piece (PhysX takes 255)."""
 
 FACES = 20_000
 """Meshes are simplified to this many faces first: finer ones change no piece and cost minutes."""
@@ -148,19 +149,9 @@ def _thin_hull(corners: FloatArray, most: int = 4 * MOST_CORNERS) -> FloatArray:
 
 
 def _as_obj(found: list[FloatArray]) -> str:
-    """The pieces as text, their triangles wound outwards."""
-    lines, start = [], 1
-    for number, corners in enumerate(found):
-        hull = ConvexHull(corners)
-        lines.append(f"o piece_{number}")
-        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
-        for face, plane in zip(hull.simplices, hull.equations, strict=True):
-            a, b, c = corners[face]
-            outward = np.cross(b - a, c - a) @ plane[:3] >= 0
-            i, j, k = (face if outward else face[::-1]) + start
-            lines.append(f"f {i} {j} {k}")
-        start += len(corners)
-    return "\n".join(lines) + "\n"
+    """The pieces as text, one group each, their triangles wound outwards."""
+    hulls = {f"piece_{k}": trimesh.convex.convex_hull(corners) for k, corners in enumerate(found)}
+    return str(trimesh.Scene(hulls).export(file_type="obj", include_normals=False, include_texture=False))
 
 
 @lru_cache(maxsize=128)

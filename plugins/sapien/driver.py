@@ -22,7 +22,7 @@ SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
 GRIP_SECONDS, STILL, STILL_SECONDS = 3.0, 1e-4, 0.1
 """Gripping is over when the width changed by less than this (metres) in this long, or after three seconds.
 
-The speed that the engine gives for a squeezed finger does not tell: it stays at centimetres a second.
+The engine's speed of a squeezed finger is no criterion: it stays at centimetres per second.
 """
 
 STOPPED_SHORT, PRESSING = 0.002, 0.2
@@ -31,7 +31,7 @@ STOPPED_SHORT, PRESSING = 0.002, 0.2
 BRAKE_SECONDS = 0.2
 
 FELT_STEPS = 4
-"""A guard feels the mean force of so many physics steps: a single step's knock does not count as a press."""
+"""Number of physics steps over which a guard averages the force: a knock in one step does not count as a press."""
 
 
 class SapienDriver:
@@ -97,8 +97,6 @@ class SapienDriver:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
         self._touched, self._diverged = set(), False
         goal = self._travel(opening)
-        if 2 * goal > self._world.gripper_width:
-            self._world.detach()
         start = 0.5 * self._world.gripper_width
         ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
         for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
@@ -113,23 +111,17 @@ class SapienDriver:
             self._advance()
         self._watch()
         width = self._world.gripper_width
-        if self._config.attach and 2 * goal < width:
-            self._world.attach()
         pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
         return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
 
     def servo(self, joints: FloatArray, gripper: float, seconds: float) -> None:
         """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
         goal = self._travel(gripper)
-        if 2 * goal > self._world.gripper_width:
-            self._world.detach()
         self._world.drive_fingers(goal)
         start, steps = self._world.arm_target, self._count(seconds)
         for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
             self._world.drive_arm(start + share * (joints - start), (joints - start) / seconds)
             self._world.step()
-        if self._config.attach and 2 * goal < self._world.gripper_width:
-            self._world.attach()
 
     def hold(self, seconds: float = BRAKE_SECONDS) -> None:
         """Stop at the measured position and stay there; simulates ``seconds`` of it."""
@@ -141,7 +133,7 @@ class SapienDriver:
             self._advance()
 
     def _resample(self, samples: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Targets (S, dof) and speeds (S, dof), one a physics step, linear between samples."""
+        """Targets (S, dof) and speeds (S, dof), one per physics step, linear between samples."""
         times = np.arange(len(samples)) * dt
         count = int(np.ceil(times[-1] * self._world.rate - 1e-9))
         steps = np.minimum(np.arange(1, count + 1) / self._world.rate, times[-1])

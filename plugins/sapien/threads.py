@@ -50,7 +50,7 @@ class Screwed:
         """Re-tie the parts at a turn, radians: the engine's joints know no turns beyond a half either way."""
         if self._drive is not None:
             self._child.remove_component(self._drive)
-        # By quaternions, whose sign the engine heeds: a matrix would not tell one whole turn from none.
+        # By quaternions, whose sign the engine respects: a matrix would not distinguish a whole turn from none.
         half = 0.5 * angle
         back = import_sapien().Pose([0.0, 0.0, 0.0], [np.cos(half), -np.sin(half), 0.0, 0.0])
         parent, child = self._frames

@@ -15,7 +15,6 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Layout
 from gvla2.robot.workcell import Workcell
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.attachment import Clamp, Suction, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, import_sapien, pose_of
 from gvla2_plugins.sapien.threads import Caught, Screwed
 
@@ -99,8 +98,6 @@ class World:
         for joint in self._finger_joints:
             joint.set_drive_property(FINGER_STIFFNESS, FINGER_DAMPING, config.grip_force)
         self.finger_target = 0.0
-        self._clamp = Clamp(self._scene, self._links[cell.gripper.palm].entity)
-        self.suction = None if fingers else Suction(self._system, self._clamp, cell.arm.hand.max_width)
         self.place_arm(cell.arm.home, cell.arm.hand.max_width)
 
         self._bodies = build_bodies(self._scene, layout)
@@ -142,8 +139,6 @@ class World:
         """One step of physics."""
         self._system.step()
         self.steps += 1
-        if self.suction is not None:
-            self.suction.watch()
         for name, (articulation, index) in self._bodies.joints.items():
             at = self._counts(name, float(articulation.qpos[index]))
             self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
@@ -198,9 +193,7 @@ class World:
 
     @property
     def gripper_width(self) -> float:
-        """Between the fingers, metres; a suction cup's is full while it does not draw, half while it holds, else 0."""
-        if self.suction is not None:
-            return self.suction.width
+        """Between the fingers, metres."""
         travel = (self._robot.qpos[self._fingers] - self._closed) * np.sign(self._opening)
         return float(self._cell.gap + travel.sum())
 
@@ -225,16 +218,14 @@ class World:
             joint.set_drive_velocity_target(speed)
 
     def drive_fingers(self, travel: float) -> None:
-        """Set each finger's target: half of the width between them, metres. A suction cup draws at 0."""
+        """Set each finger's target: half of the width between them, metres."""
         self.finger_target = travel
         for joint, target in zip(self._finger_joints, self._finger_joints_at(travel).tolist(), strict=True):
             joint.set_drive_target(target)
-        if self.suction is not None:
-            self.suction.draw(travel <= 0.0)
 
     def _finger_joints_at(self, travel: float) -> FloatArray:
-        """The fingers' joints (2,), or (0,) for a cup, at half of a width between them, metres."""
-        ways = float(np.abs(self._opening).sum()) or 1.0
+        """The fingers' joints (2,) at half of a width between them, metres."""
+        ways = float(np.abs(self._opening).sum())
         return np.asarray(
             self._closed + np.clip((2 * travel - self._cell.gap) / ways, 0.0, 1.0) * self._opening
         )
@@ -264,12 +255,7 @@ class World:
         return np.asarray(_matrix(hand.entity.pose)[:3, :3] @ forces[hand.index, :3])
 
     def finger_forces(self) -> dict[str, tuple[float, float]]:
-        """Force of the left and the right finger on each object that they press on, newtons, by SAPIEN's name.
-
-        An object on a suction cup counts as pressed from all sides with full force.
-        """
-        if self.suction is not None:
-            return {self._clamp.holding: (np.inf, np.inf)} if self._clamp.holding else {}
+        """Force of the left and the right finger on each object that they press on, newtons, by SAPIEN's name."""
         forces: dict[str, dict[str, FloatArray]] = {}
         links = self._cell.gripper.finger_links
         for one, other, contact in self._contacts():
@@ -318,31 +304,6 @@ class World:
                 obj = other if one == PREFIX + name else one
                 found.add("robot" if obj in self._links else obj.removeprefix(PREFIX))
         return found
-
-    # The option ``attach``.
-
-    def attach(self) -> str:
-        """Tie the object between both fingers to the hand; returns its name, "" if there is none."""
-        touched: dict[str, dict[str, list[FloatArray]]] = {}
-        for contact in self._system.get_contacts():
-            names = [body.entity.name for body in contact.bodies]
-            for finger, obj in (names, names[::-1]):
-                if finger in self._cell.gripper.finger_links and obj.startswith(PREFIX):
-                    points = [np.asarray(p.position, dtype=np.float64) for p in contact.points]
-                    touched.setdefault(obj, {}).setdefault(finger, []).extend(points)
-        palm = self._links[self._cell.gripper.palm]
-        world_from_tcp = _matrix(palm.entity.pose) @ self._cell.hand_from_tcp
-        for obj, fingers in touched.items():
-            between = [point for points in fingers.values() for point in points]
-            entity = self._bodies.entities.get(obj.removeprefix(PREFIX))
-            if entity is not None and len(fingers) == 2 and in_zone(world_from_tcp, between):
-                self._clamp.close(entity)
-                return obj.removeprefix(PREFIX)
-        return ""
-
-    def detach(self) -> None:
-        """Release the attached object."""
-        self._clamp.open()
 
 
 def _impulse(contact: Any) -> FloatArray:

@@ -161,14 +161,8 @@ def several(noun: Noun) -> bool:
 
 
 def _singular(word: str) -> str:
-    for plural, singular in (
-        ("ies", "y"),
-        ("ves", "fe"),
-        ("xes", "x"),
-        ("shes", "sh"),
-        ("ches", "ch"),
-        ("s", ""),
-    ):
+    endings = (("ies", "y"), ("ves", "fe"), ("xes", "x"), ("shes", "sh"), ("ches", "ch"), ("s", ""))
+    for plural, singular in endings:
         if word.endswith(plural) and not word.endswith("ss"):
             return word.removesuffix(plural) + singular
     return word
@@ -193,7 +187,13 @@ def _heads(words: Sequence[str], obj: SceneObject, level: int) -> int:
 
 
 def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
-    """The objects of a pool that all words are true of, but for those that single one out."""
+    """The objects of a pool that all words are true of, except for words that single one out.
+
+    A name that perception gave, said in full, is that object and no other, whatever its words mean otherwise.
+    """
+    exact = [o for o in pool if o.named_by and _label(o) in ([*words], [*words[:-1], _singular(words[-1])])]
+    if exact:
+        return exact
     if "and" in words:  # the red and blue cubes; the yellow and white mug
         at = words.index("and")
         whole = [o for o in pool if " ".join(words) in " ".join(_label(o))]
@@ -304,7 +304,7 @@ def _taken(origin: Place, fits: list[SceneObject], scene: Scene, context: Contex
 
 
 def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
-    """Those of ``fits`` that are where a place says; the nearest of them where it is a matter of degree."""
+    """Those of ``fits`` that are where a place says; of several beside it, the nearest."""
     if place.nouns[0].words and set(place.nouns[0].words) & TABLE:
         centred = set(place.nouns[0].words) & {"center", "centre", "middle"}
         return _extreme(fits, "middle", scene) if centred else fits
@@ -315,9 +315,8 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
         return [o for o in fits if len(marks) == 2 and _between(o, marks[0][0], marks[1][0])]
     at = ground(place.nouns[0], scene, context)
     there = [o for o in fits if o not in at and _at(o, place.relation, at)]
-    if place.relation in ("nearest", "farthest", "beside") and there:
-        sign = -1.0 if place.relation == "farthest" else 1.0
-        gaps = [sign * min(_gap(o, m) for m in at) for o in there]
+    if place.relation == "beside" and there:
+        gaps = [min(_gap(o, m) for m in at) for o in there]
         there = [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + CLOSE]
     return there
 
@@ -344,8 +343,6 @@ def _holds(obj: SceneObject, relation: str, at: SceneObject) -> bool:
             return _over(obj, at) and obj.bottom > at.top - 2 * CLOSE
         case "in":
             return obj.parent == at.id or (_over(obj, at) and obj.bottom < at.top - CLOSE)
-        case "under":
-            return _over(at, obj) and obj.top < at.bottom + CLOSE
         case "from":
             touches = bool((at.distances(obj.corners()) == 0.0).any())
             return obj.parent == at.id or _over(obj, at) or touches
@@ -355,7 +352,7 @@ def _holds(obj: SceneObject, relation: str, at: SceneObject) -> bool:
             return bool((left if relation == "left_of" else -left) > CLOSE)
         case "behind" | "front_of":
             return bool((ahead if relation == "behind" else -ahead) > CLOSE)
-    return True  # nearest, farthest: a matter of degree
+    return True
 
 
 def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> bool:

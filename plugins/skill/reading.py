@@ -80,8 +80,8 @@ ITS = Noun("it", number="it")
 @dataclass(frozen=True)
 class Place:
     """A relation to other objects: ``on``, ``in``, ``to``, ``from``, ``beside``, ``left_of``, ``right_of``,
-    ``front_of``, ``behind``, ``under``, ``nearest``, ``farthest``, ``between`` (two nouns), ``matching`` (the container
-    of each object's colour; no noun). ``goal``: its wording always says where something goes.
+    ``front_of``, ``behind``, ``between`` (two nouns), ``matching`` (the container of each object's colour; no noun).
+    ``goal``: its wording always says where something goes.
     """
 
     relation: str
@@ -253,8 +253,7 @@ class _Reader(Transformer[Token, Any]):
         return Where(words=words, denied=bool(denied))
 
     def extreme(self, tokens: list[Token]) -> Where:
-        words = tokens[0].split()
-        return Where(words=(words[0] if tokens[0].type == "FROM_YOU" else words[-1],))
+        return Where(words=(tokens[0].split()[-1],))
 
     def having(self, children: list[Any]) -> Where:
         return Where(having=children[-1])
@@ -268,9 +267,6 @@ class _Reader(Transformer[Token, Any]):
         verb = next(c for c in children if isinstance(c, Token))
         themes = next(c for c in children if isinstance(c, tuple))
         return _command(verb.type, themes, [c for c in children if isinstance(c, Tree)])
-
-    def wish(self, children: list[Any]) -> Command:
-        return _command("PUT", children[0], children[1:])
 
     def same_again(self, children: list[Any]) -> Command:
         return Command("", children[0], children[1])
@@ -300,20 +296,17 @@ def _command(verb: str, themes: tuple[Noun, ...], adverbs: Sequence[Tree[Any]]) 
         said = ", ".join([*sorted(strange), *(p.nouns[0].text for p in places if p.nouns)]) or verb.lower()
         raise UnreadableError(f"'{said}' cannot be read with this verb")
     goal = next(iter(goals), None)
-    if goal is not None and (
-        skill not in ("place", "push") or goal.relation in ("under", "nearest", "farthest")
-    ):
+    if goal is not None and skill not in ("place", "push"):
         raise UnreadableError(f"'{skill}' has no goal {goal.relation} something")
     made = Command(
         skill, themes, goal, origins,
         amount=next(map(_metres, _of(adverbs, "amount")), None),
         direction=next(map(_way, _of(adverbs, "direction")), None),
     )  # fmt: skip
-    ways = list(_of(adverbs, "direction"))
-    if len(ways) > 1 or (ways and goal) or ("back" in ways and skill != "push"):
-        raise UnreadableError(f"'{' '.join(ways)}' cannot be read here")
-    if len(list(_of(adverbs, "amount"))) > 1:
-        raise UnreadableError("several lengths cannot be read")
+    ways, amounts = list(_of(adverbs, "direction")), list(_of(adverbs, "amount"))
+    several = len(ways) > 1 or len(amounts) > 1
+    if several or (ways and goal) or ("back" in ways and skill != "push"):
+        raise UnreadableError(f"'{' '.join([*ways, *amounts])}' cannot be read here")
     for kept in (t for t in adverbs if t.data == "except"):
         if len(themes) > 1 or themes[0].number != "all":
             raise UnreadableError("something is excepted from what is one")

@@ -13,26 +13,22 @@ if TYPE_CHECKING:
 
 @dataclass
 class SplatConfig(ComponentConfig):
-    """Options of the ``splat`` reconstructor."""
+    """Options of the ``splat`` reconstructor.
+
+    ``resolution``: voxels along a side of a cube as large as the object's box, for the hull. ``gaussians``: approximate
+    number on the hull's surface. ``shape_iterations``: steps of the first optimisation, one view each, without a
+    low-pass, for the shape; the mesh follows it. ``iterations``: steps of the second one, with the renderers' low-pass,
+    for the pictures. ``smooth_centres``, ``smooth_colours``: how strongly neighbouring Gaussians move and change colour
+    together; less fits the inputs better and other views worse. ``seed`` orders the views.
+    """
 
     resolution: int = 96
-    """Voxels along a side of a cube as large as the object's box, for the hull."""
     gaussians: int = 15_000
-    """Approximate number of Gaussians on the hull's surface."""
     shape_iterations: int = 200
-    """Steps of the first optimisation, one view each: without a low-pass, for the shape. The mesh follows it."""
     iterations: int = 100
-    """Steps of the second optimisation: with the renderers' low-pass, for the pictures."""
     smooth_centres: float = 0.1
-    """How strongly neighbouring Gaussians move together; less fits the inputs better and other views worse."""
     smooth_colours: float = 0.3
-    """The same for their colours."""
-    carry_mesh: bool = True
-    """Whether the hull's mesh follows the Gaussians' shape; without it the mesh stays exactly the hull's."""
     seed: int = 0
-    """Orders the views."""
-    threads: int = 0
-    """Rendering threads, 0 for one per core; the result does not depend on them."""
 
 
 def _build(config: SplatConfig) -> Reconstructor:

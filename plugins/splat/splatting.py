@@ -12,14 +12,13 @@ A low-pass widens every silhouette by more than half a pixel, and Gaussians shri
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
@@ -28,6 +27,9 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import Floats
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.reconstruction.rasteriser import Frame, Rasteriser, backward, forward
+
+if TYPE_CHECKING:
+    from gvla2_plugins.splat import SplatConfig
 
 MARGIN = 8
 """Pixels of background kept around a mask, so that spill-over is penalised."""
@@ -53,11 +55,8 @@ class Target:
 
 def targets(views: Views) -> tuple[Target, ...]:
     """One target per view; views without a mask, or with an empty one, give none."""
-    return tuple(_cut(view, view.mask) for view in views if view.mask is not None and _shows(view.mask))
-
-
-def _shows(mask: Floats) -> bool:
-    return int((mask > 0.5).sum()) >= LEAST_PIXELS
+    masked = [(view, view.mask) for view in views if view.mask is not None]
+    return tuple(_cut(view, mask) for view, mask in masked if (mask > 0.5).sum() >= LEAST_PIXELS)
 
 
 def _cut(view: View, mask: Floats) -> Target:
@@ -82,71 +81,33 @@ def _cut(view: View, mask: Floats) -> Target:
     return Target(camera, np.ascontiguousarray(image), np.ascontiguousarray(part), weight)
 
 
-_LEARNT = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
+_FITTED = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
+_RATE_CENTRES, _RATES, _FINAL_RATE = 0.15, (0.01, 0.005, 0.02, 0.02), 0.1
+"""Adam's first step sizes: of centres in spacings of the Gaussians, of the others in their own units; and the share of
+themselves that all fall to."""
+_WEIGHT_ALPHA = 0.5  # of the silhouette's L1 against the colour's
 _NEIGHBOURS = 8
 _MOMENTUM, _SQUARES = 0.9, 0.999  # Adam's
 _ALPHA_SLACK = 0.02  # an alpha this near to the mask is right
 _IOU_TOLERANCE = 0.01
 
 
-@dataclass(frozen=True)
-class SplatOptions:
-    """How far and how freely the Gaussians may go; the defaults suit five views of one object.
-
-    ``iterations`` one view each. Rates are Adam's first step sizes: ``rate_centres`` in spacings of the Gaussians, the
-    others in their parameters' own units; all fall to ``final_rate`` of themselves. ``weight_alpha`` weighs the
-    silhouette's L1 against the colour's; ``smooth_centres`` and ``smooth_colours`` weigh the smoothness of the change;
-    ``low_pass`` is the renderer's, square pixels. ``seed`` orders the views; ``threads`` 0 means all cores, and changes
-    no result. Raises :class:`ConfigurationError` for invalid values.
-    """
-
-    iterations: int = 300
-    rate_centres: float = 0.15
-    rate_scales: float = 0.01
-    rate_rotations: float = 0.005
-    rate_opacities: float = 0.02
-    rate_colours: float = 0.02
-    final_rate: float = 0.1
-    weight_alpha: float = 0.5
-    smooth_centres: float = 0.1
-    smooth_colours: float = 0.3
-    low_pass: float = 0.3
-    seed: int = 0
-    threads: int = 0
-
-    def __post_init__(self) -> None:
-        negative = [f.name for f in fields(self) if f.name != "seed" and not getattr(self, f.name) >= 0]
-        if negative:
-            raise ConfigurationError(f"Splatting: {', '.join(negative)} must be at least 0, got {self}.")
-        if not 0 < self.final_rate <= 1:
-            raise ConfigurationError(f"Splatting: final_rate must be in (0, 1], got {self.final_rate}.")
-
-
 def optimise(
-    gaussians: Gaussians, views: Views, options: SplatOptions | None = None
+    gaussians: Gaussians, views: Views, config: SplatConfig, iterations: int, low_pass: float = 0.3
 ) -> tuple[Gaussians, StageReport]:
-    """Fit Gaussians to the views' colours and masks.
+    """Fit Gaussians to the views' colours and masks, in ``iterations`` of one view each.
 
-    ``gaussians`` in the world frame, near the object; higher harmonics are kept and not learnt. The report's measures
-    are ``psnr`` of the inputs (dB, the object's window on white) and ``iou`` of rendered alpha with the masks. If
-    either got worse the original Gaussians are returned, status ``rejected``; with nothing to fit, ``skipped``.
-    Deterministic for a seed.
+    ``gaussians`` in the world frame, near the object; higher harmonics are kept as they are. ``low_pass`` is the
+    renderer's, square pixels. The report's measures are ``psnr`` of the inputs (dB, the object's window on white) and
+    ``iou`` of rendered alpha with the masks. If either got worse the original Gaussians are returned, status
+    ``rejected``; with nothing to fit, ``skipped``. Deterministic for a seed.
     """
-    options = options or SplatOptions()
-    start = time.perf_counter()
-    shown = targets(views)
-    if len(gaussians) == 0 or not shown or options.iterations == 0:
-        why = (
-            "no iterations"
-            if shown and len(gaussians)
-            else "no Gaussians"
-            if shown
-            else "no mask shows anything"
-        )
-        return gaussians, StageReport("splat", "skipped", f"There is nothing to fit: {why}.")
-    raster = Rasteriser(low_pass=options.low_pass, threads=options.threads)
+    start, shown = time.perf_counter(), targets(views)
+    if len(gaussians) == 0 or not shown or iterations == 0:
+        return gaussians, StageReport("splat", "skipped", "There is nothing to fit.")
+    raster = Rasteriser(low_pass=low_pass)
     before = _measure(gaussians, shown, raster)
-    fitted = _fit(gaussians, shown, options, raster)
+    fitted = _fit(gaussians, shown, config, iterations, raster)
     after = _measure(fitted, shown, raster)
     worse = after["psnr"] < before["psnr"] or after["iou"] < before["iou"] - _IOU_TOLERANCE
     return gaussians if worse else fitted, StageReport(
@@ -177,48 +138,34 @@ def carry(mesh: TriangleMesh, before: Gaussians, after: Gaussians) -> TriangleMe
 
 
 def _fit(
-    gaussians: Gaussians, shown: tuple[Target, ...], options: SplatOptions, raster: Rasteriser
+    gaussians: Gaussians, shown: tuple[Target, ...], config: SplatConfig, iterations: int, raster: Rasteriser
 ) -> Gaussians:
-    first = {name: getattr(gaussians, name) for name in _LEARNT}
+    first = {name: getattr(gaussians, name) for name in _FITTED}
     now = {name: np.array(array) for name, array in first.items()}
     graph, spacing = neighbour_graph(gaussians.centres)
-    count = len(gaussians)
-    pull_centres = np.float32(2 * options.smooth_centres / (spacing**2 * count))
-    pull_colours = np.float32(2 * options.smooth_colours / count)
-    rates = (
-        options.rate_centres * spacing,
-        options.rate_scales,
-        options.rate_rotations,
-        options.rate_opacities,
-        options.rate_colours,
-    )
-    adam = {name: _Adam(now[name], rate) for name, rate in zip(_LEARNT, rates, strict=True)}
-    order = _order(len(shown), options)
-    for step, index in enumerate(order):
+    pull_centres = np.float32(2 * config.smooth_centres / (spacing**2 * len(gaussians)))
+    pull_colours = np.float32(2 * config.smooth_colours / len(gaussians))
+    rates = (_RATE_CENTRES * spacing, *_RATES)
+    adam = {name: _Adam(now[name], rate) for name, rate in zip(_FITTED, rates, strict=True)}
+    rng = np.random.default_rng(config.seed)
+    rounds = [rng.permutation(len(shown)) for _ in range(-(-iterations // len(shown)))]
+    for step, index in enumerate(np.concatenate(rounds)[:iterations]):
         target = shown[index]
         frame = forward(Gaussians(**now, sh_rest=gaussians.sh_rest), target.camera, rasteriser=raster)
-        found = backward(frame, *_slopes(frame, target, options.weight_alpha))
-        gradients = {name: getattr(found, name) for name in _LEARNT}
+        found = backward(frame, *_slopes(frame, target))
+        gradients = {name: getattr(found, name) for name in _FITTED}
         gradients["centres"] += pull_centres * (graph @ (now["centres"] - first["centres"]))
         gradients["sh_dc"] += pull_colours * (graph @ (now["sh_dc"] - first["sh_dc"]))
-        decay = options.final_rate ** (step / len(order))
-        for name in _LEARNT:
-            adam[name].step(gradients[name], decay)
+        for name in _FITTED:
+            adam[name].step(gradients[name], _FINAL_RATE ** (step / iterations))
     return Gaussians(**now, sh_rest=gaussians.sh_rest)
 
 
-def _order(views: int, options: SplatOptions) -> FloatArray:
-    """(iterations,) indices of views: each round takes every view once, in a random order."""
-    rng = np.random.default_rng(options.seed)
-    rounds = -(-options.iterations // views)
-    return np.concatenate([rng.permutation(views) for _ in range(rounds)])[: options.iterations]
-
-
-def _slopes(frame: Frame, target: Target, weight_alpha: float) -> tuple[Floats, Floats]:
+def _slopes(frame: Frame, target: Target) -> tuple[Floats, Floats]:
     """Gradients of the loss at image and alpha: L1 of both, weighted; alphas near enough to the mask are right."""
     off = frame.alpha - target.mask
     to_image = np.sign(frame.image - target.image) * (target.weight / np.float32(3))[..., None]
-    to_alpha = np.float32(weight_alpha) * np.sign(off) * target.weight * (np.abs(off) > _ALPHA_SLACK)
+    to_alpha = np.float32(_WEIGHT_ALPHA) * np.sign(off) * target.weight * (np.abs(off) > _ALPHA_SLACK)
     return to_image, to_alpha
 
 

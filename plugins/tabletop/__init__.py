@@ -49,26 +49,6 @@ class PickAndLiftConfig(ScaledConfig):
 
 
 @dataclass
-class PushBlockConfig(ScaledConfig):
-    """Options of ``push_block``; metres and kilograms. ``distance`` is from the block to the target's centre."""
-
-    size: float = 0.0563
-    mass: float = 0.356
-    target: float = 0.10
-    distance: tuple[float, float] = (0.15, 0.30)
-
-
-@dataclass
-class LampOnConfig(ScaledConfig):
-    """Options of ``lamp_on``; metres, N/m. ``height`` is the button's top above the table."""
-
-    diameter: float = 0.033
-    height: float = 0.024
-    travel: float = 0.010
-    stiffness: float = 400.0
-
-
-@dataclass
 class OpenJarConfig(ScaledConfig):
     """Options of ``open_jar``. ``turn`` (degrees, counter-clockwise) is where the lid comes loose.
 
@@ -87,7 +67,7 @@ class OpenBoxConfig(ScaledConfig):
 
 _TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
     ("put_block", ScaledConfig, "Put a block on a painted square."),
-    ("push_block", PushBlockConfig, "Push a block onto a square painted on the table."),
+    ("push_block", ScaledConfig, "Push a block onto a square painted on the table."),
     ("play_jenga", ScaledConfig, "Pull the loose brick out of a tower that keeps standing."),
     ("open_jar", OpenJarConfig, "Unscrew the lid of the jar of the named colour."),
     ("close_box", ScaledConfig, "Close the hinged lid of a box."),
@@ -96,7 +76,7 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
     ("take_umbrella", ScaledConfig, "Pull an umbrella out of its stand."),
     ("sort_mustard", ScaledConfig, "Put the mustard bottle into the tray."),
     ("open_wine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
-    ("lamp_on", LampOnConfig, "Press the sprung button of a lamp."),
+    ("lamp_on", ScaledConfig, "Press the sprung button of a lamp."),
     ("put_knife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
     ("pick_and_lift", PickAndLiftConfig, "Lift the cube of the named colour, beside others."),
     ("insert_block", ScaledConfig, "Slip a square ring over the pillar of the named colour."),

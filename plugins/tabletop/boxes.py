@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
+from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.solids import tray
-from gvla2.robot.task import Body, Joint, Layout, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Joint, Layout, TaskInstance
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
-from gvla2_plugins.tabletop.moves import UP, best_path, take, through
-from gvla2_plugins.tabletop.scenes import Draw, TabletopTask, box, lifted, scaled
+from gvla2_plugins.tabletop.scenes import UP, Draw, TabletopTask, box, lifted, scaled
 
 BOX, WALL = (0.25, 0.35, 0.15), 0.01
 LID, LID_MASS = (0.268, 0.35, 0.01), 0.938
@@ -159,42 +157,6 @@ LIP_REACH, STANDOFF = 0.006, 0.06
 OPENED, FALLS = 1.8, 1.0
 """How far the lid is swung open, and from which opening it falls shut by itself; radians."""
 
-_BOX = ("box", "lid", "table")
-
-
-def swing_open(lid_box: LidBox) -> Solution:
-    """Grasp the lip from the front, fingers above and below, and go round the hinge with it."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        paths = [lip_path(lid_box, np.linspace(0.0, OPENED, 9), LIP_REACH, sign) for sign in (1.0, -1.0)]
-        before = [path[0] @ lifted(-STANDOFF) for path in paths]
-        best = best_path(arm, [[first, *path] for first, path in zip(before, paths, strict=True)])
-        grasp, *swing = paths[best]
-        yield [
-            *take(before[best], grasp, 0.6, _BOX),
-            *through("swing", swing, 0.0, speed=0.12, contacts=_BOX, tolerance=0.02),
-        ]
-
-    return solve
-
-
-def push_shut(lid_box: LidBox) -> Solution:
-    """Hook closed fingers behind the lid's edge and pull it over the hinge; it falls the rest of the way."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        angles = np.linspace(TRAVEL, FALLS, 9)
-        paths = shut_paths(lid_box, angles)
-        above, behind, *push = paths[best_path(arm, paths)]
-        yield [
-            *through("approach", [above], 0.0, free=True, contacts=_BOX),
-            *through("lower", [behind], 0.0, contacts=_BOX),
-            *through("push", push, 0.0, contacts=_BOX, tolerance=0.02),
-            *through("leave", [lifted(0.12) @ push[-1]], 0.0, contacts=_BOX),
-        ]
-
-    return solve
-
-
 OPEN = np.pi / 2
 """Travel of the lid that counts, radians."""
 
@@ -238,7 +200,6 @@ class OpenBox(TabletopTask[OpenBoxConfig]):
             lambda world: world.peak("hinge") > OPEN,
             lambda world: world.joint("hinge") > OPEN,
             "relaxed: the lid was opened by more than 90 degrees; strict: it still is",
-            swing_open(lid_box),
             colour=colours[0],
         )
 
@@ -274,6 +235,5 @@ class CloseBox(TabletopTask[ScaledConfig]):
             lambda world: world.joint("hinge") > SHUT_RELAXED,
             lambda world: world.joint("hinge") > SHUT_STRICT,
             f"relaxed: the lid has come {SHUT_RELAXED} rad of its {TRAVEL:.3f}; strict: {SHUT_STRICT} rad",
-            push_shut(lid_box),
             colour=colours[0],
         )

@@ -225,7 +225,7 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
 """How the objects of each kind are made."""
 
 NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
-"""Options of a published task without which its objects may stand where the arm cannot do what is to be learnt."""
+"""Options of a published task that keep its objects where the arm can do what is to be learned."""
 
 NAMING = MappingProxyType(
     {
@@ -285,7 +285,6 @@ class Learnable:
             made,
             instruction=sentence if instruction is None else instruction,
             goal=f"{made.goal} (a world with something to learn)",
-            solution=None,  # the scripted solution assumes published behaviour
         )
 
     def _chosen(self, rng: np.random.Generator, instruction: str | None) -> Family:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.arm import Arm
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import clear, planar
 from gvla2.robot.solids import Volume, body_points, cup, on, tray
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig, ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_closing, both, pick
 from gvla2_plugins.tabletop.scenes import Draw, Rgb, TabletopTask, box, cylinder, lifted, scaled
 
 START_VOLUME = (0.30, 0.30, 0.03)
@@ -83,7 +78,6 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
             strict,
             f"relaxed: the {colours[target]} cube has left its place on the table; "
             f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table{aside}",
-            hold_up(cube.name, size, SENSOR_HEIGHT - size / 2),
             colour=colours[own],
         )
 
@@ -110,18 +104,6 @@ def _scattered(draw: Draw, root: FloatArray, half: FloatArray, count: int) -> tu
     spots = draw.rng.uniform(-half, half, size=(count, 2))
     yaws = draw.rng.uniform(-np.pi, np.pi, size=count)
     return transform_points(root, np.column_stack([spots, np.zeros(count)]))[:, :2], yaws.tolist()
-
-
-def hold_up(obj: str, side: float, lift: float) -> Solution:
-    """Grasp the cube ``obj`` from above and hold it up."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(obj)
-        grasp = pose[:3, 3] + UP * max(0.0, 0.5 * side - 0.03)
-        closing = best_closing(arm, [grasp, grasp + UP * lift], both(pose[:3, 0], pose[:3, 1]))
-        yield pick(obj, grasp, closing, lift)
-
-    return solve
 
 
 DIAMETER, HEIGHT, CUP_WALL, CUP_MASS = 0.093, 0.147, 0.004, 0.053
@@ -168,7 +150,6 @@ class PickupCup(TabletopTask[ScaledConfig]):
             done,
             done,
             f"the fingers hold the {colours[target]} cup, out of the place where it stood{aside}",
-            by_the_rim(body.name, diameter, height, CUP_WALL),
             colour=colours[0],
         )
 
@@ -181,29 +162,6 @@ class PickupCup(TabletopTask[ScaledConfig]):
         if not all(draw.in_reach(xy, height - 0.02, height + 0.2) for xy in centres):
             return None
         return [planar(xy, draw.site.table_height, yaw) for xy, yaw in zip(centres, yaws, strict=True)]
-
-
-RIM_DEPTH, LIFT = 0.02, 0.15
-
-
-def by_the_rim(obj: str, diameter: float, height: float, wall: float) -> Solution:
-    """Lift an open cylinder, its origin in the middle of its underside, by the wall."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(obj)
-        best = (-1.0, pose[:3, 3], pose[:3, 0])
-        for outward in around(UP, pose[:3, 0], 16):
-            point = pose[:3, 3] + outward * (diameter - wall) / 2 + UP * (height - RIM_DEPTH)
-            for closing in (outward, -outward):
-                margins = [
-                    -1.0 if found is None else found.limit_margin
-                    for z in (0.0, LIFT)
-                    for found in [arm.inverse(rigid(grasp_rotation(DOWN, closing), point + z * UP))]
-                ]
-                best = max(best, (min(margins), point, closing), key=lambda choice: choice[0])
-        yield pick(obj, best[1], best[2], LIFT)
-
-    return solve
 
 
 STAND, STAND_WALL = (0.10, 0.10, 0.20), 0.005
@@ -250,7 +208,6 @@ class TakeUmbrella(TabletopTask[ScaledConfig]):
             done,
             done,
             f"the {colour} umbrella has left the stand",
-            pull_up("umbrella", k * HANDLE_AT + 0.01, size[2] + 0.01, "stand"),
             colour=colour,
         )
 
@@ -270,15 +227,3 @@ def _umbrella(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
         cylinder(k * SHAFT, folds, low, SHAFT_RGB),
         cylinder(k * HANDLE[0], low, high, rgb),
     )
-
-
-def pull_up(obj: str, height: float, lift: float, holder: str) -> Solution:
-    """Grasp an upright ``obj`` from above at ``height`` over its origin and lift it by ``lift``; metres."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(obj)
-        grasp = transform_points(pose, (0.0, 0.0, height))
-        closing = best_closing(arm, [grasp, grasp + UP * lift], around(UP, pose[:3, 0], 8))
-        yield pick(obj, grasp, closing, lift, contacts=(holder,), standoff=0.08)
-
-    return solve

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
+from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.placing import at
 from gvla2.robot.solids import tray
-from gvla2.robot.task import Body, Joint, Layout, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Joint, Layout, TaskInstance
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import UP, best_path, take, through
-from gvla2_plugins.tabletop.scenes import Draw, TabletopTask, box, lifted, scaled
+from gvla2_plugins.tabletop.scenes import UP, Draw, TabletopTask, box, lifted, scaled
 
 CABINET, BOARD = (0.24, 0.28, 0.16), 0.012
 INNER_GAP = 0.004
@@ -60,7 +57,6 @@ class OpenDrawer(TabletopTask[ScaledConfig]):
             lambda world: world.peak("slide") > OPEN,
             lambda world: world.joint("slide") > OPEN,
             f"relaxed: the drawer was pulled out by more than {OPEN:g} m; strict: it still is",
-            pull_handle("drawer", ("cabinet",), handle_paths(root, self.scale)),
             colour=colour,
         )
 
@@ -125,18 +121,3 @@ def handle_path(root: FloatArray, k: float, sign: float, lean: float) -> list[Fl
     turned = grasp_rotation(approach, sign * (np.cos(lean) * UP - np.sin(lean) * out))
     bar = at(root, -k * (CABINET[0] / 2 + BAR_OUT), 0.0, k * BAR_HEIGHT)[:3, 3]
     return [rigid(turned, spot) for spot in (bar - STANDOFF * approach, bar, bar + PULL * out)]
-
-
-def pull_handle(obj: str, near: Sequence[str], ways: Sequence[Sequence[FloatArray]]) -> Solution:
-    """One of several ways of tool poses (4, 4): before the handle, at it, pulled."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        before, grasp, pulled = ways[best_path(arm, ways)]
-        contacts = {obj, *near, "table"}
-        yield [
-            *take(before, grasp, 0.6, contacts, touching=False),
-            *through("pull", [pulled], 0.0, speed=0.1, contacts=contacts, tolerance=0.02),
-            *through("release", [pulled], 0.6, contacts=contacts),
-        ]
-
-    return solve

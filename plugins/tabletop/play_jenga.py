@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
+from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.placing import at
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, best_path, let_go, take, through
-from gvla2_plugins.tabletop.scenes import PAINT, Draw, TabletopTask, box, scaled
+from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, TabletopTask, box, scaled
 
 BRICK, MASS = (0.2, 0.067, 0.033), 0.448
 LOOSE = 0.9
@@ -83,7 +79,6 @@ class PlayJenga(TabletopTask[ScaledConfig]):
             relaxed,
             strict,
             f"relaxed: the {colour} brick is over the {circle} circle; strict: let go of, and the others stand",
-            pull_brick(root, k, [b.name for b in bricks]),
             colour=colour,
             target=circle,
         )
@@ -129,19 +124,3 @@ def brick_paths(root: FloatArray, brick: FloatArray, scale: float) -> list[list[
     down[2] = root[2, 3] + scale * LOOSE * BRICK[2] / 2 + 0.003
     points = [grasp - CLEAR * DOWN, grasp, drawn, aside, down, down - CLEAR * DOWN]
     return [[rigid(turned @ np.diag([s, s, 1.0]), point) for point in points] for s in (1.0, -1.0)]
-
-
-def pull_brick(root: FloatArray, scale: float, bricks: list[str]) -> Solution:
-    """Pull the body ``loose`` out of the tower of ``bricks`` and lay it on the goal."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        ways = brick_paths(root, world.pose("loose"), scale)
-        above, grasp, drawn, aside, down, away = ways[best_path(arm, ways)]
-        near = {"table", *bricks}
-        yield [
-            *take(above, grasp, 0.95, near),
-            *through("pull", [drawn, aside, down], 0.0, contacts=near, carries="loose"),
-            *let_go(down, away, 1.0, near),
-        ]
-
-    return solve

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import planar
 from gvla2.robot.solids import Volume
-from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, Solution, TaskInstance, WorldState
-from gvla2_plugins.tabletop import LampOnConfig, PushBlockConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_closing, stop
-from gvla2_plugins.tabletop.scenes import PAINT, Draw, TabletopTask, box, lifted
+from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, TabletopTask, box, lifted
+
+SIZE, MASS, TARGET, DISTANCE = 0.0563, 0.356, 0.10, (0.15, 0.30)
+"""Side of the block and of the target, metres; kilograms; distance of the block from the target's centre, metres."""
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""
@@ -25,7 +22,7 @@ ROOM_BEHIND = 0.08
 """How far behind the block, seen from the target, the hand must reach to push it, metres."""
 
 
-class PushBlock(TabletopTask[PushBlockConfig]):
+class PushBlock(TabletopTask[ScaledConfig]):
     """Push the block onto the target.
 
     relaxed: the block's centre is above the painted square and the block lies on the table. strict: the block
@@ -41,24 +38,13 @@ class PushBlock(TabletopTask[PushBlockConfig]):
         "without lifting it, push the {colour} block until it is on the {target} target",
     )
 
-    def check(self, config: PushBlockConfig) -> None:
-        """Sizes and distances must be positive."""
-        near, far = config.distance
-        if min(config.size, config.mass, config.target, near) <= 0 or near > far:
-            raise ConfigurationError(
-                "task=push_block needs positive size, mass, target and an increasing distance range, got "
-                f"size={config.size}, mass={config.mass}, target={config.target}, distance=({near}, {far})."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
-        size, side, table = self.scale * self.config.size, self.config.target, draw.site.table_height
+        size, table = self.scale * SIZE, draw.site.table_height
         start, spot = draw.until(lambda: self._poses(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
-        block = Body(
-            "block", (box([size] * 3, COLOURS[colour]),), start, self.config.mass, label=f"{colour} cube"
-        )
-        paint = box((side, side, PAINT), COLOURS[target_colour], collides=False)
+        block = Body("block", (box([size] * 3, COLOURS[colour]),), start, MASS, label=f"{colour} cube")
+        paint = box((TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
         target = Body("target", (paint,), spot, fixed=True, label=f"{target_colour} square")
         middle = rigid(spot[:3, :3], (spot[0, 3], spot[1, 3], table + CENTRE_VOLUME / 2))
         volume = Volume(middle, (CENTRE_VOLUME, CENTRE_VOLUME, CENTRE_VOLUME))
@@ -66,7 +52,7 @@ class PushBlock(TabletopTask[PushBlockConfig]):
         def relaxed(world: WorldState) -> bool:
             now = world.pose("block")[:3, 3]
             offset = transform_points(invert_rigid(spot), now)
-            return bool((np.abs(offset[:2]) <= side / 2).all() and now[2] < table + size)
+            return bool((np.abs(offset[:2]) <= TARGET / 2).all() and now[2] < table + size)
 
         return draw.instance(
             Layout((block, target)),
@@ -74,24 +60,23 @@ class PushBlock(TabletopTask[PushBlockConfig]):
             lambda world: volume.meets(block, world.pose("block")),
             f"relaxed: the {colour} block's centre is on the {target_colour} square; "
             "strict: the block covers the square's centre",
-            push_to("block", "target", size),
             colour=colour,
             target=target_colour,
         )
 
     def _poses(self, draw: Draw, size: float) -> tuple[FloatArray, FloatArray] | None:
         """Poses (4, 4) of the block's and the paint's centre; None when one is out of place."""
-        root, side = draw.root(), self.config.target
-        distance = float(draw.rng.uniform(*self.config.distance))
+        root = draw.root()
+        distance = float(draw.rng.uniform(*DISTANCE))
         direction, block_yaw, target_yaw = draw.rng.uniform(-np.pi, np.pi, size=3)
         start = root[:2, 3]
         towards = np.array([np.cos(direction), np.sin(direction)])
         goal = start + distance * towards
-        free = distance - (size + side) / np.sqrt(2.0) > 0
+        free = distance - (size + TARGET) / np.sqrt(2.0) > 0
         if (
             not free
             or not draw.inside(start, size / np.sqrt(2.0))
-            or not draw.inside(goal, side / np.sqrt(2))
+            or not draw.inside(goal, TARGET / np.sqrt(2))
         ):
             return None
         if not all(draw.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
@@ -103,39 +88,11 @@ class PushBlock(TabletopTask[PushBlockConfig]):
         )
 
 
-def push_to(obj: str, goal: str, size: float) -> Solution:
-    """Push the cube ``obj`` of that ``size`` over the table until its middle is on the origin of ``goal``.
-
-    Two pushes: the second corrects the first one's drift from friction.
-    """
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        for share in (0.6, 1.0):
-            block, target = world.pose(obj), world.pose(goal)[:3, 3]
-            way = (target - block[:3, 3]) * (1.0, 1.0, 0.0)
-            ahead = way / np.linalg.norm(way)
-            half_width = 0.5 * size / float(np.max(np.abs(block[:3, :2].T @ ahead)))
-            behind = half_width + 0.5 * arm.hand.finger_breadth
-            height = UP * (block[2, 3] - 0.2 * size)
-            flat = np.array([1.0, 1.0, 0.0])
-            start = block[:3, 3] * flat - ahead * (behind + 0.025) + height
-            end = (block[:3, 3] + share * way) * flat - ahead * behind + height
-            across = np.cross(UP, ahead)
-            closing = best_closing(arm, [start + 0.08 * UP, start, end], [across, -across])
-            near = {obj, "table"}
-            yield [
-                stop("approach", start + 0.08 * UP, 0.0, DOWN, closing, free=True),
-                stop("lower", start, 0.0, contacts=near),
-                stop("push", end, 0.0, speed=0.1, contacts=near),
-                stop("back", end - 0.04 * ahead, 0.0, contacts=near),
-                stop("leave", end - 0.04 * ahead + 0.1 * UP, 0.0, contacts=near),
-            ]
-
-    return solve
-
-
 EASED_TRAVEL, STRICT_TRAVEL = 0.003, 0.0075
 """Travel of the button that counts, metres."""
+
+DIAMETER, HEIGHT, TRAVEL, STIFFNESS = 0.033, 0.024, 0.010, 400.0
+"""The button: its top above the table and its travel, metres; N/m."""
 
 BASE = (0.16, 0.08, 0.010)
 BUTTON_X, POST_X = -0.045, 0.045
@@ -153,7 +110,7 @@ PRELOAD = 0.002
 """How far beyond its stop the spring rests, metres: the button carries its own weight without sinking."""
 
 
-class LampOn(TabletopTask[LampOnConfig]):
+class LampOn(TabletopTask[ScaledConfig]):
     """Press the button of a lamp. Success is the largest travel of the button, since a spring brings it back.
 
     relaxed: more than 3 mm. strict: more than 7.5 mm, of 10 mm.
@@ -168,21 +125,12 @@ class LampOn(TabletopTask[LampOnConfig]):
         "press the lamp's button",
     )
 
-    def check(self, config: LampOnConfig) -> None:
-        """The button must be able to go down by its travel."""
-        if not 0 < config.travel < config.height - BASE[2] or config.diameter <= 0 or config.stiffness <= 0:
-            raise ConfigurationError(
-                f"task=lamp_on needs a button that stands out of its base ({BASE[2]} m) by more than its travel, "
-                f"got height={config.height}, travel={config.travel}, diameter={config.diameter}, "
-                f"stiffness={config.stiffness}."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A lamp and its button."""
         root = draw.until(lambda: self._root(draw), "a lamp")
         (colour,) = draw.colours(1, beside=(BASE_RGB, POST_RGB, SHADE_RGB))
-        travel, height = self.config.travel, self.config.height - BASE[2]
-        diameter, post_top = self.scale * self.config.diameter, BASE[2] + POST[2]
+        height = HEIGHT - BASE[2]
+        diameter, post_top = self.scale * DIAMETER, BASE[2] + POST[2]
         solids = (
             Primitive("box", BASE, BASE_RGB, lifted(BASE[2] / 2)),
             Primitive("cylinder", POST, POST_RGB, lifted(BASE[2] + POST[2] / 2, POST_X)),
@@ -193,8 +141,8 @@ class LampOn(TabletopTask[LampOnConfig]):
         plate = Primitive("cylinder", (diameter, diameter, height), COLOURS[colour])
         button = Body("button", (plate,), centre, mass=0.02, label=f"{colour} button")
         slide = Joint(
-            "press", "prismatic", "lamp", "button", axis=DOWN, origin=centre[:3, 3], limits=(0.0, travel),
-            rest=-PRELOAD, stiffness=self.config.stiffness, damping=4.0,
+            "press", "prismatic", "lamp", "button", axis=DOWN, origin=centre[:3, 3], limits=(0.0, TRAVEL),
+            rest=-PRELOAD, stiffness=STIFFNESS, damping=4.0,
         )  # fmt: skip
         return draw.instance(
             Layout((lamp, button), (slide,), (Glow("lamp", SHADE_SOLID, "press", STRICT_TRAVEL, LIT_RGB),)),
@@ -202,7 +150,6 @@ class LampOn(TabletopTask[LampOnConfig]):
             lambda world: world.peak("press") > STRICT_TRAVEL,
             f"relaxed: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "
             f"strict: by more than {STRICT_TRAVEL * 1000:g} mm",
-            press("button", "lamp", height / 2, travel),
             colour=colour,
         )
 
@@ -212,22 +159,4 @@ class LampOn(TabletopTask[LampOnConfig]):
         button = transform_points(root, (BUTTON_X, 0.0, 0.0))[:2]
         if not draw.inside(root[:2, 3], 0.5 * float(np.hypot(BASE[0], BASE[1]))):
             return None
-        return root if draw.in_reach(button, 0.01, self.config.height + 0.15) else None
-
-
-def press(button: str, beside: str, top: float, travel: float) -> Solution:
-    """Press the body ``button``, whose upper face is ``top`` over its origin, down by ``travel``; metres."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(button)
-        face = transform_points(pose, (0.0, 0.0, top)) + UP * arm.hand.tip_beyond_tcp
-        above, down = face + 0.06 * UP, face - UP * travel
-        closing = best_closing(arm, [above, down], around(UP, pose[:3, 0], 8))
-        near = {button, beside, "table"}
-        yield [
-            stop("approach", above, 0.0, DOWN, closing, free=True, contacts=near),
-            stop("press", down, 0.0, speed=0.05, contacts=near),
-            stop("leave", above, 0.0, contacts=near),
-        ]
-
-    return solve
+        return root if draw.in_reach(button, 0.01, HEIGHT + 0.15) else None

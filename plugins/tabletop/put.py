@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.placing import at, clear, planar, sample_until
 from gvla2.robot.solids import Volume, on, tray
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import put_on
 from gvla2_plugins.tabletop.scenes import (
     Draw,
     Rgb,
@@ -64,7 +61,6 @@ class PutBlock(TabletopTask[ScaledConfig]):
             lambda world: centre.holds(world.pose("block")[:3, 3]),
             f"relaxed: the {colour} block touches the {target_colour} square; strict: its centre is within "
             f"{STRICT_AREA / 2 * 1000:g} mm of the square's, along both sides",
-            put_on("block", "target", np.full(3, size)),
             colour=colour,
             target=target_colour,
         )
@@ -118,13 +114,11 @@ class MoveSprayBottle(TabletopTask[ScaledConfig]):
         def strict(world: WorldState) -> bool:
             return relaxed(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
 
-        size = self.scale * np.array([0.10, HEAD[1], TANK[1] + NECK[1] + HEAD[2]])
         return draw.instance(
             Layout((bottle, square(spot, SPRAY_TARGET, target_colour))),
             relaxed,
             strict,
             f"relaxed: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
-            put_on("bottle", "target", size, base=True, depth=0.02),
             colour=colour,
             target=target_colour,
         )
@@ -201,9 +195,6 @@ class SortMustard(TabletopTask[ScaledConfig]):
             done,
             done,
             "the mustard bottle rests in the tray, let go of",
-            put_on(
-                "bottle", "tray", np.asarray(size), base=True, rise=TRAY_WALL, lift=0.10, depth=GRASP_DEPTH
-            ),
         )
 
     def _poses(self, draw: Draw, size: tuple[float, float, float]) -> list[FloatArray] | None:
@@ -245,7 +236,7 @@ MASS, GAP, OVER, ASIDE = 0.1, 0.05, 0.10, 0.035
 """Metres, kilograms: an object is in a bin when its middle is within its walls, no higher than ``OVER``. Two objects of
 one colour fit ``ASIDE`` of the bin's middle, on either side."""
 
-TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
+TOGETHER, ONE_BY_ONE, RESTARTS = 1000, 200, 50
 """Number of draws of all five places together, of single places before starting over, and of restarts."""
 
 
@@ -296,7 +287,6 @@ class SortObject(TabletopTask[ScaledConfig]):
             relaxed,
             lambda world: relaxed(world) and all(world.resting(obj.name) for obj in objects),
             "relaxed: each object is in the bin of its colour; strict: at rest there, let go of",
-            self._solution(belongs),
             one=colours[0],
             other=colours[1],
         )
@@ -304,29 +294,16 @@ class SortObject(TabletopTask[ScaledConfig]):
     def _sizes(self) -> list[Sides]:
         return [scaled(self.scale, size) for size in OBJECTS.values()]
 
-    def _solution(self, belongs: list[int]) -> Solution:
-        def solve(world: WorldState, arm: Arm) -> Iterator[Sequence[Waypoint]]:
-            for i, (name, size) in enumerate(zip(OBJECTS, self._sizes(), strict=True)):
-                shares = belongs.count(belongs[i]) > 1
-                aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares
-                put = put_on(
-                    name, f"bin_{belongs[i]}", np.array(size), rise=BIN_WALL, offset=np.array([aside, 0.0, 0.0]),
-                    contacts=("bin_0", "bin_1", *OBJECTS),
-                )  # fmt: skip
-                yield from put(world, arm)
-
-        return solve
-
     def _poses(self, draw: Draw) -> list[FloatArray]:
         """Poses (4, 4) of the undersides of both bins and the three objects: drawn at once, where there is room."""
         for _ in range(TOGETHER):
             roots = [draw.root() for _ in range(5)]
             if self._apart(draw, roots) and all(_reached(draw, i, roots[i]) for i in (2, 3, 4, 0, 1)):
                 return roots
-        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", AFRESH)
+        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", RESTARTS)
 
     def _one_by_one(self, draw: Draw) -> list[FloatArray] | None:
-        """Each object beside those that lie already: for a small reach, where five together hardly ever fit."""
+        """Each object beside those already placed: for a small reach, where five together hardly ever fit."""
         roots: list[FloatArray] = []
         for _ in range(ONE_BY_ONE):
             root = draw.root()

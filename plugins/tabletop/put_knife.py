@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.arm import Arm
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
+from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.placing import at, clear
 from gvla2.robot.solids import on
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, let_go, raised, take, through
-from gvla2_plugins.tabletop.scenes import Draw, Rgb, TabletopTask, box, lifted, scaled
+from gvla2_plugins.tabletop.scenes import (
+    DOWN,
+    UP,
+    Draw,
+    Rgb,
+    TabletopTask,
+    around,
+    box,
+    lifted,
+    raised,
+    scaled,
+)
 
 BLOCK, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
 SLOT = (0.027, 0.006, 0.125)
@@ -71,7 +78,6 @@ class PutKnife(TabletopTask[ScaledConfig]):
             relaxed,
             lambda world: relaxed(world) and world.resting("knife"),
             "relaxed: the knife is on the middle of the board, let go of; strict: and lies still",
-            draw_knife(root, k),
             colour=colour,
         )
 
@@ -148,25 +154,6 @@ def knife_paths(knife: FloatArray, board: FloatArray, scale: float) -> Paths:
                 lays.append([raised(down, ABOVE), down])
             ways.append((out, lays))
     return ways
-
-
-def draw_knife(board: FloatArray, scale: float) -> Solution:
-    """Draw the body ``knife`` out of the body ``block`` and lay it on the body ``board``."""
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        ways = knife_paths(world.pose("knife"), board, scale)
-        (before, grasp, out), lays = ways[best_path(arm, [out for out, _ in ways])]
-        above, down = lays[best_path(arm, lays)]
-        near, lying = {"knife", "block", "table"}, {"board", "knife"}
-        yield [
-            *take(before, grasp, 0.6, near, touching=False),
-            *through("draw", [out], 0.0, speed=0.1, contacts=near, carries="knife"),
-            *through("carry", [above], 0.0, free=True, carries="knife"),
-            *through("lower", [down], 0.0, speed=0.1, contacts=lying, carries="knife"),
-            *let_go(down, above, 0.6, lying),
-        ]
-
-    return solve
 
 
 def _pointing_down(blade: FloatArray, along_x: bool) -> FloatArray:

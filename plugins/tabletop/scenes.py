@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
 from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 
 T = TypeVar("T")
@@ -20,6 +21,8 @@ C = TypeVar("C", bound=ScaledConfig)
 Rgb = tuple[float, float, float]
 Sides = tuple[float, float, float]
 Check = Callable[[WorldState], bool]
+
+DOWN, UP = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 
 PAINT = 0.0005
 """Thickness of what is painted on the table, metres."""
@@ -89,7 +92,6 @@ class Draw:
         relaxed: Check,
         strict: Check,
         goal: str,
-        solution: Solution,
         *,
         image_size: int = 0,
         **words: str,
@@ -102,7 +104,6 @@ class Draw:
             {"relaxed": relaxed, "strict": strict},
             goal,
             image_size=image_size,
-            solution=solution,
         )
 
 
@@ -120,7 +121,7 @@ class TabletopTask(ABC, Generic[C]):
         self.check(config)
 
     def check(self, config: C) -> None:
-        """Raise :class:`ConfigurationError` for options that cannot be."""
+        """Raise :class:`ConfigurationError` for invalid options."""
 
     @abstractmethod
     def lay_out(self, draw: Draw) -> TaskInstance:
@@ -162,3 +163,14 @@ def square(place: FloatArray, side: float, colour: str, name: str = "target") ->
     """A square painted on the table about the pose ``place`` (4, 4); ``side`` in metres."""
     paint = box((side, side, PAINT), COLOURS[colour], collides=False)
     return Body(name, (paint,), place @ lifted(PAINT / 2), fixed=True, label=f"{colour} square")
+
+
+def around(axis: FloatArray, start: FloatArray, count: int) -> list[FloatArray]:
+    """``count`` directions (3,): ``start`` turned evenly all the way about ``axis``."""
+    turns = 2.0 * np.pi * np.arange(count) / count
+    return [Rotation.from_rotvec(axis * turn).as_matrix() @ start for turn in turns]
+
+
+def raised(pose: FloatArray, height: float) -> FloatArray:
+    """The pose (4, 4) moved up by ``height`` metres."""
+    return rigid(translation=UP * height) @ pose

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.arm import Arm
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
-from gvla2.planning.trajectory import Waypoint, grasp_rotation
 from gvla2.robot.placing import at, clear
 from gvla2.robot.solids import Volume, on
-from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, Thread, WorldState
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, Thread, WorldState
 from gvla2_plugins.tabletop import OpenJarConfig, ScaledConfig
-from gvla2_plugins.tabletop.moves import DOWN, UP, around, best_path, let_go, raised, take, through
-from gvla2_plugins.tabletop.scenes import Draw, TabletopTask, box, cylinder, lifted, scaled, square
+from gvla2_plugins.tabletop.scenes import UP, Draw, TabletopTask, box, cylinder, lifted, scaled, square
 
 LID, LID_MASS = (0.074, 0.021), 0.05
 JAR = (0.066, 0.12)
@@ -74,17 +68,12 @@ class OpenJar(TabletopTask[OpenJarConfig]):
         jar, lid = bodies[2 * target : 2 * target + 2]
         about = Volume(lid.world_from_body, (LEFT, LEFT, LEFT_HEIGHT))
         put = on(place, (PUT, PUT), PUT_HEIGHT)
-        height = sizes[0][1]
         return draw.instance(
             Layout((*bodies, square(place, PATCH, patch, "patch")), threads=tuple(threads)),
             lambda world: not about.meets(lid, world.pose(lid.name)),
             lambda world: put.holds(world.pose(lid.name)[:3, 3]) and world.resting(lid.name),
             f"relaxed: the lid is off the {colours[target]} jar and away; "
             f"strict: it lies on the {patch} square{aside}",
-            unscrew(
-                lid.name, jar.name, turns=(np.deg2rad(105.0),), depth=0.3 * height, lift=0.12, ways=12,
-                put=("patch", height),
-            ),
             colour=colours[0],
             target=patch,
         )  # fmt: skip
@@ -164,13 +153,11 @@ class OpenWine(TabletopTask[ScaledConfig]):
         def done(world: WorldState) -> bool:
             return world.loose("thread") and not about.meets(cap, world.pose("cap"))
 
-        turn = float(np.deg2rad(165.0))
         return draw.instance(
             Layout((bottle, cap), threads=(_thread("thread", bottle, cap, RELEASE, (-np.pi, np.pi)),)),
             done,
             done,
             "the cap was turned by 150 degrees and has left the bottle's mouth",
-            unscrew("cap", "bottle", turns=(turn, -turn), depth=0.3 * size[2], lift=0.06, ways=4),
             image_size=512,
         )
 
@@ -179,55 +166,3 @@ class OpenWine(TabletopTask[ScaledConfig]):
         if not draw.inside(root[:2, 3], self.scale * BOTTLE[0] / 2):
             return None
         return root if draw.in_reach(root[:2, 3], top, top + 0.14) else None
-
-
-STEP = np.deg2rad(45.0)
-"""Between the waypoints of a turn, radians."""
-
-
-def unscrew(
-    lid: str,
-    jar: str,
-    turns: Sequence[float],
-    depth: float,
-    lift: float,
-    *,
-    ways: int,
-    put: tuple[str, float] | None = None,
-) -> Solution:
-    """Turn ``lid`` by one of ``turns`` (radians about up) in one go, and lift it by ``lift``; metres.
-
-    ``depth`` of the tool below the lid's middle; ``ways`` to grasp it, evenly about it: 4 for a square one. ``put``
-    names the body on whose origin the lid, of that height, is put down afterwards.
-    """
-
-    def path(pose: FloatArray, closing: FloatArray, turn: float) -> list[FloatArray]:
-        grasp = rigid(grasp_rotation(DOWN, closing), pose[:3, 3] - depth * UP)
-        count = int(np.ceil(abs(turn) / STEP))
-        turned = [
-            rigid(Rotation.from_rotvec(UP * turn * i / count).as_matrix() @ grasp[:3, :3], grasp[:3, 3])
-            for i in range(1, count + 1)
-        ]
-        return [raised(grasp, 0.08), grasp, *turned, raised(turned[-1], lift)]
-
-    def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
-        pose = world.pose(lid)
-        paths = [path(pose, closing, turn) for closing in around(UP, pose[:3, 0], ways) for turn in turns]
-        above, grasp, *turned, up = paths[best_path(arm, paths)]
-        near = {lid, jar, "table"}
-        yield [
-            *take(above, grasp, 1.0, near),
-            *through("turn", turned, 0.0, contacts=near),
-            *through("lift", [up], 0.0, contacts=near, carries=lid),
-        ]
-        if put is not None:
-            goal, height = put
-            down = up.copy()
-            down[:3, 3] = world.pose(goal)[:3, 3] + UP * (height / 2 - depth + 0.004)
-            yield [
-                *through("carry", [raised(down, 0.12)], 0.0, free=True, contacts=near, carries=lid),
-                *through("lower", [down], 0.0, speed=0.1, contacts=near, carries=lid),
-                *let_go(down, raised(down, 0.08), 1.0, near),
-            ]
-
-    return solve

@@ -17,7 +17,8 @@ class ObjectsConfig:
     """The meshes and their poses.
 
     ``root`` is a folder of meshes: ``mug.glb``, ``mug.obj`` or ``mug/textured.obj`` is the object "mug". ``names`` are
-    the candidates, all by default; ``count`` of them do, 1 to 8, by default all of ``names`` or one of the folder.
+    the candidates, all by default; ``count`` of them are placed, 1 to 8, by default all of ``names`` or one of the
+    folder.
     ``scale`` is metres per unit of the files (by default metres, or millimetres if only that makes sense), ``mass``
     kilograms (by default by size), ``pose`` is "upright", as in the files, or "fallen", as if dropped.
     """
@@ -33,9 +34,7 @@ class ObjectsConfig:
 
 @dataclass
 class TabletopObjectsConfig(TaskConfig):
-    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift, put_in, left_of, sort, or any of them
-    that the objects allow.
-    """
+    """Options of ``tabletop_objects``. ``ask`` is the kind of instruction: lift or put_in."""
 
     required: ClassVar[tuple[str, ...]] = ("objects.root",)
 
@@ -44,7 +43,7 @@ class TabletopObjectsConfig(TaskConfig):
 
 
 def _build(config: TabletopObjectsConfig) -> Task:
-    """Lift, place or sort scanned objects, called by their names."""
+    """Lift or place scanned objects, called by their names."""
     from gvla2_plugins.tabletop_objects.task import TabletopObjects
 
     return TabletopObjects(config)

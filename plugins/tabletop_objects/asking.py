@@ -15,9 +15,6 @@ from gvla2.robot.task import Body, Profile, WorldState
 LIFTED, LIFTED_WELL = 0.03, 0.08
 """Metres between a lifted object's lowest point and the table: relaxed and strict."""
 
-BESIDE, IN_LINE = 0.40, 0.15
-"""Largest distance, metres, of an object to the left of another, and largest offset to the front or back."""
-
 WORDINGS = {
     "lift": (
         "lift the {x}",
@@ -32,39 +29,24 @@ WORDINGS = {
         "pick up the {x} and put it in the {y}",
         "drop the {x} into the {y}, please",
     ),
-    "left_of": (
-        "put the {x} left of the {y}",
-        "place the {x} to the left of the {y}",
-        "move the {x} to the left of the {y}",
-        "pick up the {x} and set it down left of the {y}",
-    ),
-    "sort": (
-        "put all {x} in the {y}",
-        "sort all {x} into the {y}",
-        "place all the {x} into the {y}",
-        "move all {x} into the {y}",
-    ),
 }
-"""Templates of each kind; ``{x}`` is the object or what all are called, ``{y}`` the other object."""
+"""Templates of each kind; ``{x}`` is the object, ``{y}`` the other object."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """The request: its kind, the objects ``themes``, the other object ``goal`` (a body's name, or "") and ``word``, the
-    name of all themes together.
-    """
+    """The request: its kind, the object ``theme`` and the other object ``goal``: bodies' names, "" for no other."""
 
     kind: str
-    themes: tuple[str, ...]
+    theme: str
     goal: str = ""
-    word: str = ""
 
 
 def sentence_for(asked: Request, labels: dict[str, str], rng: np.random.Generator) -> str:
     """A sentence for it, drawn among :data:`WORDINGS`."""
     templates = WORDINGS[asked.kind]
-    x = asked.word or labels[asked.themes[0]]
-    return templates[int(rng.integers(len(templates)))].format(x=x, y=labels.get(asked.goal, ""))
+    chosen = templates[int(rng.integers(len(templates)))]
+    return chosen.format(x=labels[asked.theme], y=labels.get(asked.goal, ""))
 
 
 def interpret(sentence: str, labels: dict[str, str], own: Request) -> tuple[Request, str]:
@@ -72,14 +54,10 @@ def interpret(sentence: str, labels: dict[str, str], own: Request) -> tuple[Requ
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
     named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
-    if own.kind == "sort" and re.search(r"\b(all|every|everything|each|sort)\b", said):
-        return own, ""
-    if len(named) >= 2 and re.search(r"\bleft (side )?of\b", said):
-        return Request("left_of", (named[0],), named[1]), ""
     if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
-        return Request("put_in", (named[0],), named[1]), ""
+        return Request("put_in", named[0], named[1]), ""
     if len(named) == 1:
-        return Request("lift", (named[0],)), ""
+        return Request("lift", named[0]), ""
     return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
 
 
@@ -91,22 +69,16 @@ def _place(said: str, label: str) -> int:
 def success_check(asked: Request, bodies: Sequence[Body], table: float) -> tuple[Checks, str]:
     """The predicates of both profiles, and their description; ``table`` is world z, metres."""
     by_name = {body.name: body for body in bodies}
-    themes = [by_name[name] for name in asked.themes]
-    label = asked.word or themes[0].label
+    theme = by_name[asked.theme]
     if asked.kind == "lift":
-        return _lifting(themes[0], table), (
-            f"relaxed: no part of the {label} is lower than {LIFTED} m above the table; "
+        return _lifting(theme, table), (
+            f"relaxed: no part of the {theme.label} is lower than {LIFTED} m above the table; "
             f"strict: than {LIFTED_WELL} m, and the fingers hold it"
         )
     goal = by_name[asked.goal]
-    if asked.kind == "left_of":
-        return _left_of(themes[0], goal), (
-            f"relaxed: the {label} lies left (+y) of the {goal.label}, apart from it and at most {BESIDE} m away; "
-            "strict: at rest there, let go of, and not before or behind it"
-        )
-    return _inside(themes, goal), (
-        f"relaxed: over the {goal.label} and lower than its rim and their own height; strict: at rest there, let go "
-        f"of, and the {goal.label} still stands ({label})"
+    return _inside(theme, goal), (
+        f"relaxed: the {theme.label} is over the {goal.label} and lower than its rim; strict: at rest there, let go "
+        f"of, and the {goal.label} still stands"
     )
 
 
@@ -123,35 +95,17 @@ def _lifting(body: Body, table: float) -> Checks:
     }
 
 
-def _left_of(body: Body, goal: Body) -> Checks:
-    def away(world: WorldState) -> FloatArray:
-        """(3,) from the goal's middle to the object's."""
-        return _middle(_corners(body, world)) - _middle(_corners(goal, world))
-
+def _inside(body: Body, goal: Body) -> Checks:
     def relaxed(world: WorldState) -> bool:
-        apart = _corners(body, world)[:, 1].min() > _corners(goal, world)[:, 1].max() - 0.01
-        return bool(apart and away(world)[1] < BESIDE and not world.held(body.name))
-
-    def strict(world: WorldState) -> bool:
-        return relaxed(world) and bool(abs(away(world)[0]) < IN_LINE) and world.resting(body.name)
-
-    return {"relaxed": relaxed, "strict": strict}
-
-
-def _inside(themes: Sequence[Body], goal: Body) -> Checks:
-    def one(world: WorldState, body: Body) -> bool:
         mine, theirs = _corners(body, world), _corners(goal, world)
         low, high, middle = theirs.min(axis=0), theirs.max(axis=0), _middle(mine)
         over = bool(((middle > low) & (middle < high))[:2].all())
         return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
 
-    def relaxed(world: WorldState) -> bool:
-        return all(one(world, body) for body in themes)
-
     def strict(world: WorldState) -> bool:
         upright = goal.fixed or bool(world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2])
-        lying = (world.resting(b.name) and "table" not in world.touching(b.name) for b in themes)
-        return relaxed(world) and upright and all(lying)
+        lying = world.resting(body.name) and "table" not in world.touching(body.name)
+        return relaxed(world) and upright and lying
 
     return {"relaxed": relaxed, "strict": strict}
 

@@ -2,41 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import COLOURS
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
-from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import WORDINGS, Request, interpret, sentence_for, success_check
-from gvla2_plugins.tabletop_objects.meshes import fallen, mouth
 
 MOST = 8
 GAP = 0.03
 """Metres between objects, at least."""
 
 SPOTS = 60
-"""Places that are tried for an object, those before it lying where they lie, until all are drawn anew."""
+"""Number of places tried for an object beside those already placed, before all are drawn again."""
 
 LIFT = 0.20
 """Heights above the table that the hand must reach at an object's place, metres."""
 
 DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
-"""Kilograms a cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
+"""Kilograms per cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
 
 DROP = 0.001
 """Metres above the table from which objects settle."""
 
-TRAY, WALL = (0.30, 0.22, 0.05), 0.008
 
 POSES = ("upright", "fallen")
 
@@ -62,10 +58,8 @@ class TabletopObjects:
             raise ConfigurationError(
                 f"task.objects.pose is '{objects.pose}'; it is one of {', '.join(POSES)}."
             )
-        if config.ask not in (*WORDINGS, "any"):
-            raise ConfigurationError(
-                f"task.ask is '{config.ask}'; it is one of {', '.join(WORDINGS)} or any."
-            )
+        if config.ask not in WORDINGS:
+            raise ConfigurationError(f"task.ask is '{config.ask}'; it is one of {', '.join(WORDINGS)}.")
         self._count = count
         labels = [spoken(name) for name in self._library]
         double = sorted({label for label in labels if labels.count(label) > 1})
@@ -75,8 +69,7 @@ class TabletopObjects:
     @property
     def instructions(self) -> tuple[str, ...]:
         """The wordings of what may be asked."""
-        kinds = WORDINGS if self._config.ask == "any" else (self._config.ask,)
-        return tuple(template for kind in kinds for template in WORDINGS[kind])
+        return WORDINGS[self._config.ask]
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
@@ -99,7 +92,6 @@ class TabletopObjects:
             Layout(tuple(bodies)),
             succeeded,
             f"{goal}{aside}{''.join(notes)}",
-            keep_clear=_beside(asked, bodies),
         )
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
@@ -115,52 +107,23 @@ class TabletopObjects:
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
     def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Request:
-        """The request for these objects; for "any", one of the kinds that they allow."""
-        kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
-        offers: dict[str, Callable[[], list[Request]]] = {
-            "lift": lambda: [Request("lift", (body.name,)) for body in bodies],
-            "put_in": lambda: _put_in(bodies),
-            "left_of": lambda: [Request("left_of", (a.name,), b.name) for a, b in permutations(bodies, 2)],
-            "sort": lambda: _sort(bodies),
-        }
-        while kinds:
-            kind = kinds.pop(int(rng.integers(len(kinds))))
-            offered = offers[kind]()
-            if offered:
-                return offered[int(rng.integers(len(offered)))]
-        needs = {
-            "put_in": "an object that is open at its top, and another that fits into it",
-            "left_of": "two objects",
-        }
+        """A request for some of these objects."""
+        lift = [Request("lift", body.name) for body in bodies]
+        offered = lift if self._config.ask == "lift" else _put_in(bodies)
+        if offered:
+            return offered[int(rng.integers(len(offered)))]
+        there = ", ".join(body.label for body in bodies)
         raise ConfigurationError(
-            f"task.ask={self._config.ask} needs {needs.get(self._config.ask, 'other objects')}; there are only "
-            f"{', '.join(body.label for body in bodies)}. Choose other names or a larger task.objects.count."
+            f"task.ask={self._config.ask} needs an object that is open at its top, and another that fits into it; "
+            f"there are only {there}. Choose other names or a larger task.objects.count."
         )
-
-    def _undone(self, asked: Request, objects: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
-        """Whether there is still something to do: an object to put left lies on the right."""
-        if asked.kind != "left_of":
-            return True
-        place = {body.name: root[:2, 3] for body, root in zip(objects, roots, strict=True)}
-        theme, goal = place[asked.themes[0]], place[asked.goal]
-        wide = sum(_radius(body) for body in objects if body.name in (asked.themes[0], asked.goal))
-        beside = goal + np.array([0.0, wide + GAP])
-        room = all(
-            np.linalg.norm(root[:2, 3] - beside) > _radius(body) + 0.5 * wide
-            for body, root in zip(objects, roots, strict=True)
-            if body.name not in (asked.themes[0], asked.goal)
-        )
-        return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
 
     def _placed(
-        self, turned: list[Body], asked: Request, rng: np.random.Generator, site: TaskSite
+        self, objects: list[Body], asked: Request, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
-        """The objects in place, and the tray if needed."""
-        walls = tray(TRAY, WALL, COLOURS["gray"])
-        container = Body("tray", walls, np.eye(4), fixed=True, label="gray tray", shape="box")
-        objects = [*turned, *([container] if asked.kind == "sort" else [])]
+        """The objects in place."""
         radii = [_radius(body) for body in objects]
-        handled = {*asked.themes, asked.goal}
+        handled = {asked.theme, asked.goal}
         widest_first = sorted(range(len(objects)), key=lambda k: -radii[k])
 
         def fits(k: int, spot: FloatArray, before: dict[int, FloatArray]) -> bool:
@@ -179,53 +142,23 @@ class TabletopObjects:
                 if root is None:
                     return None
                 roots[k] = root
-            placed = [roots[k] for k in range(len(objects))]
-            return placed if self._undone(asked, objects, placed, site) else None
+            return [roots[k] for k in range(len(objects))]
 
         roots = sample_until(draw, f"{len(objects)} objects", tries=150)
         return [_set_down(body, root, site) for body, root in zip(objects, roots, strict=True)]
 
 
-def _beside(asked: Request, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
-    """The target circle on the table to the left of an object."""
-    if asked.kind != "left_of":
-        return ()
-    near = {body.name: body for body in bodies}
-    theme, goal = near[asked.themes[0]], near[asked.goal]
-    x, y = goal.world_from_body[:2, 3].tolist()
-    return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
-
-
 def _put_in(bodies: list[Body]) -> list[Request]:
     mouths = {body.name: mouth(_scan(body), body.world_from_body) for body in bodies}
     return [
-        Request("put_in", (body.name,), goal.name)
+        Request("put_in", body.name, goal.name)
         for goal, body in permutations(bodies, 2)
         if sorted(_scan(body).size)[1] < mouths[goal.name]
     ]
 
 
-def _sort(bodies: list[Body]) -> list[Request]:
-    """Objects that share the last word of their names, or all of them."""
-    nouns: dict[str, list[str]] = {}
-    for body in bodies:
-        if max(sorted(_scan(body).size)[:2]) < min(TRAY[:2]) - 2 * WALL:
-            nouns.setdefault(body.label.split()[-1], []).append(body.name)
-    shared = [(word, names) for word, names in nouns.items() if len(names) > 1]
-    if shared:
-        return [Request("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
-    everything = tuple(name for names in nouns.values() for name in names)
-    return [Request("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
-
-
-def _plural(word: str) -> str:
-    return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
-
-
 def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
     """The body at the place of ``root``, its lowest point on the table."""
-    if not isinstance(body.solids[0], Scan):
-        return replace(body, world_from_body=root)
     pose = rigid(body.world_from_body[:3, :3], (*root[:2, 3], 0.0))
     pose[2, 3] = site.table_height + DROP - _scan(body).lowest(pose)
     return replace(body, world_from_body=pose)
@@ -233,8 +166,6 @@ def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
 
 def _radius(body: Body) -> float:
     """Of the circle about its middle that holds it, seen from above, metres."""
-    if not isinstance(body.solids[0], Scan):
-        return float(np.hypot(*TRAY[:2])) / 2
     return float(np.linalg.norm(_outline(body), axis=1).max())
 
 
@@ -260,13 +191,104 @@ def _mass(scan: Scan) -> float:
     return float(np.clip(DENSITY * volume, LIGHTEST, HEAVIEST))
 
 
-def _middle(scan: Scan) -> FloatArray:
-    """(3,) the mean of its surface: where the weight of an object of even walls is."""
-    mesh = scan.textured.mesh
-    return np.asarray(np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.areas))
-
-
 def _scan(body: Body) -> Scan:
     solid = body.solids[0]
     assert isinstance(solid, Scan)
     return solid
+
+
+CELL = 0.008
+"""Side of the vertical columns that are sampled, metres."""
+
+DEEP, INNER = 0.45, 0.35
+"""A vessel's bottom is lower than this share of its height; it is looked for within this share of its half width."""
+
+
+def mouth(scan: Scan, pose: FloatArray) -> float:
+    """Width of the opening at the top of the object, posed at ``pose`` (4, 4), metres; 0 if it is closed or shallow.
+
+    Seen from straight above: the lowest surface in sight about its middle is its bottom, and the wall rises all
+    about it. A plate counts: what lies on it lies in it.
+    """
+    points, _ = scan.textured.mesh.sample(20_000, np.random.default_rng(0))
+    points = transform_points(pose, points)
+    low, high = points.min(axis=0), points.max(axis=0)
+    half, middle = 0.5 * (high - low)[:2], 0.5 * (high + low)[:2]
+    columns = np.floor((points[:, :2] - low[:2]) / CELL).astype(int)
+    key = columns[:, 0] * 10_000 + columns[:, 1]
+    order = np.lexsort((points[:, 2], key))
+    tops = order[np.flatnonzero(np.diff(key[order], append=-1))]  # the highest of each column
+    seen, height = points[tops], float(high[2] - low[2])
+    level = (seen[:, 2] - low[2]) / max(height, 1e-9)
+    out = np.abs(seen[:, :2] - middle) / half
+    inner = (out < INNER).all(axis=1)
+    if not inner.any() or np.median(level[inner]) > DEEP:
+        return 0.0
+    away = seen[:, :2] - middle
+    turn = np.floor((np.arctan2(away[:, 1], away[:, 0]) + np.pi) / (np.pi / 6)).astype(int) % 12
+    reach = np.linalg.norm(away, axis=1)
+    walls = [reach[(turn == k) & (level > 0.75)] for k in range(12)]
+    if any(len(wall) == 0 for wall in walls):
+        return 0.0
+    nearest = np.array([wall.min() for wall in walls])
+    return float(2.0 * nearest.min())
+
+
+def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A rotation (3, 3), its z axis up, in which an object dropped at random comes to rest on a plane.
+
+    ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. It
+    lands on some face and rolls over the edge beyond which its centre lies, until its centre is above the face:
+    quasi-static, without momentum (Goldberg et al. 1999, "Part pose statistics"). Any rotation about z is equally
+    likely.
+    """
+    turn = Rotation.random(random_state=rng).as_matrix()
+    try:
+        solid = ConvexHull(hull)
+    except QhullError:  # flat: it lies on one side or the other
+        _, _, axes = np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)
+        down = axes[2] * (1.0 if rng.random() < 0.5 else -1.0)
+        return _standing(down, turn)
+    normals, offsets = solid.equations[:, :3], solid.equations[:, 3]
+    slope = normals @ (-turn[2])
+    height = -(offsets + normals @ centre)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        face = int(np.argmin(np.where(slope > 1e-9, height / slope, np.inf)))
+    for _ in range(len(normals)):
+        corners = solid.points[solid.simplices[face]]
+        foot = centre + height[face] * normals[face]
+        over = _edge_beyond(corners, foot, normals[face])
+        if over is None:
+            break
+        beyond = int(solid.neighbors[face][over])
+        if height[beyond] > height[face] + 1e-12:
+            break
+        face = beyond
+    return _standing(normals[face], turn)
+
+
+def _edge_beyond(corners: FloatArray, foot: FloatArray, normal: FloatArray) -> int | None:
+    """The number of the corner whose opposite edge the point ``foot`` (3,) lies farthest beyond; None when inside."""
+    worst, found = 1e-9, None
+    for k in range(3):
+        apex, a, b = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
+        aside = np.cross(b - a, normal)
+        aside = aside / max(float(np.linalg.norm(aside)), 1e-12)
+        if (apex - a) @ aside > 0:
+            aside = -aside
+        if (foot - a) @ aside > worst:
+            worst, found = float((foot - a) @ aside), k
+    return found
+
+
+def _standing(down: FloatArray, turn: FloatArray) -> FloatArray:
+    """The rotation that brings an object's direction ``down`` (3,) to -z, turned about z at random by ``turn``."""
+    aligned, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [down])
+    yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
+    return np.asarray((Rotation.from_euler("z", yaw) * aligned).as_matrix())
+
+
+def _middle(scan: Scan) -> FloatArray:
+    """(3,) the mean of its surface: where the weight of an object of even walls is."""
+    mesh = scan.textured.mesh
+    return np.asarray(np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.areas))

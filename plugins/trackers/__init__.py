@@ -18,7 +18,7 @@ from gvla2.errors import MissingDependencyError
 if TYPE_CHECKING:
     from gvla2.record.tracker import TrackedRun, Tracker
 
-SENT = ("index.html", "result.json", "config.yaml", "after.png", "episode.gif", "episode.mp4")
+SENT = ("index.html", "result.json", "config.yaml", "after.png", "episode.mp4")
 """Files of an episode that are sent to a service."""
 LONGEST = 500
 """Characters of an option that MLflow's stores take."""

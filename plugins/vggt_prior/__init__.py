@@ -22,14 +22,10 @@ class VggtPriorConfig(ComponentConfig):
 
     weights: str = ""
     """The checkpoint: ``model.pt``, ``model.safetensors``, or the folder that holds one of them."""
-    factory: str = "vggt.models.vggt:VGGT"
-    """``module:callable`` that makes the network; another one with the same interface works too."""
     device: str = ""
     """``cpu``, ``cuda``, ``cuda:1``; empty for the GPU if there is one."""
     width: int = 518
     """Width of the network's input in pixels, a multiple of 14; the height follows the views' shape."""
-    white_background: bool = True
-    """Whether pixels outside the masks are made white, so that only the object is seen."""
 
 
 def _build(config: VggtPriorConfig) -> GeometryPrior:

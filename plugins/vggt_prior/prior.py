@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,16 +25,8 @@ def decode_poses(encoding: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.f
 
     A row of the encoding (S, 9) is a camera_from_world translation (3), rotation quaternion xyzw (4, of any length
     but zero), and two fields of view; OpenCV axes, in the frame of the first camera and a scale of the network's own.
-    Raises :class:`GeometryError` for another shape or numbers that are not finite.
     """
     rows = np.asarray(encoding, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] != 9:
-        raise GeometryError(f"VGGT's pose encoding must be (S, 9), got shape {rows.shape}.")
-    length = np.linalg.norm(rows[:, 3:7], axis=1, keepdims=True)
-    if not np.isfinite(rows).all() or (length < 1e-8).any():
-        raise GeometryError(
-            "VGGT's pose encoding has entries that are not finite, or a quaternion of length zero."
-        )
     rotation = Rotation.from_quat(rows[:, 3:7]).as_matrix()  # camera from world
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3] = rotation.transpose(0, 2, 1)
@@ -60,22 +51,14 @@ def import_torch() -> Any:
     return torch
 
 
-def make_network(factory: str) -> torch.nn.Module:
-    """The network that ``module:callable`` makes, without weights of its own."""
-    module_name, _, attribute = factory.partition(":")
-    if not module_name or not attribute:
-        raise ConfigurationError(f"prior.factory must read 'module:callable', got '{factory}'.")
+def make_network() -> torch.nn.Module:
+    """VGGT without weights; raises :class:`MissingDependencyError` without its package."""
     try:
-        module = importlib.import_module(module_name)
+        from vggt.models.vggt import VGGT
     except ImportError as error:
-        root = module_name.partition(".")[0]
-        if root == "vggt":
-            raise MissingDependencyError("the package 'vggt'", PURPOSE, PACKAGE, PACKAGE_LICENCE) from error
-        raise ConfigurationError(f"prior.factory: '{module_name}' cannot be imported ({error}).") from error
-    make = getattr(module, attribute, None)
-    if not callable(make):
-        raise ConfigurationError(f"prior.factory: module '{module_name}' has no callable '{attribute}'.")
-    return make()
+        raise MissingDependencyError("the package 'vggt'", PURPOSE, PACKAGE, PACKAGE_LICENCE) from error
+    network: torch.nn.Module = VGGT()
+    return network
 
 
 def load_weights(network: torch.nn.Module, weights: str) -> None:
@@ -84,54 +67,36 @@ def load_weights(network: torch.nn.Module, weights: str) -> None:
     A checkpoint may hold more than the network (its tracking head, for example). Raises
     :class:`MissingDependencyError` when there is no file and :class:`ConfigurationError` when it does not fit.
     """
-    path = _find(weights)
-    state = _read(path)
+    path = Path(weights).expanduser()
+    candidates = [path / name for name in _NAMES] if path.is_dir() else [path]
+    found = next((file for file in candidates if weights and file.is_file()), None)
+    if found is None:
+        what = f"the VGGT-1B checkpoint ('{weights}')"
+        raise MissingDependencyError(what, PURPOSE, WEIGHTS, WEIGHTS_LICENCE)
     try:
-        missing = network.load_state_dict(state, strict=False).missing_keys
-    except RuntimeError as error:
-        raise ConfigurationError(
-            f"prior.weights: '{path}' holds another network's weights: {error}"
-        ) from error
+        state = _read(found)
+        missing = network.load_state_dict(state.get("model", state), strict=False).missing_keys
+    except MissingDependencyError:
+        raise
+    except Exception as error:  # torch can raise anything
+        raise ConfigurationError(f"prior.weights: '{found}' holds no weights of VGGT: {error}") from error
     if missing:
         some = ", ".join(missing[:3])
         raise ConfigurationError(
-            f"prior.weights: '{path}' lacks {len(missing)} of the network's weights ({some} ...)."
+            f"prior.weights: '{found}' lacks {len(missing)} of the network's weights ({some} ...)."
         )
 
 
-def _find(weights: str) -> Path:
-    if not weights:
-        raise MissingDependencyError("the VGGT-1B checkpoint", PURPOSE, WEIGHTS, WEIGHTS_LICENCE)
-    path = Path(weights).expanduser()
-    candidates = [path / name for name in _NAMES] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    looked = " or ".join(f"'{candidate}'" for candidate in candidates)
-    raise MissingDependencyError(f"the VGGT-1B checkpoint ({looked})", PURPOSE, WEIGHTS, WEIGHTS_LICENCE)
-
-
 def _read(path: Path) -> dict[str, Any]:
+    """The named tensors of a checkpoint: a checkpoint is data, it must not run code."""
     if path.suffix == ".safetensors":
         try:
             from safetensors.torch import load_file
         except ImportError as error:
-            raise MissingDependencyError(
-                "safetensors", f"Reading '{path}'", "pip install safetensors"
-            ) from error
+            install = "pip install safetensors"
+            raise MissingDependencyError("safetensors", f"Reading '{path}'", install) from error
         return load_file(path)
-    torch = import_torch()
-    try:
-        # Tensors only: a checkpoint is data, it must not run code.
-        state = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch can raise anything
-        raise ConfigurationError(
-            f"prior.weights: '{path}' is not a checkpoint of tensors ({error})."
-        ) from error
-    if isinstance(state, dict) and isinstance(state.get("model"), dict):
-        state = state["model"]
-    if not isinstance(state, dict):
-        raise ConfigurationError(f"prior.weights: '{path}' holds {type(state).__name__}, not named tensors.")
+    state: dict[str, Any] = import_torch().load(path, map_location="cpu", weights_only=True)
     return state
 
 
@@ -141,7 +106,7 @@ _PATCH = 14
 class VggtPrior:
     """Depth in VGGT's own frame and scale, with its cameras; guidance finds the scale and drops the cameras.
 
-    ``network`` replaces the one that the configuration names, weights included. Raises
+    ``network`` replaces VGGT, weights included. Raises
     :class:`MissingDependencyError` when torch, the package or the checkpoint are absent, and
     :class:`ConfigurationError` when options or checkpoint do not fit.
     """
@@ -153,7 +118,7 @@ class VggtPrior:
         self._config = config
         self._device = config.device or ("cuda" if torch.cuda.is_available() else "cpu")
         if network is None:
-            network = make_network(config.factory)
+            network = make_network()
             load_weights(network, config.weights)
         try:
             self._network = network.to(self._device).eval()
@@ -184,9 +149,9 @@ class VggtPrior:
         )
 
     def _picture(self, view: View) -> NDArray[np.float32]:
-        """The view in the network's format: (3, h, w) in [0, 1]."""
+        """The view in the network's format: (3, h, w) in [0, 1], white outside the mask."""
         image = view.image.astype(np.float32)
-        if self._config.white_background and view.mask is not None:
+        if view.mask is not None:
             image = 255.0 + (image - 255.0) * view.mask[..., None]
         width = self._config.width
         height = max(round(view.camera.height * width / view.camera.width / _PATCH), 1) * _PATCH
@@ -205,7 +170,7 @@ class VggtPrior:
         wanted = ("pose_enc", "depth", "depth_conf")
         absent = [key for key in wanted if not isinstance(answer, dict) or key not in answer]
         if absent:
-            raise PluginError(f"The network returned no {', '.join(absent)}: is prior.factory a VGGT?")
+            raise PluginError(f"The network returned no {', '.join(absent)}: is it a VGGT?")
         return {key: answer[key].float().cpu().numpy() for key in wanted}
 
     def _maps(self, answer: dict[str, NDArray[np.float32]], key: str, count: int) -> NDArray[np.float32]:

@@ -41,7 +41,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "clip": lambda a, low, high: np.clip(a, low, high),
 }
 
-MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
+MAPS = ("affordance", "avoidance", "gripper")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 """Characters, nodes of its tree, variables and moves of a program: these bound its time and memory."""
 

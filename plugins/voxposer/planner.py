@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from importlib.resources import files
 from typing import TYPE_CHECKING
@@ -17,7 +16,6 @@ from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.pixels import object_at
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.scene_brief import LEGEND, scene_brief
-from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
 from gvla2.skills.path_lifting import PathPoint
 from gvla2_plugins.voxposer.maps import MapInterpreter, MapProgram, read_program
@@ -26,30 +24,17 @@ from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
 
-NEAR = 0.03
-"""A waypoint this near to a stop takes its rotation of the hand, metres."""
-SLOWEST, FASTEST = 0.1, 2.0
-"""Bounds of the speed map, shares of the usual speed."""
 
-
-@dataclass(frozen=True)
-class Stop:
-    """World metres; the hand's opening after arriving; its turn, radians; the speed as a share of the usual one."""
-
-    place: tuple[float, float, float]
-    gripper: float
-    turn: float | None
-    speed: float
-
-
-def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
+def stops(
+    program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig
+) -> list[PathPoint]:
     """The hand's path, open at first; raises :class:`ValueError` for maps without a meaning."""
     scene, arm = request.scene, request.arm
     low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
     grid = VoxelGrid.over(box, c.voxel)
     everywhere = MapInterpreter(scene, ids, program, grid.centres())
-    found: list[Stop] = []
+    found: list[PathPoint] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
     for stage in program.stages:
         maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
@@ -65,12 +50,11 @@ def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: 
         varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
         way = grid.route(costs, at, goal)
         for number, point in enumerate(way[1:], 2):
-            given = {name: float(map_[tuple(grid.indices(point))]) for name, map_ in maps.items()}
-            hand = given.get("gripper", gripper) if varied or number == len(way) else gripper
-            turn = float(np.radians(given["rotation"])) if "rotation" in given else None
-            speed = float(np.clip(given.get("speed", 1.0), SLOWEST, FASTEST))
+            hand = gripper
+            if "gripper" in maps and (varied or number == len(way)):
+                hand = float(np.clip(maps["gripper"][tuple(grid.indices(point))], 0.0, 1.0))
             x, y, z = map(float, point)
-            found.append(Stop((x, y, z), float(np.clip(hand, 0.0, 1.0)), turn, speed))
+            found.append(PathPoint((x, y, z), hand))
         if found[-1].gripper >= 0.5 or gripper >= 0.5:
             held = "" if found[-1].gripper >= 0.5 else object_at(goal, scene)
         at, gripper = goal, found[-1].gripper
@@ -94,31 +78,12 @@ class VoxPoserPlanner:
         """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        brief, way = scene_brief(request.scene), list[Stop]()
+        brief = scene_brief(request.scene)
 
         def read(text: str) -> Sequence[Sequence[PathPoint]]:
-            program = read_program(text)
-            way[:] = stops(program, request, brief.ids, self.config)
-            return [[PathPoint(s.place, s.gripper) for s in way]]
+            return [stops(read_program(text), request, brief.ids, self.config)]
 
         objects, task = f"Objects ({LEGEND}), data only:\n{brief.text}", f"Task: {instruction_in(request)}"
         asked = "\n\n".join([objects, *context(request), task])
         messages = [{"role": "system", "content": self._prompt}, {"role": "user", "content": asked}]
-        plan = ask_for_path(self._language, messages, read, request, tries=self.config.tries)
-        return plan if plan.trajectory is None else replace(plan, trajectory=_with_maps(plan.trajectory, way))
-
-
-def _with_maps(trajectory: Trajectory, way: Sequence[Stop]) -> Trajectory:
-    """The trajectory with the rotation and speed that the maps give near its waypoints."""
-    places = np.array([s.place for s in way])
-
-    def mapped(waypoint: Waypoint) -> Waypoint:
-        gaps = np.linalg.norm(places - waypoint.xyz, axis=1)
-        stop = way[int(np.argmin(gaps))]
-        waypoint = replace(waypoint, speed=waypoint.speed * stop.speed)
-        if stop.turn is None or gaps.min() > NEAR:
-            return waypoint
-        closing = (-float(np.sin(stop.turn)), float(np.cos(stop.turn)), 0.0)
-        return replace(waypoint, orientation=Orientation("grasp", closing=closing))
-
-    return Trajectory(tuple(map(mapped, trajectory)))
+        return ask_for_path(self._language, messages, read, request, tries=self.config.tries)

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.plugins import Option, options
-from gvla2.commands.primary import PRIMARY
 from gvla2.component import ComponentConfig
 from gvla2.plugins.kinds import Kind
 from gvla2.plugins.registry import Registry
@@ -19,7 +19,9 @@ PRESETS = ("experiment", "data", "depth_noise")
 
 def reference(registry: Registry) -> dict[str, str]:
     """The pages by their path below ``docs``: an overview, one page a command, one a kind, and the presets."""
-    pages = {f"configuration/{name}.md": _command(name, config, registry) for name, config in PRIMARY.items()}
+    pages = {
+        f"configuration/{name}.md": _command(name, config, registry) for name, config in schemas().items()
+    }
     pages |= {
         f"configuration/choices/{kind.name}.md": _kind(kind, registry) for kind in registry.kinds.values()
     }
@@ -38,7 +40,7 @@ def hooks_table(registry: Registry) -> str:
 
 def contract(kind: Kind) -> str:
     """What stands below the example of a hook: its protocol and where its choices are."""
-    protocol = kind.protocol.replace(":", ".")
+    protocol = f"{kind.protocol().__module__}.{kind.protocol().__qualname__}"
     return (
         f"## The contract\n\n`gvla2 run {kind.name}=NAME` chooses one (`{kind.default}` where nothing is said); "
         f"[these are on offer](../configuration/choices/{kind.name}.md). `gvla2.testing.check_component(component, "
@@ -47,7 +49,7 @@ def contract(kind: Kind) -> str:
 
 
 def _overview(registry: Registry) -> str:
-    commands = [f"* [`gvla2 {name}`]({name}.md): {_first(config)}" for name, config in PRIMARY.items()]
+    commands = [f"* [`gvla2 {name}`]({name}.md): {_first(config)}" for name, config in schemas().items()]
     kinds = [f"* [`{k.name}=`](choices/{k.name}.md): {k.what}" for k in registry.kinds.values()]
     return "\n".join(
         [

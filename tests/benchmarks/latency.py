@@ -14,7 +14,7 @@ import time
 from contextlib import closing
 from dataclasses import replace
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
@@ -57,7 +57,7 @@ def main() -> None:
     if what not in ("see", "plan"):
         raise SystemExit(f"'{what}' is neither see nor plan.\n\n{__doc__}")
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     tasks, layout, times = SEEN if what == "see" else PLANNED
     for task in tasks:
         took = seconds(task, layout, times, what, overrides, registry)

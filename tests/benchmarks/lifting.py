@@ -24,7 +24,7 @@ import numpy as np
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
@@ -72,7 +72,7 @@ def main() -> None:
     logging.disable(logging.WARNING)
     registry = load_plugins()
     library = chosen(mesh_library(options.folder), options.names.split(",") if options.names else [])
-    register(registry, PRIMARY)
+    register(registry, schemas())
     narrow = {name: min(read_scan(path).size) for name, path in library.items()}
     groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]
     how = (options.count, options.perceiver, options.gallery, options.sentence, options.replan)

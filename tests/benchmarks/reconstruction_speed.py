@@ -142,8 +142,6 @@ def main(arguments: list[str]) -> None:
         class Constants:
             support_threshold, support_softness, max_shrink = 0.45, 0.12, 0.008
 
-        difference = np.abs(score() - mask_support(points, views, compat="official")).max()
-        note = f"compat=official differs by {difference:.1e}"
         theirs = milliseconds(score, min(repeats, 5))
         theirs_hull = milliseconds(lambda: peer.refine_points(single, score(), Constants), min(repeats, 5))
     show(

@@ -13,7 +13,7 @@ import numpy as np
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.refine import objects_of_interest, refine_scene
 from gvla2.plugins.hydra_config import register
@@ -27,7 +27,7 @@ def main() -> None:
     overrides = ["memory=none", "reconstructor=hull", "prior=depth"]
     overrides += [a for a in sys.argv[1:] if not a.startswith("seeds=")]
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=overrides))
     parts = build_components(config, registry)

@@ -20,7 +20,7 @@ from pathlib import Path
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
@@ -45,7 +45,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
     """All seeds of one task, and one scale, in one process."""
     task, seeds, overrides, out = job
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=["memory=none", f"task={task}", *overrides]))
     parts = build_components(config, registry)

@@ -89,11 +89,6 @@ def test_a_real_refusal_stands(parts, kind):
     assert record.report is None
 
 
-def test_without_a_fallback_a_model_that_is_not_there_is_named(parts):
-    record = run(replace(parts, fallback=None), Answering(ModelUnavailableError("nobody there")))
-    assert (record.failure.stage, record.failure.kind) == ("plan", "unavailable")
-
-
 def test_a_rejected_planner_gets_its_plan_back_and_then_the_fallback_plans(parts):
     inner = parts.fallback
     planner = Answering(sunk(inner), sunk(inner))
@@ -108,32 +103,12 @@ def test_a_rejected_planner_gets_its_plan_back_and_then_the_fallback_plans(parts
     assert record.success_check.relaxed
 
 
-def test_one_rejection_is_the_planners_own_to_mend(parts):
-    planner = Answering(sunk(parts.fallback), parts.fallback.plan)
-    record = run(parts, planner)
-    assert record.plan.fallback == ""
-    assert record.success_check.relaxed
-
-
-def test_a_rejection_stands_where_the_planner_then_refuses_for_good(parts):
-    record = run(parts, Answering(sunk(parts.fallback), declined("nothing_matches")))
-    assert (record.failure.stage, record.failure.kind) == ("check", "rejected")
-    assert record.plan.fallback == ""
-    assert record.report is None
-
-
 def test_where_both_fail_both_are_named(parts):
     broken = replace(parts, fallback=Answering(MalformedAnswerError("prose")))
     record = run(broken, Answering(ModelUnavailableError("nobody there")))
     assert record.failure.stage == "plan"
     assert "nobody there" in record.failure.message
     assert "prose" in record.failure.message
-    assert record.report is None
-
-
-def test_a_fallback_that_declines_too_moves_nothing(parts):
-    record = run(replace(parts, fallback=Answering(declined("ambiguous"))), Answering(declined("other")))
-    assert (record.failure.kind, record.plan.fallback) == ("ambiguous", "skill")
     assert record.report is None
 
 

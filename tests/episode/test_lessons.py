@@ -6,20 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gvla2.episode.evidence import correspond
-from gvla2.episode.failure_diagnosis import approach_of
-from gvla2.episode.lessons import handled_lengths, memory_episode, memory_task, transcript
+from gvla2.episode.lessons import memory_episode, memory_task, transcript
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.planning.contracts import Abstention, Candidate, Plan
-from gvla2.planning.effects import Ban, Bound, effect_from_json
-from gvla2.planning.findings import CheckReport, Finding
-from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.effects import Bound, effect_from_json
+from gvla2.planning.trajectory import Waypoint
 from tests.picking import (
     DOWN,
     FAIL,
-    PICK,
     SCENE,
-    SIDE,
     SUCCESS,
     TABLE,
     THETA,
@@ -28,8 +23,7 @@ from tests.picking import (
     episode,
     kinds,
     scene,
-    sized,
-    thing,
+    scene_object,
 )
 
 
@@ -43,12 +37,6 @@ def test_a_task_before_the_plan_guesses_its_object_from_the_words() -> None:
     unclear = memory_task(replace(record, instruction="Räum auf"))
     assert set(unclear.signature) == {"objects", "table_height"}
     assert memory_task(replace(record, scene=None)).signature == {}
-
-
-def test_a_task_after_the_plan_knows_skill_and_object() -> None:
-    task = memory_task(episode(instruction="anything"))
-    assert task.skill == "pick"
-    assert task.signature["theme_height"] == pytest.approx(0.05)
 
 
 def test_success_gives_priors_whose_words_repeat() -> None:
@@ -70,14 +58,6 @@ def test_success_gives_priors_whose_words_repeat() -> None:
     assert "small red box from the top" in first.lessons[0].content
     assert first.source == "run/1"
     assert first.provenance["planner"] == "skill"
-
-
-def test_success_without_parameters_tells_the_stages() -> None:
-    lesson, program = memory_episode(episode(theta={}, skill="juggle"), SUCCESS).lessons
-    assert program.effect is not None
-    assert program.effect["kind"] == "program"
-    assert "approach, grasp, close, lift, hold" in lesson.content
-    assert lesson.effect is None
 
 
 def bounds(record: EpisodeRecord) -> list[tuple[str, str, str, float]]:
@@ -131,25 +111,10 @@ PUSH = (
     ],
 )
 def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list[Any]) -> None:
-    after = scene(thing("z", 0.3, -0.2, "blue"), thing("y", x, 0.12, "red"))
+    after = scene(scene_object("z", 0.3, -0.2, "blue"), scene_object("y", x, 0.12, "red"))
     record = episode(skill="push", waypoints=PUSH, roles={"theme": "a", "goal": "goal"},
                      theta={"push_overshoot": 0.02}, after_scene=after)  # fmt: skip
     assert bounds(record) == expected
-
-
-def test_an_unreachable_approach_is_forbidden_only_where_another_remains() -> None:
-    stuck = {0: {"abort": "unreachable", "message": "no IK"}}
-    two = (Candidate("top", 1.0), Candidate("side", 0.8), Candidate("below", 0.1, "out of reach"))
-    assert bounds(episode(stuck, candidates=two)) == [Ban("approach:top", skill="pick", object="red")]
-    assert bounds(episode(stuck, candidates=two[1:])) == []
-    assert kinds(episode(stuck, candidates=two[1:])) == ["unreachable"]
-
-
-def test_approaches_are_named_by_the_grasp() -> None:
-    assert approach_of(Plan(Trajectory(PICK))) == "top"
-    assert approach_of(Plan(Trajectory(tuple(replace(w, orientation=SIDE) for w in PICK)))) == "side"
-    assert approach_of(Plan(Trajectory(tuple(replace(w, orientation=Orientation()) for w in PICK)))) == ""
-    assert approach_of(Plan(None)) == ""
 
 
 def test_an_undiagnosed_failure_teaches_words_alone() -> None:
@@ -161,23 +126,6 @@ def test_an_undiagnosed_failure_teaches_words_alone() -> None:
     assert "stopped at 'grasp' (tracking)" in lesson.content
 
 
-def test_nothing_executed_teaches_no_motion() -> None:
-    abstained = replace(
-        episode(),
-        plan=Plan(None, abstention=Abstention("ambiguous", "two red cubes")),
-        checks=None,
-        report=None,
-    )
-    findings = (Finding("kinematics", False, 1, "unreachable", "too far"),)
-    rejected = replace(episode(), checks=CheckReport(findings), report=None)
-    for record, words in ((abstained, "ambiguous"), (rejected, "unreachable")):
-        (lesson,) = memory_episode(record, UNCERTAIN).lessons
-        assert lesson.type == "tool_usage"
-        assert words in lesson.content
-        assert lesson.effect is None
-    assert memory_episode(replace(episode(), plan=None, report=None), UNCERTAIN).lessons == ()
-
-
 def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     record = episode({4: {"abort": "slipped", "message": "lost", "contacts": ("panda_hand",)}},
                      failure=Failure("execute", "slipped", "lost"), after_scene=SCENE)  # fmt: skip
@@ -185,26 +133,9 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     for words in ("Pick up the red cube", "a: red cube", "grasp_depth 0.025", "contact of panda_hand",
                   "STOPPED (slipped)", "Ended at execute"):  # fmt: skip
         assert words in text
-    crowd = scene(*(thing(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
+    crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
-
-
-def test_correspondence_is_one_to_one_and_keeps_paint_apart() -> None:
-    after = scene(thing("r", 0.5, 0.1, "green", "region", 0.1), thing("q", 0.5, 0.1, "red"))
-    found = correspond(SCENE, after)
-    assert {name: later.id for name, later in found.later.items()} == {"a": "q", "goal": "r"}
-    assert found.of("b") is None
-    assert correspond(SCENE, scene()).later == {}
-
-
-def test_words_do_not_settle_which_part_of_a_thing_is_meant() -> None:
-    lamp = replace(thing("lamp", 0.4, 0.0, "blue", size=0.12), label="lamp")
-    button = replace(thing("button", 0.4, 0.0, "red", "disc", 0.03), label="red button", parent="lamp")
-    record = EpisodeRecord("run/1", "turn on the lamp", "", 0, {}, scene=scene(lamp, button))
-    assert "theme_length" not in memory_task(record).signature
-    pressed = memory_task(replace(record, instruction="press the red button"))
-    assert pressed.signature["theme_length"] == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize(
@@ -220,22 +151,3 @@ def test_lessons_name_size_and_build(extents: tuple[float, float, float], words:
     shaped = replace(SCENE["a"], extents=np.array(extents))
     (lesson, *_) = memory_episode(episode(scene=SCENE.with_object(shaped)), SUCCESS).lessons
     assert words in lesson.content
-
-
-def test_the_handled_sides_are_the_planners_where_it_gives_them() -> None:
-    assert handled_lengths(episode()) == pytest.approx({"length": 0.05, "width": 0.05, "height": 0.05})
-    whole = replace(sized(episode()).plan, scales={"grasp_depth": ("height", 0.2)})
-    assert handled_lengths(replace(episode(), plan=whole))["height"] == 0.2
-    assert handled_lengths(replace(episode(), plan=None)) == {}
-
-
-@pytest.mark.parametrize("skill", ["open", "close", "pull", "draw", "twist", "insert"])
-def test_success_of_each_working_skill_gives_priors_of_its_own_parameters(skill: str) -> None:
-    theta = {"open_angle": 1.8, "lip_depth": 0.006, "let_go_angle": 1.0, "hook_depth": 0.01, "pull_distance": 0.15,
-             "end_distance": 0.02, "turn": 2.9, "insert_depth": 0.02, "grasp_depth": 0.02, "standoff": 0.05,
-             "transit_clearance": 0.05, "speed": 0.2, "unlatch_lift": 0.0}  # fmt: skip
-    lessons = memory_episode(episode(skill=skill, theta=theta), SUCCESS).lessons
-    effects = effects_of(lessons)
-    assert len(effects) == 3
-    assert all(e.skill == skill and e.parameter != "speed" for e in effects)
-    assert lessons[0].content.split(" ")[0].casefold() == skill

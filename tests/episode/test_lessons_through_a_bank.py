@@ -13,14 +13,13 @@ from gvla2.memory.contracts import MemoryContext
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2.planning.contracts import Advice
-from gvla2.planning.effects import apply_effects, effect_from_json
+from gvla2.planning.effects import apply_effects
 from gvla2_plugins.hybrid import HybridConfig
 from tests.picking import (
     FAIL,
     SCENE,
     SUCCESS,
     THETA,
-    effects_of,
     episode,
     sized,
 )
@@ -74,18 +73,6 @@ def test_recalled_records_are_credited_by_the_episode_that_used_them(tmp_path: P
         assert {record.usage for record in bank.records() if record.id not in used} <= {0}
 
 
-def test_what_goes_with_the_size_is_learnt_as_a_share_of_it() -> None:
-    priors = effects_of(memory_episode(sized(episode()), SUCCESS).lessons)
-    assert {e.parameter: (e.value, e.scale) for e in priors} == {
-        "grasp_depth": (pytest.approx(0.5), "height"),
-        "approach_tilt": (0.0, ""),
-        "standoff": (0.05, ""),
-    }
-    slipped = sized(episode({4: {"held": False, "abort": "slipped"}}))
-    (bound,) = (effect_from_json(x.effect) for x in memory_episode(slipped, FAIL).lessons if x.effect)
-    assert (bound.kind, bound.value, bound.scale) == ("bound", pytest.approx(0.6), "height")
-
-
 def test_shares_transfer_to_other_sizes_through_a_bank(tmp_path: Path) -> None:
     with open_bank(tmp_path) as bank:
         slipped = sized(episode({4: {"held": False, "abort": "slipped"}}))
@@ -96,13 +83,3 @@ def test_shares_transfer_to_other_sizes_through_a_bank(tmp_path: Path) -> None:
     for height, expected in ((0.05, 0.03), (0.06, 0.036)):
         changed, _ = apply_effects({"grasp_depth": 0.01}, given.effects, "pick", lengths={"height": height})
         assert changed["grasp_depth"] == pytest.approx(expected)
-
-
-def test_shares_and_metres_are_kept_apart(tmp_path: Path) -> None:
-    with open_bank(tmp_path) as bank:
-        # As banks from before there were scales.
-        for run, record in enumerate((episode(), sized(episode()), episode())):
-            bank.learn(memory_episode(replace(record, episode_id=f"run/{run}"), SUCCESS), SUCCESS)
-        found = [r.effect_json() for r in bank.records() if "grasp_depth" in r.effect]
-    figures = {(e.get("scale", ""), e["count"], round(e["value"], 4)) for e in found if e}
-    assert figures == {("", 2, 0.025), ("height", 1, 0.5)}

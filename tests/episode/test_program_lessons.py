@@ -16,7 +16,7 @@ from tests.picking import (
     SUCCESS,
     episode,
     scene,
-    thing,
+    scene_object,
 )
 
 
@@ -62,7 +62,9 @@ def test_what_a_program_has_no_words_for_is_not_taught_as_calls() -> None:
 
 
 def test_programs_come_back_with_other_names_and_sizes_through_a_bank(tmp_path: Path) -> None:
-    later = scene(thing("x1", 0.2, 0.0, "blue", size=0.08), thing("x2", 0.4, 0.2, "red", "region", 0.12))
+    later = scene(
+        scene_object("x1", 0.2, 0.0, "blue", size=0.08), scene_object("x2", 0.4, 0.2, "red", "region", 0.12)
+    )
     asked = EpisodeRecord("run/9", "Put the blue box down on the red goal", "", 9, {}, scene=later)
     with open_bank(tmp_path, hints=6) as bank:
         bank.learn(memory_episode(placed(), SUCCESS), SUCCESS)

@@ -6,12 +6,10 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import (
     ABOVE_SUPPORT,
     GeometryComponents,
-    fit_box,
     masked_views,
     objects_of_interest,
     refine_scene,
 )
-from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
@@ -19,12 +17,12 @@ from gvla2.geometry.view_folders import read_views
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
+from gvla2_plugins.axes import ContoursConfig
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
-from gvla2_plugins.nothing import NoPrior, NoReconstructor
+from gvla2_plugins.nothing import NoPrior
 from tests.quick import QUICK
 
 SIZE = np.array([0.06, 0.04, 0.05])
@@ -68,16 +66,11 @@ class Watched:
         return carve(views).to_reconstruction()
 
 
-class Failing:
-    def reconstruct(self, views):
-        raise GeometryError("the masks are empty")
-
-
 def parts(reconstructor):
     return GeometryComponents(
         reconstructor,
         NoPrior(),
-        Contours(10, 400, 5e-4),
+        Contours(ContoursConfig(name="contours")),
         Residual(0.5),
         Rasteriser(),
     )
@@ -103,13 +96,6 @@ def test_too_large_a_box_is_refined_and_regions_are_left_alone(observation):
     np.testing.assert_array_equal(scene["o2"].extents, np.full(3, 0.1))
 
 
-def test_without_a_reconstructor_nothing_changes(observation):
-    before = scene_of(SIZE)
-    after, sentence = refine_scene(before, observation, "lift it", parts(NoReconstructor()))
-    assert after is before
-    assert "No geometry was refined" in sentence
-
-
 def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
     extents = []
     for name, overrides in (
@@ -122,13 +108,6 @@ def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
     assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()
 
 
-def test_a_failed_reconstruction_is_told_and_the_object_left_as_perceived(observation):
-    before = scene_of(SIZE)
-    after, sentence = refine_scene(before, observation, "lift it", parts(Failing()))
-    assert after is before
-    assert "left as perceived (the masks are empty)" in sentence
-
-
 def test_the_objects_of_interest_are_those_that_are_named():
     red, green = (
         SceneObject(f"o{i}", f"{colour} {noun}", "box", colour, POSE, SIZE, np.zeros((1, 3)))
@@ -137,15 +116,6 @@ def test_the_objects_of_interest_are_those_that_are_named():
     scene = Scene((red, green), 0.0, Box(np.full(3, -2.0), np.full(3, 2.0)))
     for sentence, named in (("Lift the RED cube", ["o0"]), ("the cup, please", ["o1"]), ("go", ["o0", "o1"])):
         assert [thing.id for thing in objects_of_interest(scene, sentence)] == named
-
-
-def test_an_object_that_no_view_shows_is_left_alone(observation):
-    hidden = SceneObject("o9", "ghost", "box", "", rigid(translation=(5, 5, 5)), SIZE, np.zeros((1, 3)))
-    assert masked_views(observation, hidden) is None
-
-
-def test_an_empty_reconstruction_is_refused():
-    assert fit_box(scene_of(SIZE).objects[0], Reconstruction(None, None)) is None
 
 
 def test_a_run_keeps_the_views_of_the_named_object(observation, tmp_path):

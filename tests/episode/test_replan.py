@@ -1,17 +1,14 @@
 """Planning anew after a failed attempt, with the real simulator, perceiver, planner, memory and verifier."""
 
-import json
 from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_components, run_episodes, success_rate
+from gvla2.commands.run import build_components
 from gvla2.episode.advice import advice_for
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import EpisodeRequest, run_episode
-from gvla2.episode.replan import worth_another
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Prior
@@ -97,15 +94,6 @@ def _task_of(record):
     return memory_task(record)
 
 
-def test_without_the_option_nothing_is_tried_again(parts_of):
-    parts = parts_of("memory=none")
-    clumsy = Clumsy(parts.planner)
-    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1))
-    assert record.failure.kind == "not_achieved"
-    assert record.attempts == ()
-    assert len(clumsy.requests) == 1
-
-
 def test_attempts_end_with_the_number_allowed(parts_of):
     parts = parts_of("memory=none")
     clumsy = Clumsy(parts.planner, times=5)
@@ -155,40 +143,3 @@ def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
     assert any("attempt 1" in note for note in record.plan.notes)
     assert record.verdict.outcome == "verified_success"
     assert record.success_check.relaxed
-
-
-def test_a_push_that_starts_from_where_a_thing_stood_is_not_repeated(parts_of):
-    parts = parts_of("memory=none")
-    sentence = "push the {} cube 10 cm to the left"
-    colour = parts.robot.reset(parts.task, 1).instruction
-    from gvla2.planning.colours import colours_in
-
-    (name,) = colours_in(colour)
-    clumsy = Clumsy(parts.planner, off=(0.0, 0.0, 0.08))  # passes over it
-    request = EpisodeRequest(seed=1, instruction=sentence.format(name), replan=1)
-    record = run_episode(replace(parts, planner=clumsy), request)
-    assert record.plan.skill == "push"
-    assert "goal" not in record.plan.roles
-    assert not worth_another(record)
-    assert record.attempts == ()
-
-
-def test_the_folder_keeps_every_attempt(registry, compose_run, tmp_path, monkeypatch):
-    from gvla2_plugins.skill.planner import SkillPlanner
-
-    plan, clumsy = SkillPlanner.plan, []
-
-    def first_beside(self, request):
-        if not clumsy:
-            clumsy.append(Clumsy(type("Plain", (), {"plan": lambda _, r: plan(self, r)})()))
-        return clumsy[0].plan(request)
-
-    monkeypatch.setattr(SkillPlanner, "plan", first_beside)
-    out = tmp_path / "out"
-    records = run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out)
-    assert success_rate(records) == 1.0
-    told = json.loads((out / "result.json").read_text())
-    assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
-    (kept,) = json.loads((out / "attempts.json").read_text())
-    assert kept["report"]["waypoints"]
-    assert 'id="attempts"' in (out / "index.html").read_text()

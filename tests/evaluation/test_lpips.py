@@ -93,7 +93,7 @@ def test_another_archive_is_not_used(tmp_path):
 
 def test_damaged_weights_are_named(weights):
     weights_path().write_bytes(weights_path().read_bytes()[:1000])
-    with pytest.raises(ConfigurationError, match=r"gvla2 data fetch=\[lpips\]"):
+    with pytest.raises(ConfigurationError, match=r"python -m gvla2\.evaluation\.lpips"):
         read_weights()
 
 

@@ -17,7 +17,6 @@ ENV, SMALL = "gvla2/put_block-v0", {"image_size": 48, "cameras": ["front"], "con
 
 
 def test_rollouts_are_exported(tmp_path, capsys):
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
     env = RecordRollouts(gymnasium.make(ENV, max_episode_steps=4, **SMALL), tmp_path / "rollouts")
     turn = np.zeros(env.action_space.shape, np.float32)

@@ -97,7 +97,7 @@ def one(text: str, *alternatives: tuple[str, float], start: int = 7) -> TokenSco
 def test_variants_are_one_letter_and_words_are_none():
     score = one("B", ("B", math.log(0.3)), (" B", math.log(0.2)), ("b", math.log(0.1)), ("Bad", math.log(0.2)),
                 ("A+", math.log(0.05)), ("B</sc", math.log(0.05)))  # fmt: skip
-    assert score.letters == {"B": pytest.approx(0.65)}
+    assert score.mass == pytest.approx(0.65)
     assert score.value == pytest.approx(phi("B"))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gvla2.memory.audit import audit
-from gvla2.memory.index import Candidates
+from gvla2.memory.candidates import Candidates
 from gvla2.memory.store import Store
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-import gvla2.memory
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.memory import KnowledgeBank, Lesson, MemoryEpisode, MemoryTask, Verdict
 
@@ -24,12 +23,6 @@ def test_the_package_loads_nothing_until_it_is_used(tmp_path: Path) -> None:
     path = str(tmp_path / "m.db")
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
-
-
-def test_all_names_are_there() -> None:
-    assert all(getattr(gvla2.memory, name).__name__ == name for name in gvla2.memory.__all__)
-    with pytest.raises(AttributeError, match="Bank"):
-        _ = gvla2.memory.Bank  # type: ignore[attr-defined]
 
 
 def test_recall_learn_and_credit(tmp_path: Path) -> None:
@@ -67,10 +60,10 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
         KnowledgeBank(":memory:")
     with KnowledgeBank(tmp_path / "memory.db") as bank:
         episode = MemoryEpisode(MemoryTask("x"), (Lesson("tool_usage", "Hold it."),))
-        with pytest.raises(TypeError, match="with its Verdict"):
+        with pytest.raises(TypeError, match="needs its Verdict"):
             bank.learn(episode)  # type: ignore[call-overload]
         assert bank.learn(episode, Verdict.from_criteria({"done": 1.0})).added
-        for odd in (None, 5, [None]):
+        for odd in (None, 5):
             with pytest.raises(Gvla2Error, match="A lesson is a sentence or a Lesson, not"):
                 bank.admit(odd)  # type: ignore[arg-type]
             with pytest.raises(Gvla2Error, match="A task is a sentence or a MemoryTask, not"):

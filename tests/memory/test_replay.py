@@ -133,9 +133,21 @@ def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank(verifier=judge, replay=False)
     bank.learn(learnt("run/1"), verdicts["uncertain"])
     bank.learn(learnt("run/2", AVOID), verdicts["fail"])
-    assert bank.replay().notes == ["Replay is switched off."]
+    assert bank.replay(judge).episodes == 0
     assert judge.seen == []
-    assert open_bank().replay().notes
+
+
+def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
+    (first,) = bank.learn(learnt("run/1", PULLED), verdicts["success"]).added
+    (second,) = bank.learn(learnt("run/2", other), verdicts["uncertain"]).provisional
+    bank.replay(Judge(verdicts["success"]))
+    assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [
+        (True, "active"),
+        (True, "archive"),
+    ]
+    assert bank.verify() == []
 
 
 def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) -> None:

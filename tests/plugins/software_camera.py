@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2_plugins.realsense.library import load
+from gvla2_plugins.realsense.camera import load
 
 
 @dataclass

@@ -35,9 +35,9 @@ def test_it_keeps_the_contract():
 
 
 def test_it_hands_on_the_measured_depth():
-    found = build(erode=0, confidence=0.7).predict(Views((view(square()),)))
+    found = build(erode=0).predict(Views((view(square()),)))
     np.testing.assert_array_equal(found.depth[0], square().astype(np.float32))
-    np.testing.assert_array_equal(found.confidence[0], np.where(np.isfinite(square()), np.float32(0.7), 0))
+    np.testing.assert_array_equal(found.confidence[0], np.isfinite(square()).astype(np.float32))
     assert found.world_from_camera is None
 
 
@@ -70,7 +70,7 @@ def test_views_without_depth_are_unknown_and_none_at_all_is_no_prior():
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"erode": -1}, "erode"), ({"confidence": 0.0}, "confidence"), ({"slope": -1.0}, "slope")],
+    [({"erode": -1}, "erode"), ({"noise": "none"}, "available"), ({"sensor_sigma": -1.0}, "sensor_sigma")],
 )
 def test_bad_options_are_refused(options, words):
     with pytest.raises(ConfigurationError, match=words):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.memory.embedding import StaticEmbedder
 from gvla2.testing import check_embedder
-from gvla2_plugins.embedders import choosing, gvla2_embedders
+from gvla2_plugins.embedders import gvla2_embedders
 from gvla2_plugins.embedders import minilm as module
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
@@ -50,11 +51,6 @@ def test_meaning_orders_texts(vectors: np.ndarray) -> None:
 
 
 @needs_model
-def test_batches_make_no_difference(vectors: np.ndarray) -> None:
-    np.testing.assert_allclose(MiniLMEmbedder(batch=2).embed(TEXTS), vectors, atol=1e-5)
-
-
-@needs_model
 def test_sentence_transformers_says_the_same(vectors: np.ndarray) -> None:
     """What ``SentenceTransformer(model_folder()).encode(TEXTS, normalize_embeddings=True)`` of 6.2.0 said, kept."""
     theirs = np.load(Path(__file__).parents[1] / "data" / "minilm_texts.npy")
@@ -80,36 +76,31 @@ def test_a_missing_package_names_the_extra_and_the_licence(monkeypatch: pytest.M
         MiniLMEmbedder()
 
 
-def test_options() -> None:
-    with pytest.raises(ConfigurationError, match="batch"):
-        MiniLMEmbedder(batch=0)
-
-
 def test_the_better_of_what_is_installed_is_chosen_and_said(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     by_name = {component.name: component for component in gvla2_embedders()}
     assert set(by_name) == {"auto", "static", "minilm"}
     auto = by_name["auto"]
-    monkeypatch.setattr(choosing, "PACKAGE", "surely_not_installed")
+    monkeypatch.setattr(module, "PACKAGE", "surely_not_installed")
     with caplog.at_level("INFO"):
         chosen = auto.build(auto.config(name="auto"))
         static = by_name["static"].build(by_name["static"].config(name="static"))
         assert chosen.model == static.model
-        assert chosen.for_bank(choosing.MODEL).model == static.model
+        assert chosen.for_bank(module.MODEL).model == static.model
     assert "gvla2[embed]" in caplog.text
 
 
 @needs_model
 def test_minilm_is_chosen_where_it_is_installed(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO"):
-        assert choosing.BestInstalled().model == choosing.MODEL
+        assert module.BestInstalled().model == module.MODEL
     assert "minilm" in caplog.text
 
 
 @needs_model
 def test_a_bank_stays_with_the_model_of_its_vectors() -> None:
-    auto = choosing.BestInstalled()
-    for one in (choosing.StaticEmbedder(), MiniLMEmbedder()):
+    auto = module.BestInstalled()
+    for one in (StaticEmbedder(), MiniLMEmbedder()):
         assert auto.for_bank(one.model).model == one.model
-    assert auto.for_bank("of another lab").model == choosing.MODEL
+    assert auto.for_bank("of another lab").model == module.MODEL

@@ -60,7 +60,7 @@ def memory(path: Path) -> Iterator[GovernedMemory]:
     built.close()
 
 
-def test_what_is_learnt_is_recalled_in_another_process_of_the_bank(
+def test_what_is_learned_is_recalled_in_another_process_of_the_bank(
     memory: GovernedMemory, path: Path
 ) -> None:
     assert not path.exists()  # building opens nothing
@@ -86,19 +86,6 @@ def newer(path: Path) -> None:
     fill(path)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE memory_meta SET value = '7'")
-
-
-def test_a_database_that_cannot_be_written_is_read(memory: GovernedMemory, path: Path) -> None:
-    fill(path)
-    path.chmod(0o444)
-    before = path.read_bytes()
-    for _ in range(2):
-        assert memory.recall(TASK).items
-        learned = memory.learn(EPISODE, SUCCESS)
-        assert str(path) in learned.degraded
-        assert not learned.added
-    memory.close()
-    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("spoil", [corrupt, newer])

@@ -80,7 +80,7 @@ def test_lessons_stand_in_the_prompt_as_data() -> None:
     assert shown.count("</lessons>") == 1
     assert "[INST]" not in shown
     assert "\u200b" not in shown
-    assert "(learnt in: do / it)" in shown
+    assert "(learned in: do / it)" in shown
 
 
 def test_a_cache_asks_once(tmp_path: Any) -> None:

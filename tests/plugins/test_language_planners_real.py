@@ -8,7 +8,7 @@ from tests.plugins.scripted_planners import passes
 pytestmark = [pytest.mark.model, pytest.mark.timeout(900)]
 
 
-@pytest.mark.parametrize("planner", ["agent3d", "code_policies"])
+@pytest.mark.parametrize("planner", ["agent3d", "code_policies", "voxposer"])
 def test_a_small_model_lifts_the_red_cube(planner, local_model, registry, tmp_path):
     language = {"name": "llama_cpp", "model": str(local_model), "folder": str(tmp_path), "timeout": 600.0}
     request = inputs.plan_request("lift the red cube")

@@ -15,7 +15,7 @@ from gvla2.testing import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.questions import ROBOT, SOFTWARE, Criterion, as_data, messages
+from gvla2_plugins.llm_verifier.verifier import ROBOT, SOFTWARE, Criterion, as_data, messages
 
 SHOWN = Evidence(
     "lift the red cube", "approach, grasp, lift. The cube rose by 24 cm.", {"gripper_width": 0.04}
@@ -105,16 +105,6 @@ def test_outcomes_and_sets(letter: str, outcome: str):
     assert list(own.criteria) == ["speed"]
 
 
-def test_repeats_are_averaged_and_differ_by_seed():
-    def answer(request: dict[str, Any]) -> Any:
-        return graded("A" if request.get("seed") == 7 else "K")
-
-    with LocalModel(answer) as model:
-        verdict = verifier(model, repeats=2, seed=7, criteria="software").verify(SHOWN)
-        assert sorted(r["seed"] for r in model.requests if "seed" in r) == [7, 7, 7, 8, 8, 8]
-    assert set(verdict.criteria.values()) == {(phi("A") + phi("K")) / 2}
-
-
 FAULTS: dict[str, Any] = {
     "timeout": Reply(graded("A"), delay=30),
     "busy": refused(429, "busy", retry_after="3600"),
@@ -173,7 +163,7 @@ def test_data_is_harmless_and_bounded_whatever_it_is(text: str, longest: int):
     shown = as_data(text, longest)
     assert len(shown) <= longest
     assert not set("<>") & set(shown)
-    assert as_data("plain words\n\tand tabs", longest) == "plain words\n\tand tabs"
+    assert as_data("plain words\n\tand tabs", longest) == "plain words\nand tabs"
 
 
 def test_long_transcripts_keep_both_ends():
@@ -206,7 +196,7 @@ def test_it_conforms_with_a_server_and_without():
 @pytest.mark.parametrize(
     ("options", "word"),
     [({"criteria": "robots"}, "Did you mean 'robot'"), ({"criteria": ""}, "Sets: robot, software"),
-     ({"questions": {"speed": " "}}, "empty"), ({"repeats": 0}, "repeats"), ({"longest": 10}, "longest")]
+     ({"questions": {"speed": " "}}, "empty"), ({"longest": 10}, "longest")]
 )  # fmt: skip
 def test_options_that_cannot_be(options: dict[str, Any], word: str):
     (component,) = gvla2_verifiers()

@@ -1,21 +1,17 @@
 """The RealSense camera, by the real librealsense and a device of software: frames, refusals, trouble in mid-run."""
 
-import sys
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
+from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.calibration import Calibration, Intrinsics
-from gvla2.testing import check_component
 from gvla2.testing.robot import check_camera
-from gvla2_plugins import realsense
-from gvla2_plugins.realsense import RealsenseConfig, library
-from gvla2_plugins.realsense.camera import RealsenseCamera
-from gvla2_plugins.realsense.library import load
+from gvla2_plugins.realsense import RealsenseConfig
+from gvla2_plugins.realsense.camera import RealsenseCamera, load
 from tests.plugins.software_camera import Optics, SoftwareCamera
 
 POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
@@ -77,12 +73,6 @@ def opened(calibrate):
     yield make
     for camera in made:
         camera.close()
-
-
-def test_the_plugin_offers_a_camera_that_answers_without_librealsense():
-    (component,) = realsense.gvla2_cameras()
-    check_component(component)
-    assert component.name == "realsense"
 
 
 def test_it_keeps_the_contract_of_cameras(device, opened):
@@ -179,20 +169,6 @@ def test_a_bending_lens_is_made_straight(device, opened, rs, model):
     assert np.nanmax(depth) == pytest.approx(0.5)
 
 
-def test_filters_are_librealsenses_and_off_by_default(device, opened):
-    software = device()
-    rng = np.random.default_rng(0)
-    software.depth[:] = rng.integers(480, 520, software.depth.shape)
-    plain = opened(software)
-    assert np.nanstd(plain.observe().views[0].depth) > 0.01
-    plain.close()
-    smooth = opened(software, filters=["spatial", "temporal", "hole_filling"])
-    assert np.nanstd(smooth.observe().views[0].depth) < 0.009
-    smooth.close()
-    coarse = opened(software, filters=["decimation"])
-    assert coarse.observe().views[0].depth.shape == (48, 64)
-
-
 TROUBLE = {
     "silent": ({"sends": ()}, "gave no picture at all within 0.4 s"),
     "blind": ({"sends": ("colour",)}, "gave colour pictures, and no depth"),
@@ -221,11 +197,6 @@ def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
         camera.observe()
 
 
-def test_a_camera_that_never_sends_is_refused_at_the_start(device, opened):
-    with pytest.raises(RobotError, match=r"gave no picture at all within 0\.3 s"):
-        opened(device(sends=()), timeout=0.3)
-
-
 UNFIT = {
     "another camera": ({"serial": "f9999"}, "for camera 'f9999', but the camera in use is 'f0123'"),
     "another size": ({"optics": Optics(80, 60, 60.0)}, r"no colour of 80x60 at 60 a second; it has 64x48@60"),
@@ -248,20 +219,11 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
         ({"fps": 0}, "above 0"),
         ({"timeout": 0.0}, "above 0"),
         ({"warm_up": -1}, "above 0"),
-        ({"depth_width": 64}, "go together"),
-        ({"filters": ["sharpen"]}, "no 'sharpen'; there are decimation, spatial"),
     ],
 )
 def test_options_that_cannot_be(device, opened, options, expected):
     with pytest.raises(ConfigurationError, match=expected):
         opened(device(), **options)
-
-
-def test_the_depth_sensors_own_size_can_be_chosen(device, opened):
-    software = device(other_size=True)
-    assert np.nanmax(opened(software, depth_width=32, depth_height=24).observe().views[0].depth) == 0.5
-    with pytest.raises(RobotError, match="no depth of 10x10 at 60 a second; it has 32x24@60, 64x48@60"):
-        opened(software, depth_width=10, depth_height=10)
 
 
 def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, calibrate):
@@ -272,22 +234,3 @@ def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, ca
     config = RealsenseConfig(calibration=str(calibrate(serial="")))
     with pytest.raises(RobotError, match="Webcam '' has no depth stream"):
         RealsenseCamera(config, lone)
-
-
-def test_which_camera_is_taken(rs):
-    one, two = SoftwareCamera(serial="a").device, SoftwareCamera(serial="b").device
-    assert library.choose(rs, [one]) is one
-    assert library.choose(rs, [one, two], "b") is two
-    with pytest.raises(RobotError, match=r"Several cameras.*'a'.*'b'.*camera\.serial"):
-        library.choose(rs, [one, two])
-    with pytest.raises(RobotError, match=r"No camera with the serial 'c' is plugged in; there is .*'a'"):
-        library.choose(rs, [one], "c")
-    webcam = SoftwareCamera(name="Platform Camera").device
-    with pytest.raises(RobotError, match=r"finds no camera.*pyrealsense2<2\.55"):
-        library.choose(rs, [webcam])
-
-
-def test_without_the_library_it_says_what_to_install(calibrate, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'gvla2\[realsense\]'"):
-        RealsenseCamera(RealsenseConfig(calibration=str(calibrate())))

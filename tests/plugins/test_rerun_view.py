@@ -54,7 +54,6 @@ def film(folder: Path, frames: int = 5) -> None:
 
 def test_a_recording_opens_again(tmp_path: Path):
     pytest.importorskip("rerun", reason="170 MB: pip install 'gvla2[view]'")
-    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
     from rerun.chunk import RrdReader
 
     film(tmp_path)

@@ -43,16 +43,6 @@ def test_bodies_rest_where_they_were_laid_and_nothing_is_done_yet(panda, name):
             np.testing.assert_allclose(panda._world.body_pose(body.name), before[body.name], atol=2e-4)
 
 
-def test_the_arm_starts_at_home_with_an_open_hand(panda):
-    panda.reset(None, 0)
-    seen = panda.observe()
-    np.testing.assert_allclose(seen.joints, panda.arm.home, atol=1e-4)
-    np.testing.assert_allclose(seen.world_from_tcp, panda.arm.forward(panda.arm.home), atol=1e-3)
-    assert seen.gripper == pytest.approx(1.0, abs=1e-3)
-    assert seen.gripper_width == pytest.approx(0.08, abs=1e-4)
-    assert panda.success_check() is None
-
-
 # Cameras
 
 
@@ -77,17 +67,6 @@ def test_depth_is_that_of_the_cubes_tops(panda):
             assert np.abs(colour - hue * colour.max() / max(hue.max(), 1e-9)).max() < 0.1 or not hue.any()
             measured += 1
     assert measured >= 6
-
-
-def test_views_are_calibrated_with_each_other_and_hold_the_table(panda):
-    panda.reset(None, 0)
-    for view in panda.observe().views:
-        assert view.image.dtype == np.uint8
-        assert view.depth.dtype == np.float32
-        points = view.points()[np.isfinite(view.depth) & ~view.robot_mask]
-        assert len(points) > 1000
-        on_top = np.abs(points[:, 2] - TABLE_HEIGHT) < 1e-3
-        assert on_top.mean() > 0.98  # the rest is the table's rim
 
 
 def test_the_robots_own_pixels_are_known_and_only_those(panda):
@@ -162,15 +141,4 @@ def test_senseless_options_are_refused(options, message):
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "sapien", None)
     with pytest.raises(MissingDependencyError, match=r'pip install "gvla2\[sim\]"'):
-        gvla2_robots()[0].build(SapienPandaConfig())
-
-
-def test_a_missing_system_library_is_named(monkeypatch, tmp_path):
-    broken = "raise ImportError('libX11.so.6: cannot open shared object file: No such file or directory')"
-    (tmp_path / "sapien").mkdir()
-    (tmp_path / "sapien" / "__init__.py").write_text(broken)
-    for name in [n for n in sys.modules if n == "sapien" or n.startswith("sapien.")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MissingDependencyError, match=r"libX11.*libx11-6 libgl1"):
         gvla2_robots()[0].build(SapienPandaConfig())

@@ -60,23 +60,3 @@ def test_the_hand_stops_on_what_does_not_give_way(panda, guard):
         assert 20.0 < pressed.force < 60.0
     assert back.status == "linear"  # in the open nothing is felt
     assert back.error < 0.002
-
-
-def test_what_is_carried_is_felt_by_its_weight_and_not_by_its_squeeze(panda):
-    grasp = (0.3, 0.0, TABLE + SIZE / 2)
-    # The object that is carried is unknown to the (empty) scene, so nothing carries it in the plan.
-    report = run(
-        panda,
-        Waypoint((0.3, 0.0, TOP + 0.08), 1.0, "approach", DOWN),
-        Waypoint(grasp, 0.0, "grasp", motion="linear", speed=0.1),
-        Waypoint((0.3, 0.0, TOP + 0.08), 0.0, "lift", motion="linear", speed=0.05, guard=Guard(force=30.0)),
-        Waypoint((0.3, 0.0, TABLE), 0.0, "set down", motion="linear", speed=0.05, guard=Guard(force=12.0)),
-    )
-    assert report.completed, report.abort
-    lift, down = report.waypoints[2:]
-    assert lift.held
-    assert lift.status == "linear"
-    weight = MASS * 9.81
-    assert weight == pytest.approx(lift.force, abs=1.5)  # 40 N of squeeze on either side cancel out
-    assert down.status == "guarded"  # the block met the table, 2.5 cm before the hand would have
-    assert down.reached[2] == pytest.approx(grasp[2], abs=0.006)

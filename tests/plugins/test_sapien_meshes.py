@@ -10,11 +10,10 @@ from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
 from gvla2.robot.scan import Mesh, read_scan
-from gvla2.robot.task import Body, Layout, Primitive, TaskSite
+from gvla2.robot.task import Body, Layout, Primitive
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.convex import Piece, decompose, pieces
-from gvla2_plugins.sapien.truth import true_scene
+from gvla2_plugins.sapien.convex import pieces
 from gvla2_plugins.sapien.world import World
 from tests.scanning import bowl, box, painted, write
 
@@ -45,24 +44,6 @@ def test_a_convex_object_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_
     assert any(piece.holds(np.array([[0.0, 0.0, -0.0225]])).any() for piece in vessel)
 
 
-def test_what_is_thin_everywhere_keeps_its_hollow(tmp_path):
-    sides = [((0.12, 0.01, 0.004), (0, -0.03, 0)), ((0.12, 0.01, 0.004), (0, 0.03, 0))]
-    sides.append(((0.01, 0.05, 0.004), (-0.055, 0, 0)))
-    fork = trimesh.util.concatenate(
-        [trimesh.creation.box(extents=e, transform=rigid(translation=t)) for e, t in sides]
-    )
-    corners = decompose(read_scan(write(tmp_path, "fork", fork)).textured.mesh)
-    assert len(corners) > 1
-    assert not any(Piece(c).holds(np.array([[0.02, 0.0, 0.0]])).any() for c in corners)
-
-
-def test_a_flat_sheet_gets_a_thickness(tmp_path):
-    sheet = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]], [[0, 1, 2], [1, 3, 2]])
-    scan = read_scan(write(tmp_path, "sheet", sheet))
-    (piece,) = decompose(scan.textured.mesh)
-    assert 0.0005 < np.ptp(piece[:, 2]) < 0.002
-
-
 def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
     spot = rigid(translation=(0.2, 0.1, TABLE + 0.0255))
     cube = Body(
@@ -86,36 +67,6 @@ def test_the_mass_is_the_one_given(bowl_file, tmp_path):
         world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((body,)))
         (mover,) = world._movers
         assert mover.mass == pytest.approx(mass, rel=0.01)
-
-
-def test_truth_knows_a_mesh(bowl_file):
-    body = Mesh(bowl_file).body("bowl", rigid(translation=(0.2, 0.0, TABLE + 0.025)), label="bowl")
-    cell = make_cell(SapienPandaConfig())
-    world = World(SapienPandaConfig(), cell, Layout((body,)))
-    (obj,) = true_scene(world, Layout((body,)), TABLE, cell.arm.workspace).objects
-    assert (obj.label, obj.shape) == ("bowl", "other")
-    np.testing.assert_allclose(obj.extents, (0.14, 0.14, 0.05), atol=0.002)
-    assert 0.11 < obj.opening < 0.14
-
-
-@pytest.mark.parametrize(("arrangement", "count"), [("stack", 3), ("leaning", 2), ("touching", 2)])
-def test_clutter_stays_as_it_was_arranged(arrangement, count):
-    registry = load_plugins()
-    options = {"name": "pick_and_lift", "distractors": count, "arrangement": arrangement}
-    task = registry.build({"task": options}, "task")
-    site = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True)
-    layout = task.sample(np.random.default_rng(1), site).layout
-    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
-    for body in layout.bodies:
-        now = world.body_pose(body.name)
-        assert np.linalg.norm(now[:3, 3] - body.world_from_body[:3, 3]) < 0.02, body.name
-    touching = {
-        "stack": ("distractor_1", {"distractor_0", "distractor_2"}),
-        "leaning": ("distractor_1", {"distractor_0", "table"}),
-        "touching": ("distractor_1", {"table"}),
-    }
-    name, others = touching[arrangement]
-    assert world.touching(name) >= others
 
 
 def test_people_are_shown_finer_pictures_of_the_same_moment(bowl_file):

@@ -5,10 +5,10 @@ import pytest
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_rotation
 from gvla2.robot.backend import ExecutionListener
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
+from gvla2.robot.task import Body, TaskInstance
 from gvla2.robot.timing import MotionLimits, time_path
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.sapien.backend import SapienArm
@@ -53,20 +53,6 @@ def move(panda: SapienArm, drive: SapienDriver, pose, gripper, speed=0.25, strai
 def target_cube(instance: TaskInstance) -> Body:
     (colour,) = colours_in(instance.instruction)
     return next(b for b in instance.layout.bodies if b.solids[0].rgb == COLOURS[colour])
-
-
-class Block:
-    """A task that is one heavy block at ``xyz``."""
-
-    instructions = ("a", "b", "c", "d")
-
-    def __init__(self, xyz, size=0.05, mass=0.356):
-        solid = Primitive("box", (size,) * 3, COLOURS["blue"])
-        self.body = Body("block", (solid,), rigid(translation=xyz), mass)
-
-    def sample(self, rng, site, instruction=None):
-        never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance("-", Layout((self.body,)), never)
 
 
 def test_joint_moves_track_their_samples(panda):
@@ -138,22 +124,6 @@ def test_a_pressed_button_comes_back_and_its_peak_stays(panda):
     assert (verdict.relaxed, verdict.strict) == (True, True)
 
 
-def test_a_block_is_pushed_and_slides_on_the_table(panda):
-    task = Block((0.35, 0.0, TABLE_HEIGHT + 0.025))
-    panda.reset(task, 0)
-    drive = driver(panda)
-    drive.grip(0.0)
-    start = task.body.world_from_body[:3, 3] - (0.08, 0, 0)
-    move(panda, drive, above(start, (0, 1, 0), 0.10), 0.0, straight=False)
-    move(panda, drive, above(start, (0, 1, 0)), 0.0)
-    result, error = move(panda, drive, above(np.add(start, (0.15, 0, 0)), (0, 1, 0)), 0.0, speed=0.1)
-    assert error < 0.005
-    assert result.contacts
-    moved = panda._world.body_pose("block")[:3, 3] - task.body.world_from_body[:3, 3]
-    assert moved[0] == pytest.approx(0.15 - 0.08 + 0.025 + 0.0105, abs=0.01)
-    assert abs(moved[2]) < 0.001
-
-
 def test_the_same_seed_is_the_same_episode_to_the_bit():
     def episode():
         robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
@@ -204,36 +174,6 @@ def test_execute_reports_waypoints_and_shows_pictures(panda):
     assert len(pictures) >= 5 * seconds
     assert pictures[0].shape == (320, 320, 3)
     assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 50
-
-
-def test_execute_carries_a_cube_around_its_neighbours(panda):
-    instance = panda.reset(TASKS["pick_and_lift"], 2)
-    objects = tuple(
-        SceneObject(
-            b.name, "cube", "box", "", b.world_from_body, np.array(b.solids[0].size), np.zeros((0, 3))
-        )
-        for b in instance.layout.bodies
-    )
-    scene = Scene(objects, TABLE_HEIGHT, panda.arm.workspace)
-    body = target_cube(instance)
-    x, y, z = body.world_from_body[:3, 3]
-    closing = tuple(body.world_from_body[:3, 1])
-    touch = frozenset({body.name, "table"})
-    plan = Trajectory(
-        (
-            Waypoint((x, y, z + 0.12), 1.0, "approach", Orientation("grasp", (0, 0, -1), closing)),
-            Waypoint((x, y, z), 0.0, "grasp", motion="linear", speed=0.1, allowed_contacts=touch),
-            Waypoint(
-                (x, y, z + 0.23), 0.0, "lift", motion="linear", allowed_contacts=touch, carries=body.name
-            ),
-        )
-    )
-    report = panda.execute(plan, scene)
-    assert report.completed, report.abort
-    assert [w.held for w in report.waypoints] == [False, True, True]
-    assert report.waypoints[2].gripper_width == pytest.approx(0.05, abs=1e-3)
-    assert set(report.waypoints[2].contacts) == {"panda_leftfinger", "panda_rightfinger"}
-    assert panda.success_check().strict
 
 
 def test_a_listener_that_raises_stops_the_arm(panda):

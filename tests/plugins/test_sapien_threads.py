@@ -1,13 +1,12 @@
-"""Threads, the option attach, true state and true scene, with real physics."""
+"""Threads, true state and true scene, with real physics."""
 
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, Thread
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, Thread
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 
 TABLE_HEIGHT = SapienPandaConfig().table_height
@@ -115,29 +114,6 @@ def test_a_lid_that_is_tipped_stays_upright_on_its_thread(panda):
     assert not state.loose("thread")
 
 
-@pytest.mark.parametrize(
-    ("task", "message"),
-    [
-        (
-            Laid(*jar().layout.bodies, threads=(Thread("t", "pot", "cap", UP, np.zeros(3), 1.0, (0, 1)),)),
-            "'cap'",
-        ),
-        (jar(release=6.5), "release"),
-        (
-            Laid(
-                *jar().layout.bodies,
-                joints=(Joint("j", "revolute", "pot", "lid", UP, np.zeros(3), (0, 1)),),
-                threads=jar().layout.threads,
-            ),
-            "also hangs on a joint",
-        ),
-    ],
-)
-def test_unsound_threads_are_refused(panda, task, message):
-    with pytest.raises(ConfigurationError, match=message):
-        panda.reset(task, 0)
-
-
 def block(xyz, size=0.05, **more) -> Body:
     return Body("block", (Primitive("box", (size,) * 3, GREEN),), rigid(translation=xyz), **more)
 
@@ -177,33 +153,6 @@ def test_a_new_execution_does_not_let_go_of_what_is_held(panda):
     report = panda.execute(Trajectory((lift, hold)), Scene((), TABLE_HEIGHT, panda.arm.workspace))
     assert report.completed
     assert panda.true_state().pose("block")[2, 3] == pytest.approx(place[2] + 0.1, abs=0.003)
-
-
-@pytest.mark.parametrize("attach", [False, True])
-def test_attach_ties_what_the_fingers_touch_until_they_open(attach):
-    robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64, attach=attach))
-    place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
-    said = robot.reset(Laid(block(place)), 0).goal
-    assert ("robot.attach=true" in said) == attach
-    squeeze(robot, place)
-    assert (robot._world._clamp.holding != "") == attach
-    robot._world.drive_fingers(0.04)  # the fingers alone let go; a tie does not
-    for _ in range(60):
-        robot._world.step()
-    robot._world.drive_arm(robot.arm.inverse(_raised(robot)).joints, np.zeros(7))
-    for _ in range(240):
-        robot._world.step()
-    height = robot.true_state().pose("block")[2, 3] - TABLE_HEIGHT
-    assert (height > 0.05) == attach
-    robot._world.detach()
-    for _ in range(240):
-        robot._world.step()
-    assert robot.true_state().pose("block")[2, 3] - TABLE_HEIGHT == pytest.approx(0.025, abs=0.002)
-    robot.close()
-
-
-def _raised(robot) -> np.ndarray:
-    return rigid(translation=(0, 0, 0.06)) @ robot.arm.forward(robot._world.joints)
 
 
 def test_the_true_scene_shows_every_body_where_it_is(panda):

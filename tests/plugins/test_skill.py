@@ -1,6 +1,9 @@
+"""The planner ``skill``: from a sentence and a scene to motions that pass every check, or to a typed refusal."""
+
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,71 +12,39 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid, transform_points
-from gvla2.planning.checks import check_trajectory
-from gvla2.planning.contracts import Advice, Plan, PlanRequest
+from gvla2.planning.checks_motion import part_fits
+from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Ban, Bound, Prior
-from gvla2.planning.scene import Scene, SceneObject
-from gvla2.robot.workcell import make_cell
-from gvla2.testing import inputs
+from gvla2.planning.part_hierarchy import assembled, rise, way_out
+from gvla2.planning.trajectory import grasp_rotation
+from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
 from gvla2.testing.planning import check_planner
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
+from tests.skills.scenes import ARM, TABLE, asked, at, named, request
 
-TABLE = 0.752
-PLANNER = SkillPlanner(SkillConfig())
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return make_cell(SapienPandaConfig()).arm
+HAND = ARM.hand
+BACK = np.array([1.0, 0.0, 0.0])
 
 
-def scene_object(name, label, shape, xy, size, yaw=0.0, colour="", base=0.0, parent="") -> SceneObject:
-    extents = np.array(size, dtype=float)
-    turn = Rotation.from_euler("z", yaw).as_matrix()
-    pose = rigid(turn, (*xy, TABLE + base + extents[2] / 2))
-    return SceneObject(
-        name, label, shape, colour or label.split()[0], pose, extents, np.zeros((0, 3)), parent=parent
-    )
+def block(name, colour, xy, yaw=0.2, side=0.05):
+    return named(name, f"{colour} cube", "box", (*xy, side / 2), (side,) * 3, yaw=yaw)
 
 
-def cube(name, colour, xy, yaw=0.2, side=0.05) -> SceneObject:
-    return scene_object(name, f"{colour} cube", "box", xy, (side,) * 3, yaw)
+def square(xy, label="green square"):
+    return named("g", label, "region", (*xy, 0.0005), (0.1, 0.1, 0.001))
 
 
-RED, BLUE = cube("r", "red", (0.3, 0.1)), cube("b", "blue", (0.25, -0.2))
-SQUARE = scene_object("g", "green square", "region", (0.4, -0.1), (0.1, 0.1, 0.001))
-BASE = scene_object("l", "gray lamp base", "plate", (0.35, -0.3), (0.16, 0.08, 0.01))
-BUTTON = scene_object(
-    "k", "orange button", "disc", (0.31, -0.3), (0.033, 0.033, 0.014), base=0.01, parent="l"
-)
-TRAY = scene_object("t", "white tray", "plate", (0.45, 0.25), (0.2, 0.15, 0.02))
-ALL = (RED, BLUE, SQUARE, BASE, BUTTON, TRAY)
+RED, BLUE = block("r", "red", (0.3, 0.1)), block("b", "blue", (0.25, -0.2))
+BASE = named("l", "gray lamp base", "plate", (0.35, -0.3, 0.005), (0.16, 0.08, 0.01))
+BUTTON = named("k", "orange button", "disc", (0.31, -0.3, 0.017), (0.033, 0.033, 0.014), parent="l")
+TRAY = named("t", "white tray", "plate", (0.45, 0.25, 0.01), (0.2, 0.15, 0.02))
+ALL = (RED, BLUE, square((0.4, -0.1)), BASE, BUTTON, TRAY)
 
 
-def request(arm, sentence: str, *objects: SceneObject, effects=(), rejections=()) -> PlanRequest:
-    scene = Scene(objects or ALL, TABLE, arm.workspace)
-    seen = replace(inputs.observation(16), world_from_tcp=arm.forward(arm.home), joints=arm.home)
-    advice = Advice(effects=tuple(effects))
-    return PlanRequest(sentence, scene, arm, arm.forward(arm.home), arm.home, seen, advice, rejections)
-
-
-def plan(arm, sentence: str, *objects: SceneObject, **more) -> Plan:
-    asked = request(arm, sentence, *objects, **more)
-    made = PLANNER.plan(asked)
-    assert (made.trajectory is None) == (made.abstention is not None)
-    if made.trajectory is not None:
-        report = check_trajectory(
-            made.trajectory, asked.scene, arm, asked.start, asked.joints,
-            effects=asked.advice.effects, parameters=made.parameters, skill=made.skill,
-        )  # fmt: skip
-        assert report.passed, report.reasons
-    return made
-
-
-def stage(made: Plan, name: str) -> np.ndarray:
-    return np.array(next(w.xyz for w in made.trajectory if w.stage == name))
+def plan(sentence: str, *objects, **more) -> Plan:
+    return asked(sentence, *(objects or ALL), **more)[0]
 
 
 def refusal(made: Plan) -> str:
@@ -83,118 +54,378 @@ def refusal(made: Plan) -> str:
 
 
 def test_it_passes_the_conformance_checks():
-    check_planner(PLANNER)
+    check_planner(SkillPlanner(SkillConfig()))
 
 
-def test_pick_grasps_across_two_faces_and_lifts_25_cm(arm):
-    made = plan(arm, "lift the red cube")
+# Pick and place
+
+
+def test_pick_grasps_across_two_faces_and_lifts_25_cm():
+    made = plan("lift the red cube")
     assert made.roles == {"theme": "r"}
     assert [w.stage for w in made.trajectory] == ["approach", "grasp", "close", "lift"]
-    np.testing.assert_allclose(stage(made, "grasp")[:2], RED.centre[:2], atol=1e-9)
-    assert stage(made, "lift")[2] - stage(made, "grasp")[2] == pytest.approx(0.25)
+    np.testing.assert_allclose(at(made, "grasp")[:2], RED.centre[:2], atol=1e-9)
+    assert at(made, "lift")[2] - at(made, "grasp")[2] == pytest.approx(0.25)
     closing = made.trajectory.waypoints[0].orientation.closing
     assert np.abs(RED.world_from_object[:3, :3].T @ closing).max() == pytest.approx(1.0)
     last = made.trajectory.waypoints[-1]
     assert (last.carries, last.gripper, last.motion) == ("r", 0.0, "linear")
 
 
-def test_pick_prefers_the_narrow_side_and_obeys_amounts(arm):
-    bar = scene_object("a", "red box", "box", (0.35, 0.0), (0.12, 0.03, 0.04), 0.7)
-    made = plan(arm, "lift the red box 10 cm", bar)
-    assert made.parameters["lift_height"] == pytest.approx(0.10)
-    assert stage(made, "lift")[2] - stage(made, "grasp")[2] == pytest.approx(0.10)
+def test_pick_prefers_the_narrow_side_and_obeys_amounts():
+    bar = named("a", "red box", "box", (0.35, 0.0, 0.02), (0.12, 0.03, 0.04), yaw=0.7)
+    made = plan("lift the red box 10 cm", bar)
+    assert at(made, "lift")[2] - at(made, "grasp")[2] == pytest.approx(0.10)
     closing = np.array(made.trajectory.waypoints[0].orientation.closing)
     assert abs(closing @ bar.world_from_object[:3, 1]) == pytest.approx(1.0)
 
 
-def test_the_fingertips_never_reach_the_table(arm):
-    flat = scene_object("a", "red plate", "plate", (0.35, 0.05), (0.1, 0.05, 0.008))
-    made = plan(arm, "pick up the plate", flat, effects=[Bound("grasp_depth", 0.05, ">=", skill="pick")])
+def test_the_fingertips_never_reach_the_table():
+    flat = named("a", "red plate", "plate", (0.35, 0.05, 0.004), (0.1, 0.05, 0.008))
+    made = plan("pick up the plate", flat, effects=[Bound("grasp_depth", 0.05, ">=", skill="pick")])
     for waypoint in made.trajectory:
-        assert waypoint.xyz[2] - arm.hand.tip_beyond_tcp >= TABLE + 0.004 - 1e-9
+        assert waypoint.xyz[2] - HAND.tip_beyond_tcp >= TABLE + 0.004 - 1e-9
+
+
+def test_place_carries_over_and_lets_go_on_the_goal():
+    made = plan("put the red cube on the tray")
+    assert [w.stage for w in made.trajectory] == [
+        "approach", "grasp", "close", "lift", "transit", "place", "release", "retreat",
+    ]  # fmt: skip
+    hangs = at(made, "grasp")[2] - RED.bottom
+    np.testing.assert_allclose(at(made, "place")[:2], TRAY.centre[:2], atol=1e-9)
+    assert at(made, "place")[2] - hangs == pytest.approx(TRAY.top + made.parameters["place_height"])
+    assert at(plan("put the red cube to the left of the blue cube"), "place")[1] > BLUE.centre[1] + 0.05
+
+
+def tube(width, low, high, xy=(0.35, 0.1)) -> np.ndarray:
+    """Points (N, 3) on the side of an upright cylinder; heights above the table."""
+    rng = np.random.default_rng(0)
+    angle, z = rng.uniform(0, 2 * np.pi, 1500), rng.uniform(low, high, 1500)
+    side = 0.5 * width * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.column_stack([side + xy, z + TABLE])
+
+
+CUP = named("c", "red cup", "cylinder", (0.35, 0.1, 0.07), (0.095, 0.095, 0.14), opening=0.087,
+            points=np.concatenate([tube(0.095, 0.0, 0.14), tube(0.087, 0.01, 0.14)]))  # fmt: skip
+BOTTLE = named("b", "blue bottle", "other", (0.35, 0.1, 0.095), (0.09, 0.09, 0.19),
+               points=np.concatenate([tube(0.09, 0.0, 0.12), tube(0.028, 0.12, 0.19)]))  # fmt: skip
+
+
+def test_what_is_too_wide_is_taken_by_its_wall_or_its_neck_or_not_at_all():
+    off = at(plan("lift the red cup", CUP), "close")[:2] - CUP.centre[:2]
+    assert np.linalg.norm(off) == pytest.approx(0.5 * 0.091, abs=0.002)
+    neck = plan("pick up the bottle", BOTTLE)
+    assert at(neck, "close")[2] - HAND.tip_beyond_tcp > TABLE + 0.12
+    flat = np.concatenate([tube(d, 0.139, 0.14) for d in np.linspace(0.002, 0.095, 24)])
+    closed = replace(CUP, opening=0.0, points=np.concatenate([tube(0.095, 0.0, 0.14), flat]))
+    assert refusal(plan("lift the red cup", closed)) == "too_wide"
+
+
+def test_the_check_of_the_width_looks_at_what_is_between_the_fingers():
+    pose = rigid(grasp_rotation(np.array([0, 0, -1.0]), np.array([0, 1.0, 0])), (0.35, 0.1, TABLE + 0.16))
+    assert part_fits(BOTTLE, pose, 0.08, HAND)
+    low = rigid(translation=(0, 0, -0.08)) @ pose
+    assert not part_fits(BOTTLE, low, 0.08, HAND)  # the fingers would come down on its sides
+    assert not part_fits(replace(BOTTLE, points=np.zeros((0, 3))), pose, 0.08, HAND)
+
+
+def test_a_stick_in_something_is_drawn_out_along_itself_and_all_of_it():
+    holder = named("k", "brown block", "box", (0.3, 0.1, 0.075), (0.04, 0.08, 0.15))
+    lean = Rotation.from_euler("y", 0.1).as_matrix()
+    grip = named("g", "red knife", "box", (0.305, 0.1, 0.192), (0.023, 0.015, 0.084), turn=lean)
+    scene = request(holder, grip).scene
+    full = assembled(grip, scene)
+    assert full.bottom < TABLE + 0.02
+    assert full.top == pytest.approx(grip.top)
+    assert rise(full, scene) > 0.14
+    np.testing.assert_allclose(way_out(full, scene), lean[:, 2], atol=1e-9)
+    on_top = named("q", "red cube", "box", (0.3, 0.1, 0.17), (0.04, 0.04, 0.04))
+    assert assembled(on_top, request(holder, on_top).scene) is on_top
+
+
+def test_an_object_is_lifted_with_its_parts():
+    cap = named("n", "red nozzle", "cylinder", (0.35, 0.1, 0.115), (0.02, 0.02, 0.03), parent="m")
+    body = named("m", "yellow bottle", "box", (0.35, 0.1, 0.05), (0.09, 0.06, 0.1))
+    made = plan("pick up the yellow bottle", body, cap)
+    assert at(made, "close")[2] + HAND.finger_length - HAND.tip_beyond_tcp > cap.top
+    assert {"m", "n"} <= made.trajectory.waypoints[1].allowed_contacts
+
+
+# Push and press
+
+
+def shift(made: Plan, end: str) -> np.ndarray:
+    """How far the strokes that begin like ``end`` move the object, (2,): the first ``standoff`` is before contact."""
+    waypoints, moved = made.trajectory.waypoints, np.zeros(2)
+    for before, after in pairwise(waypoints):
+        if after.stage.startswith(end):
+            stroke = np.subtract(after.xyz, before.xyz)[:2]
+            assert after.motion == "linear"
+            moved += stroke * (1 - made.parameters["standoff"] / np.linalg.norm(stroke))
+    return moved
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, 0.6, 1.2])
 @pytest.mark.parametrize("side", [0.045, 0.0675])
-def test_push_ends_with_the_block_on_the_goal(arm, yaw, side):
-    block = cube("r", "red", (0.28, 0.08), yaw, side)
-    made = plan(arm, "push the red cube onto the green square", block, SQUARE)
+def test_push_ends_with_the_block_on_the_goal(yaw, side):
+    pushed, goal = block("r", "red", (0.28, 0.08), yaw, side), square((0.4, -0.1))
+    made = plan("push the red cube onto the green square", pushed, goal)
     assert made.roles == {"theme": "r", "goal": "g"}
-    pushes = [i for i, w in enumerate(made.trajectory) if w.stage.startswith("push")]
-    moved = np.zeros(2)
-    for i in pushes:
-        before, after = made.trajectory.waypoints[i - 1], made.trajectory.waypoints[i]
-        assert after.motion == "linear"
-        stroke = np.subtract(after.xyz, before.xyz)[:2]
-        assert stroke[0] ** 2 + stroke[1] ** 2 > made.parameters["standoff"] ** 2
-        moved += stroke * (1 - made.parameters["standoff"] / np.linalg.norm(stroke))
-    np.testing.assert_allclose(block.centre[:2] + moved, SQUARE.centre[:2], atol=1e-6)
+    np.testing.assert_allclose(pushed.centre[:2] + shift(made, "push"), goal.centre[:2], atol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("words", "way"),
-    [
-        ("forward 12 cm", (0.12, 0)),
-        ("to the left by 12 cm", (0, 0.12)),
-        ("back 12 cm", (-0.12, 0)),
-        ("right", (0, -0.1)),
-    ],
+    [("forward 12 cm", (0.12, 0)), ("to the left by 12 cm", (0, 0.12)), ("right", (0, -0.1))],
 )
-def test_push_in_a_direction_of_the_robot(arm, words, way):
-    made = plan(arm, f"push the cube {words}", cube("r", "red", (0.4, 0.0), 0.0))
-    start, end = stage(made, "lower"), stage(made, "push")
-    stroke = (end - start)[:2]
-    shift = stroke * (1 - made.parameters["standoff"] / np.linalg.norm(stroke))
-    np.testing.assert_allclose(shift, way, atol=1e-6)
+def test_push_in_a_direction_of_the_robot(words, way):
+    made = plan(f"push the cube {words}", block("r", "red", (0.4, 0.0), 0.0))
+    np.testing.assert_allclose(shift(made, "push"), way, atol=1e-6)
 
 
-def test_push_goes_around_what_would_be_hit_or_says_so(arm):
-    block = cube("r", "red", (0.25, 0.1), 0.0)
-    goal = scene_object("g", "green square", "region", (0.45, 0.1), (0.1, 0.1, 0.001))
-    wall = cube("w", "blue", (0.35, 0.1), 0.0)
-    made = plan(arm, "push the red cube to the green square", block, goal, wall)
+def test_push_goes_around_what_would_be_hit_or_says_so():
+    wall = block("w", "blue", (0.35, 0.1), 0.0)
+    made = plan(
+        "push the red cube to the square", block("r", "red", (0.25, 0.1), 0.0), square((0.45, 0.1)), wall
+    )
     assert any("'blue cube' is in the way" in c.description for c in made.candidates)
 
 
 @pytest.mark.parametrize(
     "sentence", ["turn on the lamp", "press the orange button", "press the button of the lamp"]
 )
-def test_press_goes_straight_down_on_the_button_with_closed_fingers(arm, sentence):
-    made = plan(arm, sentence)
+def test_press_goes_straight_down_on_the_button_with_closed_fingers(sentence):
+    made = plan(sentence)
     assert made.roles == {"theme": "k", "part": "k"}
     assert all(w.gripper == 0.0 for w in made.trajectory)
-    np.testing.assert_allclose(stage(made, "press")[:2], BUTTON.centre[:2])
-    tip = stage(made, "press")[2] - arm.hand.tip_beyond_tcp
+    np.testing.assert_allclose(at(made, "press")[:2], BUTTON.centre[:2])
+    tip = at(made, "press")[2] - HAND.tip_beyond_tcp
     assert BUTTON.top - tip == pytest.approx(made.parameters["press_depth"])
 
 
-@pytest.mark.parametrize(
-    ("height", "depth"), [(0.0092, 0.008), (0.011, 0.0098), (0.014, 0.010), (0.02, 0.010)]
-)
+@pytest.mark.parametrize(("height", "depth"), [(0.0092, 0.008), (0.014, 0.010)])
 @pytest.mark.parametrize("effects", [(), (Prior("press_depth", 0.015, count=1000),)])
-def test_press_stops_above_what_the_button_stands_on(arm, height, depth, effects):
-    button = replace(BUTTON, extents=np.array([0.033, 0.033, height]))
-    button = replace(button, world_from_object=rigid(translation=(0.31, -0.3, BASE.top + height / 2)))
-    made = plan(arm, "press the button", BASE, button, effects=effects)
-    tip = stage(made, "press")[2] - arm.hand.tip_beyond_tcp
-    assert tip >= BASE.top + 0.001
-    assert button.top - tip == pytest.approx(made.parameters["press_depth"])
+def test_press_stops_above_what_the_button_stands_on(height, depth, effects):
+    button = named(
+        "k", "orange button", "disc", (0.31, -0.3, 0.01 + height / 2), (0.033, 0.033, height), parent="l"
+    )
+    made = plan("press the button", BASE, button, effects=effects)
+    assert at(made, "press")[2] - HAND.tip_beyond_tcp >= BASE.top + 0.001
     if not effects:
         assert made.parameters["press_depth"] == pytest.approx(depth)
     if made.parameters["press_depth"] < 0.010:
         assert any("stands out by" in note for note in made.notes)
 
 
-def test_place_carries_over_and_lets_go_on_the_goal(arm):
-    made = plan(arm, "put the red cube on the tray")
-    assert [w.stage for w in made.trajectory] == [
-        "approach", "grasp", "close", "lift", "transit", "place", "release", "retreat",
-    ]  # fmt: skip
-    hangs = stage(made, "grasp")[2] - RED.bottom
-    np.testing.assert_allclose(stage(made, "place")[:2], TRAY.centre[:2], atol=1e-9)
-    assert stage(made, "place")[2] - hangs == pytest.approx(TRAY.top + made.parameters["place_height"])
-    beside = plan(arm, "put the red cube to the left of the blue cube")
-    assert stage(beside, "place")[1] > BLUE.centre[1] + 0.05
+# Caps, rings, lids, drawers, stuck objects
+
+
+JAR = named("j", "green jar", "cylinder", (0.35, -0.1, 0.06), (0.066, 0.066, 0.12))
+LID = named("l", "gray lid", "disc", (0.35, -0.1, 0.1305), (0.074, 0.074, 0.021), parent="j")
+SPOT = square((0.3, 0.2), "red square")
+
+
+@pytest.mark.parametrize(
+    "sentence", ["open the green jar", "unscrew the lid of the green jar", "uncap the jar"]
+)
+def test_a_cap_is_turned_and_lifted(sentence):
+    made = plan(sentence, JAR, LID, SPOT)
+    assert (made.skill, made.roles["theme"]) == ("twist", "l")
+    assert made.trajectory.waypoints[-1].stage == "lift"
+    poses = zip(made.trajectory.poses(np.eye(4)), made.trajectory, strict=True)
+    turned = [pose[:3, :3] for pose, w in poses if w.stage in ("close", "turn")]
+    steps = [Rotation.from_matrix(b @ a.T).as_rotvec()[2] for a, b in pairwise(turned)]
+    assert sum(steps) == pytest.approx(made.parameters["turn"], abs=1e-6)  # against the clock
+
+
+def test_a_cap_is_put_where_it_is_said():
+    made = plan("take the lid off the green jar and put it on the red square", JAR, LID, SPOT)
+    assert made.skill == "twist"
+    np.testing.assert_allclose(at(made, "release")[:2], SPOT.centre[:2], atol=1e-6)
+
+
+def test_a_ring_goes_over_a_post_in_line_with_it():
+    ring = named("r", "red ring", "ring", (0.35, -0.2, 0.005), (0.05, 0.05, 0.01), yaw=0.4, opening=0.03)
+    post = named("p", "blue pillar", "box", (0.3, 0.15, 0.06), (0.025, 0.025, 0.12), yaw=0.1)
+    made = plan("slip the ring over the blue pillar", ring, post)
+    assert made.skill == "insert"
+    np.testing.assert_allclose(at(made, "insert")[:2], post.centre[:2], atol=1e-6)
+    poses = {w.stage: p for w, p in zip(made.trajectory, made.trajectory.poses(np.eye(4)), strict=True)}
+    turn = Rotation.from_matrix(poses["insert"][:3, :3] @ poses["close"][:3, :3].T).as_rotvec()[2] + 0.3
+    assert abs((turn + np.pi / 4) % (np.pi / 2) - np.pi / 4) < 1e-6
+
+
+def box(angle: float, scale: float = 1.0, xy=(0.12, -0.1)):
+    """A box with its hinge at +x, open by ``angle``."""
+    size, reach = np.array([0.25, 0.35, 0.15]) * scale, 0.268 * scale
+    turn = Rotation.from_euler("y", angle).as_matrix()
+    centre = np.array([xy[0] + size[0] / 2, xy[1], size[2] + 0.005]) - turn[:, 0] * reach / 2
+    body = named("b", "lime box", "box", (*xy, size[2] / 2), size)
+    return body, named("l", "white lid", "plate", centre, (reach, size[1], 0.01), turn=turn, parent="b")
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
+@pytest.mark.parametrize("scale", [0.8, 1.2])
+def test_the_hinge_is_found_from_how_the_lid_lies(angle, scale):
+    objects = box(angle, scale)
+    hinge = hinge_for(objects[0], request(*objects).scene)
+    assert hinge.angle == pytest.approx(angle, abs=1e-6)
+    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
+    np.testing.assert_allclose(hinge.origin[0], objects[0].centre[0] + 0.125 * scale, atol=1e-6)
+    assert not hinge.guessed
+
+
+def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot():
+    body, _ = box(0.0)
+    flush = named("l", "white lid", "plate", (0.12, -0.1, 0.155), (0.25, 0.35, 0.01), parent="b")
+    hinge = hinge_for(flush, request(body, flush).scene)
+    assert hinge.guessed
+    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("xy", "swung", "all_the_way"), [((0.1, 0.1), 109, True), ((0.12, -0.1), 104, False)]
+)
+def test_a_lid_is_swung_less_far_than_learned_only_where_the_arm_gets_no_further(xy, swung, all_the_way):
+    made = plan("open the box", *box(0.0, 1.0, xy), effects=[Bound("open_angle", 1.9, skill="open")])
+    viable = [c.description for c in made.candidates if not c.rejected]
+    assert f"open {swung}°" in viable[0]
+    assert any("open 109°" in way for way in viable) == all_the_way
+
+
+@pytest.mark.parametrize("sentence", ["open the box", "lift the lid of the box until it stays open"])
+def test_opening_leads_the_lip_on_a_circle_about_the_hinge(sentence):
+    objects = box(0.0)
+    made, given_ = asked(sentence, *objects)
+    assert made.skill == "open"
+    hinge = hinge_for(objects[1], given_.scene)
+    offsets = np.array([w.xyz for w in made.trajectory if w.stage == "swing"]) - hinge.origin
+    radius = np.linalg.norm(offsets - np.outer(offsets @ hinge.axis, hinge.axis), axis=1)
+    np.testing.assert_allclose(radius, 0.268 - made.parameters["lip_depth"], atol=1e-6)
+    assert offsets[-1] @ hinge.level < 0  # past the vertical
+    assert made.trajectory.waypoints[-1].carries == ""
+
+
+@pytest.mark.parametrize("sentence", ["shut the lid of the lime box", "put the lid on the box"])
+def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(sentence):
+    objects = box(2.618)
+    made = plan(sentence, *objects)
+    assert made.skill == "close"
+    way = [w.xyz[0] for w in made.trajectory if w.stage == "draw over"]
+    assert way[0] > objects[1].centre[0] > way[-1]
+    assert all(w.gripper == 0.0 for w in made.trajectory)
+
+
+def test_a_lid_whose_edge_is_out_of_reach_is_pushed_from_beside():
+    made, given_ = asked("close the box", *box(2.618, 1.2, (0.10, 0.20)))
+    hinge = hinge_for(given_.scene["l"], given_.scene)
+    off = np.array([w.xyz for w in made.trajectory if w.stage == "push over"]) - hinge.origin
+    assert len(off) > 3
+    assert (np.abs(off @ hinge.axis) < 0.5 * hinge.breadth).all()  # behind the lid, not beside it
+
+
+def drawer(xy=(0.30, 0.15)):
+    return (
+        named("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
+        named("d", "lime drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="c"),
+        named("h", "gray handle", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="d"),
+    )
+
+
+@pytest.mark.parametrize(("xy", "least"), [((0.30, 0.15), 0.15), ((0.14, -0.1), 0.10)])
+def test_a_drawer_is_pulled_along_its_own_normal_less_far_near_the_arm(xy, least):
+    objects = drawer(xy)
+    assert slide_for(objects[0], request(*objects).scene).handle.id == "h"
+    for sentence in ("open the drawer", "slide the lime drawer out of the cabinet", "pull the handle"):
+        made = plan(sentence, *objects)
+        assert made.skill == "pull"
+        drawn = at(made, "pull") - at(made, "close")
+        np.testing.assert_allclose(drawn[1:], 0.0, atol=1e-9)
+        assert least - 1e-9 <= -drawn[0] <= made.parameters["pull_distance"] + 1e-9
+
+
+def tower():
+    bricks = []
+    for layer in range(5):
+        for slot in (0, 2) if layer == 3 else range(3):
+            across = (slot - 1) * 0.067
+            xy = (0.12 + across, -0.1) if layer % 2 else (0.12, -0.1 + across)
+            where, yaw = (*xy, (layer + 0.5) * 0.033), np.pi / 2 * (layer % 2)
+            bricks.append(named(f"w{layer}{slot}", "white brick", "box", where, (0.2, 0.067, 0.033), yaw=yaw))
+    loose = named("k", "red brick", "box", (0.12, -0.03, 0.114), (0.18, 0.06, 0.03), yaw=np.pi / 2)
+    return (*bricks, loose, square((0.36, 0.12), "blue circle"))
+
+
+def test_a_brick_between_bricks_is_drawn_out_by_its_free_end():
+    objects = tower()
+    made, given_ = asked("pull the red block out of the tower and put it on the blue circle", *objects)
+    held = stuck(given_.scene["k"], given_.scene)
+    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
+    assert held.exposed == pytest.approx(0.06, abs=0.006)
+    assert made.skill == "draw"
+    drawn = at(made, "pull") - at(made, "close")
+    np.testing.assert_allclose(drawn[[0, 2]], 0.0, atol=1e-9)
+    assert drawn[1] >= held.hidden
+
+
+@pytest.mark.parametrize("into", [0.0, 0.018])
+def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(into):
+    whole = named("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
+    end = named("k", "red brick", "box", (0.12, 0.03 - into, 0.114), (0.06, 0.06, 0.03))
+    held = stuck(end, request(whole, end).scene)
+    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
+    assert held.hidden == pytest.approx(0.2)
+    assert held.theme.extents[1] == pytest.approx(0.16)
+
+
+# Sorting
+
+
+BINS = tuple(
+    named(f"{colour}_bin", f"{colour} bin", "box", (*xy, 0.025), (0.17, 0.17, 0.05), opening=0.158)
+    for colour, xy in (("red", (0.25, 0.3)), ("blue", (0.25, -0.3)))
+)
+LOOSE = (
+    named("a", "red cube", "box", (0.3, 0.0, 0.0225), (0.045,) * 3),
+    named("b", "blue can", "cylinder", (0.4, 0.1, 0.035), (0.045, 0.045, 0.07)),
+    named("c", "red bar", "box", (0.4, -0.1, 0.02), (0.035, 0.07, 0.04)),
+)
+
+
+def test_sorting_is_one_trajectory_that_ends_in_the_bins():
+    made = plan("put every object into the bin that has its colour", *BINS, *LOOSE)
+    released = [np.array(w.xyz[:2]) for w in made.trajectory if w.stage == "release"]
+    for place, goal in zip(released, (BINS[0], BINS[1], BINS[0]), strict=True):
+        assert np.abs(place - goal.centre[:2]).max() < 0.05
+
+
+# Memory, rejections, refusals
+
+
+def test_memory_bounds_and_priors_change_theta_and_the_motion():
+    bound = Bound("lift_height", 0.35, ">=", skill="pick", source="r1")
+    prior = Prior("standoff", 0.1, count=1000, source="r2")
+    plain, taught = plan("lift the red cube"), plan("lift the red cube", effects=[bound, prior])
+    assert at(taught, "lift")[2] - at(plain, "lift")[2] == pytest.approx(0.10)
+    assert at(taught, "approach")[2] > at(plain, "approach")[2] + 0.04
+    assert all(any(source in note for note in taught.notes) for source in ("r1", "r2"))
+
+
+def test_a_forbidden_approach_is_not_used():
+    pushing = ("push the red cube onto the square", block("r", "red", (0.28, 0.08), 0.3), square((0.4, -0.1)))
+    plain = plan(*pushing)
+    taught = plan(*pushing, effects=[Ban("approach:straight", skill="push", source="r3")])
+    assert [w.stage for w in plain.trajectory] != [w.stage for w in taught.trajectory]
+    assert any("r3" in c.rejected for c in taught.candidates)
+    assert refusal(plan("turn on the lamp", effects=[Ban("approach:top", skill="press")])) == "other"
+
+
+def test_a_second_try_after_a_rejection_is_another_way():
+    first = plan("lift the red cube")
+    second = plan("lift the red cube", rejections=("The hand hits the wall.",))
+    assert first.trajectory != second.trajectory
+    assert any("hits the wall" in c.rejected for c in second.candidates)
 
 
 @pytest.mark.parametrize(
@@ -213,57 +444,21 @@ def test_place_carries_over_and_lets_go_on_the_goal(arm):
         ("press the red cube", "nothing_matches"),
         ("pick up the white tray", "too_wide"),
         ("pick up the red cube and press the button", "other"),
+        ("put the red cube on the red cube", "other"),
+        ("put the red cube 10 cm to the right of the blue cube", "other"),
+        ("pull the red cube", "unknown_skill"),
         ("push the red cube forward 90 cm", "unreachable"),
     ],
 )
-def test_each_kind_of_abstention(arm, sentence, kind):
-    assert refusal(plan(arm, sentence)) == kind
+def test_each_kind_of_abstention(sentence, kind):
+    assert refusal(plan(sentence)) == kind
 
 
-def test_no_other_colour_and_no_other_kind_stands_in_for_what_is_not_there(arm):
-    lime = cube("a", "lime", (0.35, 0.1))
-    can = scene_object("c", "blue box", "box", (0.35, 0.1), (0.05, 0.05, 0.08))
-    assert refusal(plan(arm, "pick up the teal cube", lime, BLUE)) == "nothing_matches"
-    assert plan(arm, "pick up the green cube", lime, BLUE).roles["theme"] == "a"
-    assert plan(arm, "pick up the green cube", lime, cube("g", "green", (0.3, -0.1))).roles["theme"] == "g"
-    for sentence in ("pick up the blue cylinder", "pick up the can", "put the blue mug on the red cube"):
-        assert refusal(plan(arm, sentence, can, RED)) == "nothing_matches"
-
-
-def test_memory_bounds_and_priors_change_theta_and_the_motion(arm):
-    bound = Bound("lift_height", 0.35, ">=", skill="pick", source="r1")
-    prior = Prior("standoff", 0.1, count=1000, source="r2")
-    plain, taught = plan(arm, "lift the red cube"), plan(arm, "lift the red cube", effects=[bound, prior])
-    assert taught.parameters["lift_height"] == 0.35
-    assert stage(taught, "lift")[2] - stage(plain, "lift")[2] == pytest.approx(0.10)
-    assert stage(taught, "approach")[2] > stage(plain, "approach")[2] + 0.04
-    assert any("r1" in n for n in taught.notes)
-    assert any("r2" in n for n in taught.notes)
-    overshoot = Bound("push_overshoot", 0.02, ">=", skill="push")
-    block = cube("r", "red", (0.28, 0.0), 0.0)
-    goal = scene_object("g", "green square", "region", (0.45, 0.0), (0.1, 0.1, 0.001))
-    ends = [
-        stage(plan(arm, "push the cube to the square", block, goal, effects=e), "push")
-        for e in ([], [overshoot])
-    ]
-    assert ends[1][0] - ends[0][0] == pytest.approx(0.02)
-
-
-def test_a_forbidden_approach_is_not_used(arm):
-    forbid = Ban("approach:straight", skill="push", source="r3")
-    asked = ("push the red cube onto the green square", cube("r", "red", (0.28, 0.08), 0.3), SQUARE)
-    plain, taught = plan(arm, *asked), plan(arm, *asked, effects=[forbid])
-    assert [w.stage for w in plain.trajectory] != [w.stage for w in taught.trajectory]
-    assert any("r3" in c.rejected for c in taught.candidates)
-    top = Ban("approach:top", skill="press")
-    assert refusal(plan(arm, "turn on the lamp", effects=[top])) == "other"
-
-
-def test_a_second_try_after_a_rejection_is_another_way(arm):
-    first = plan(arm, "lift the red cube")
-    second = plan(arm, "lift the red cube", rejections=("The hand hits the wall.",))
-    assert first.trajectory != second.trajectory
-    assert any("hits the wall" in c.rejected for c in second.candidates)
+@pytest.mark.parametrize(
+    "said", ["-5 cm", "by −5 cm", "minus five cm", "1/2 cm", "5 - 10 cm", "1,5 cm", "10"]
+)
+def test_a_length_that_is_negative_or_no_single_number_is_declined(said):
+    assert refusal(plan(f"lift the red cube {said}")) in ("other", "nothing_matches")
 
 
 @settings(max_examples=8, deadline=None)
@@ -271,46 +466,20 @@ def test_a_second_try_after_a_rejection_is_another_way(arm):
     yaw=st.floats(-0.6, 0.6),
     skill=st.sampled_from(["pick up the red cube", "push the red cube to the square"]),
 )
-def test_turning_the_scene_about_the_base_turns_the_plan(arm, yaw, skill):
+def test_turning_the_scene_about_the_base_turns_the_plan(yaw, skill):
     foot = np.array([*SapienPandaConfig().base_position[:2], 0.0])
-    turn = (
-        rigid(translation=foot) @ rigid(Rotation.from_euler("z", yaw).as_matrix()) @ rigid(translation=-foot)
-    )
-    objects = (
-        cube("r", "red", (0.25, 0.05), 0.3),
-        scene_object("g", "green square", "region", (0.35, -0.1), (0.1, 0.1, 0.001)),
-    )
+    spun = Rotation.from_euler("z", yaw).as_matrix()
+    turn = rigid(translation=foot) @ rigid(spun) @ rigid(translation=-foot)
+    objects = (block("r", "red", (0.25, 0.05), 0.3), square((0.35, -0.1)))
     turned = tuple(replace(o, world_from_object=turn @ o.world_from_object) for o in objects)
-    plain, other = plan(arm, skill, *objects), plan(arm, skill, *turned)
+    plain, other = plan(skill, *objects), plan(skill, *turned)
     # The same grasp or stroke may be done by the hand turned round, which leaves the positions alone.
-    assert len(plain.trajectory) == len(other.trajectory)
-    np.testing.assert_allclose(
-        other.trajectory.xyzg()[:, :3], transform_points(turn, plain.trajectory.xyzg()[:, :3]), atol=1e-6
-    )
+    expected = transform_points(turn, plain.trajectory.xyzg()[:, :3])
+    np.testing.assert_allclose(other.trajectory.xyzg()[:, :3], expected, atol=1e-6)
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.text(max_size=40))
-def test_no_sentence_raises(arm, text):
-    made = PLANNER.plan(request(arm, text))
+def test_no_sentence_raises(text):
+    made = plan(text)
     assert made.abstention is None or made.abstention.kind
-
-
-@pytest.mark.parametrize(
-    "said",
-    ["-5 cm", "by - 5cm", "by −5 cm", "minus five cm", "1/2 cm", "5 - 10 cm", "5 to 10 cm", "1,5 cm", "10"],
-)
-def test_a_length_that_is_negative_or_no_single_number_is_declined(arm, said):
-    assert refusal(plan(arm, f"lift the red cube {said}")) in ("other", "nothing_matches")
-
-
-def test_an_object_is_not_its_own_goal(arm):
-    made = plan(arm, "put the red cube on the red cube")
-    assert refusal(made) == "other"
-    assert "The red cube cannot be its own goal" in made.abstention.message
-
-
-def test_a_distance_from_another_object_is_declined(arm):
-    made = plan(arm, "put the red cube 10 cm to the right of the blue cube")
-    assert refusal(made) == "other"
-    assert "not supported; 0.1 m from the blue cube was asked for" in made.abstention.message

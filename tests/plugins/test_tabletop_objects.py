@@ -6,8 +6,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.robot.task import TaskSite
 from gvla2.testing.robot import check_task
 from gvla2_plugins.tabletop_objects import ObjectsConfig, TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.meshes import fallen
-from gvla2_plugins.tabletop_objects.task import TabletopObjects
+from gvla2_plugins.tabletop_objects.task import TabletopObjects, fallen
 from tests.plugins.test_sapien_meshes import settled
 from tests.scanning import bowl, box, painted, write
 
@@ -33,26 +32,15 @@ def sample(made, seed, instruction=None):
 
 
 @pytest.mark.parametrize("pose", ["upright", "fallen"])
-@pytest.mark.parametrize("ask", ["lift", "put_in", "left_of", "sort", "any"])
+@pytest.mark.parametrize("ask", ["lift", "put_in"])
 def test_the_contract_is_kept(folder, ask, pose):
     check_task(task(folder, ask, count=4, pose=pose if ask != "put_in" else "upright"), SITE)
 
 
-def test_wide_objects_find_room_beside_one_another(tmp_path):
-    for k in range(5):
-        write(tmp_path, f"board_{k}", painted(box(0.15, 0.15, 0.02)))
-    for seed in range(8):
-        bodies = sample(task(tmp_path, count=5), seed).layout.bodies
-        spots = np.array([body.world_from_body[:2, 3] for body in bodies])
-        apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1)[~np.eye(5, dtype=bool)]
-        assert apart.min() > 0.15
-
-
 def test_a_given_sentence_decides_what_is_judged(folder):
-    made = task(folder, "any", count=4)
+    made = task(folder, count=4)
     given = sample(made, 3, "please pick up the sugar box")
     assert "sugar box is lower" in given.goal
-    assert "left (+y) of the bowl" in sample(made, 3, "put the soup can left of the bowl").goal
     assert "over the bowl" in sample(made, 3, "put the soup can into the bowl").goal
     assert "seed's own goal" in sample(made, 3, "lift the mug").goal
 
@@ -97,20 +85,7 @@ def test_lifting_is_judged_by_the_lowest_point(folder):
         assert instance.succeeded["strict"](state) == strict
 
 
-def test_beside_and_inside_are_judged_where_objects_lie(folder):
-    instance = sample(
-        task(folder, "left_of", names=["sugar_box", "bowl"]), 0, "put the sugar box left of the bowl"
-    )
-    box_, bowl_ = instance.layout["sugar_box"], instance.layout["bowl"]
-    for offset, done in (
-        ((0, 0.2, 0), True),
-        ((0, -0.2, 0), False),
-        ((0, 0.6, 0), False),
-        ((0, 0.02, 0), False),
-    ):
-        pose = box_.world_from_body.copy()
-        pose[:2, 3] = bowl_.world_from_body[:2, 3] + offset[:2]
-        assert instance.succeeded["strict"](Moved(instance.layout, {"sugar_box": pose})) == done
+def test_inside_is_judged_where_objects_lie(folder):
     instance = sample(task(folder, "put_in", count=4), 0, "put the soup can into the bowl")
     can = instance.layout["soup_can"].world_from_body.copy()
     can[:3, 3] = instance.layout["bowl"].world_from_body[:3, 3] + (0, 0, 0.03)
@@ -139,16 +114,9 @@ def test_bad_options_are_named(folder, options, message):
 def test_what_cannot_be_asked_or_does_not_fit_is_named(folder, tmp_path):
     with pytest.raises(ConfigurationError, match="open at its top"):
         sample(task(folder, "put_in", names=["sugar_box", "soup_can"]), 0)
-    with pytest.raises(ConfigurationError, match="two objects"):
-        sample(task(folder, "left_of", names=["bowl"]), 0)
     write(tmp_path, "door", painted(box(0.9, 1.6, 0.02)))
     with pytest.raises(ConfigurationError, match=r"more than the 0\.65 x 0\.91 m of the table"):
         sample(task(tmp_path), 0)
-
-
-def test_corrections_of_a_mesh_are_in_the_goal(tmp_path):
-    write(tmp_path, "carton", painted(box(60, 80, 100)))
-    assert "carton: it is 100 units long and was read as millimetres" in sample(task(tmp_path), 0).goal
 
 
 def test_objects_lie_still_where_the_episode_has_them(folder):

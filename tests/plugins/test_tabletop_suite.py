@@ -33,20 +33,6 @@ def test_tasks_keep_the_contract(name):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_every_wording_is_used_and_filled_in(name):
-    wordings = task(name).instructions
-    assert len({w.split()[0] for w in wordings}) >= 3
-    unsaid = {wording.partition("{")[0] for wording in wordings}
-    for seed in range(40):
-        sentence = sample(name, seed).instruction
-        assert "{" not in sentence
-        unsaid -= {start for start in unsaid if sentence.startswith(start)}
-        if not unsaid:
-            break
-    assert not unsaid
-
-
-@pytest.mark.parametrize("name", TASKS)
 @pytest.mark.parametrize("scale", [0.8, 1.2])
 def test_scale_changes_sizes(name, scale):
     plain, scaled = (sample(name, 3, scale=k).layout.bodies for k in (1.0, scale))
@@ -98,8 +84,3 @@ def test_defaults_are_the_published_sizes():
     masses = {"lid": ("open_box", 0.938), "loose": ("play_jenga", 0.327), "ring": ("insert_block", 0.02)}
     for body, (name, mass) in masses.items():
         assert sample(name, 1).layout[body].mass == pytest.approx(mass, abs=5e-4)
-
-
-def test_where_the_hand_cannot_follow_nothing_is_laid_out():
-    with pytest.raises(ConfigurationError, match="No place was found for a cabinet"):
-        task("open_drawer").sample(np.random.default_rng(0), site(follows=lambda poses: False))

@@ -11,6 +11,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along
+from gvla2.reconstruction import compiled
+from gvla2.reconstruction import rasteriser as rasteriser_module
 from gvla2.reconstruction.rasteriser import Rasteriser, backward, forward
 
 CAMERA = Camera.from_fov(0.7, look_along([0.2, -1.5, 0.4], [-0.2, 1.5, -0.4]), 37, 32)
@@ -71,9 +73,7 @@ def torch_render(
     offset = torch.tensor(camera.pixel_centres())[:, :, None] - uv
     power = -0.5 * torch.einsum("hwni,nij,hwnj->hwn", offset, torch.linalg.inv(covariance), offset)
     alpha = torch.sigmoid(parameters["opacity_logits"][order]) * torch.exp(power)
-    alpha = torch.where(
-        alpha >= rasteriser.min_alpha, alpha.clamp(max=rasteriser.max_alpha), torch.zeros_like(alpha)
-    )
+    alpha = torch.where(alpha >= rasteriser.min_alpha, alpha.clamp(max=0.99), torch.zeros_like(alpha))
     passing = torch.cumprod(torch.cat([torch.ones_like(alpha[..., :1]), 1 - alpha], dim=-1), dim=-1)
     colour = (0.5 + SH_C0 * parameters["sh_dc"][order]).clamp(min=0)
     image = (passing[..., :-1] * alpha) @ colour + passing[..., -1:] * torch.tensor(background).double()
@@ -161,27 +161,19 @@ def test_a_long_thin_gaussian_keeps_its_shape() -> None:
 
 
 @pytest.mark.parametrize("count", [10, 6000])
-def test_threads_change_no_bit(count: int) -> None:
+def test_threads_change_no_bit(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = cloud(count, 5, size=0.02)
     to_image = np.random.default_rng(0).normal(size=(32, 37, 3)).astype(np.float32)
-    frames = [forward(scene, CAMERA, rasteriser=Rasteriser(threads=n)) for n in (1, 2, 3)]
-    gradients = [backward(frame, to_image, to_image[..., 0]) for frame in frames]
+    frames, gradients = [], []
+    for threads in (1, 2, 3):
+        for module in (compiled, rasteriser_module):
+            monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
+        frames.append(forward(scene, CAMERA))
+        gradients.append(backward(frames[-1], to_image, to_image[..., 0]))
     for frame, gradient in zip(frames[1:], gradients[1:], strict=True):
         assert np.array_equal(frame.image, frames[0].image)
         for name in FIELDS:
             assert np.array_equal(getattr(gradient, name), getattr(gradients[0], name))
-
-
-def test_nothing_and_what_is_behind_are_the_background() -> None:
-    empty = Gaussians(*(np.zeros((0, *shape)) for shape in ((3,), (3,), (4,), (), (3,))))
-    scene = cloud(5, spread=0.1)
-    behind = scene.with_centres(scene.centres + 5 * (CAMERA.position / np.linalg.norm(CAMERA.position)))
-    for nothing in (empty, behind):
-        frame = forward(nothing, CAMERA, (0.2, 0.4, 0.6))
-        assert np.allclose(frame.image, [0.2, 0.4, 0.6])
-        assert (frame.alpha == 0).all()
-        assert (frame.boxes[:, 1] <= frame.boxes[:, 0]).all()  # no tile has any
-        assert not backward(frame, np.ones_like(frame.image)).centres.any()
 
 
 def test_extreme_but_legal_parameters_stay_finite() -> None:
@@ -199,17 +191,7 @@ def test_extreme_but_legal_parameters_stay_finite() -> None:
         assert all(np.isfinite(getattr(gradients, name)).all() for name in FIELDS)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"min_alpha": 0.0},
-        {"max_alpha": 1.5},
-        {"near": 0.0},
-        {"low_pass": -1.0},
-        {"stop": 1.0},
-        {"threads": -1},
-    ],
-)
-def test_senseless_options_are_refused(options) -> None:
+@pytest.mark.parametrize("options", [{"min_alpha": 0.0}, {"near": 0.0}, {"low_pass": -1.0}, {"stop": 1.0}])
+def test_options_out_of_range_are_refused(options) -> None:
     with pytest.raises(ConfigurationError, match="rasteriser needs"):
         Rasteriser(**options)

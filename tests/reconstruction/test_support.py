@@ -6,13 +6,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import rigid, transform_points
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 
 
 @pytest.fixture(scope="module")
@@ -59,39 +57,9 @@ def test_samples_at_pixel_centres():
     np.testing.assert_allclose(mask_support(at, one_view(mask)), [1.0, 0.5, 0.0], atol=1e-6)
 
 
-def test_official_sampling_differs_and_trusts_points_seen_once():
-    mask = np.tile(np.linspace(0, 1, 8), (8, 1))
-    views = Views((*one_view(mask), *one_view(mask)))
-    at = np.array([[-0.2, 0.0, 1.0], [0.4, 0.0, 1.0], [9.0, 0.0, 1.0]])  # u = 2, the far edge 8, outside
-    np.testing.assert_allclose(mask_support(at, views, compat="official"), [2 / 8, 1.0, 1.0], atol=1e-6)
-    np.testing.assert_allclose(mask_support(at, views), [1.5 / 7, 0.0, 0.0], atol=1e-6)
-    assert mask_support(at, one_view(mask), compat="official").tolist() == [1.0, 1.0, 1.0]
-
-
 def test_points_behind_outside_and_not_finite_have_none():
     points = np.array([[0, 0, -1.0], [5.0, 0, 1.0], [np.nan, 0, 1.0], [np.inf, 0, 1.0], [0, 0, 1.0]])
     assert mask_support(points, one_view(np.ones((8, 8)))).tolist() == [0, 0, 0, 0, 1]
-    official = mask_support(points, one_view(np.ones((8, 8))), compat="official")
-    assert official[2] == official[3] == 0
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_a_rigid_motion_of_points_and_cameras_together_changes_nothing(views, seed):
-    rng = np.random.default_rng(seed)
-    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-3, 3, 3))
-    points = rng.uniform(-0.7, 0.7, (200, 3))
-    moved = Views(
-        tuple(
-            replace(v, camera=replace(v.camera, world_from_camera=motion @ v.camera.world_from_camera))
-            for v in views
-        )
-    )
-    here, there = mask_support(points, views), mask_support(transform_points(motion, points), moved)
-    # A point may cross the image's edge by rounding, no more.
-    assert (np.abs(here - there) > 1e-6).sum() <= 1
-    assert here.min() >= 0
-    assert here.max() <= 1
 
 
 def test_surface_of_the_true_shape_is_supported(masked_views):
@@ -99,12 +67,6 @@ def test_surface_of_the_true_shape_is_supported(masked_views):
     views = masked_views(ball)
     assert mask_support(0.95 * ball.vertices, views).min() == 1.0
     assert mask_support(1.5 * ball.vertices, views).mean() < 0.8
-
-
-def test_many_points_on_several_threads_equal_few_on_one(views):
-    points = np.random.default_rng(2).uniform(-1, 1, (90_000, 3))
-    whole = mask_support(points, views)
-    np.testing.assert_array_equal(whole[::30], mask_support(points[::30], views))
 
 
 def test_errors_name_the_view_and_the_fault(views):
@@ -117,5 +79,51 @@ def test_errors_name_the_view_and_the_fault(views):
         mask_support(np.zeros((1, 3)), Views((replace(views[0], mask=views[0].mask * np.nan),)))
     with pytest.raises(GeometryError, match=r"\(N, 3\)"):
         mask_support(np.zeros((3, 2)), views)
-    with pytest.raises(GeometryError, match="Available: none, official"):
-        mask_support(np.zeros((1, 3)), views, compat="offical")
+
+
+def strength(support, **options):
+    """Lambda(p) of points at distance 1 from the centre."""
+    out = np.tile([1.0, 0.0, 0.0], (len(support), 1))
+    return 1 - soft_hull(out, support, np.zeros(3), **options)[:, 0]
+
+
+def test_strength_is_the_papers_formula():
+    s = np.linspace(0, 1, 11)
+    expected = 0.008 * (1 / (1 + np.exp(-(0.45 - s) / 0.12))) ** 2
+    np.testing.assert_allclose(strength(s), expected, atol=1e-15)
+    assert strength([0.45]).item() == pytest.approx(0.008 / 4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0, 1), st.floats(0.01, 1), st.floats(0, 0.5))
+def test_points_move_inwards_and_at_most_by_lambda_max(seed, tau, eta, lambda_max):
+    rng = np.random.default_rng(seed)
+    points, support = rng.normal(size=(50, 3)), rng.uniform(0, 1, 50)
+    centre = rng.normal(size=3)
+    moved = soft_hull(points, support, centre, tau, eta, lambda_max)
+    old, new = np.linalg.norm(points - centre, axis=1), np.linalg.norm(moved - centre, axis=1)
+    assert (new <= old * (1 + 1e-12)).all()
+    assert (new >= old * (1 - lambda_max) * (1 - 1e-12)).all()
+    np.testing.assert_allclose(np.cross(points - centre, moved - centre), 0, atol=1e-9)
+
+
+def test_one_centre_for_uneven_samplings_of_one_object():
+    dense, sparse = np.random.default_rng(0), np.array([[0.0, 0, 0], [1, 1, 1]])
+    crowded = np.vstack([sparse, dense.uniform(0, 0.2, (500, 3))])
+    np.testing.assert_allclose(object_centre(crowded), object_centre(sparse))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"support": np.ones(3)}, "support must be"),
+        ({"support": np.full(4, 1.5)}, r"\[0, 1\]"),
+        ({"support": np.full(4, np.nan)}, r"\[0, 1\]"),
+        ({"eta": 0.0}, "eta"),
+        ({"lambda_max": 1.5}, "lambda_max"),
+        ({"centre": [0, 0]}, "centre"),
+    ],
+)
+def test_what_cannot_be_shrunk(arguments, words):
+    with pytest.raises(GeometryError, match=words):
+        soft_hull(**{"points": np.ones((4, 3)), "support": np.ones(4), **arguments})

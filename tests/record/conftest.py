@@ -133,7 +133,6 @@ def episode(seen: tuple[Scene, Observation]) -> Callable[..., EpisodeRecord]:
                 Finding("schema", True, message="6 waypoints, finite, in the world frame."),
                 Finding("clearance", True, message="Smallest clearance on the way.", value=0.017, limit=0.01),
             ),
-            ("Waypoint 0 (approach): raised by 4 mm.",),
         ),
         report=build_report(plan),
         after=observation,

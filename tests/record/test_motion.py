@@ -1,26 +1,21 @@
 """The film of every frame and the arm's states, and the data set for training that they become."""
 
-import io
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from PIL import Image
 
 from gvla2 import cli
 from gvla2.errors import Gvla2Error
-from gvla2.record.motion import FILM, STATES, FrameReel, Motion, gif
+from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.robot.backend import Moment
 
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
 pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
 
-from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset  # noqa: E402 - needs the two
+from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset  # noqa: E402 - needs it
 
 # imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
@@ -74,13 +69,6 @@ def test_every_frame_has_its_state(tmp_path: Path):
     assert (header["size"], header["fps"]) == ((32, 32), FPS)
     reds = [np.frombuffer(frame, np.uint8).reshape(32, 32, 3)[..., 0].mean() for frame in reader]
     np.testing.assert_allclose(reds, 30 * np.arange(FRAMES), atol=12)
-
-
-def test_without_the_library_the_states_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    keep(tmp_path)
-    assert (tmp_path / STATES).is_file()
-    assert not (tmp_path / FILM).exists()
 
 
 def test_the_data_set_has_the_published_layout(tmp_path: Path):
@@ -158,73 +146,3 @@ def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: py
     assert "1 in several attempts" in printed
     assert cli.main(["export", "lerobot", str(runs), f"to={tmp_path / 'all'}", "only=all"]) == 0
     assert capsys.readouterr().out.startswith("3 episodes")
-
-
-@pytest.mark.parametrize(
-    ("words", "status", "said"),
-    [
-        (["lerobt", "x", "to=y"], 2, "lerobot"),
-        (["lerobot", "x"], 2, "to=FOLDER"),
-        (["lerobot", "no_such", "to=y"], 1, "There is no folder 'no_such'"),
-        (["lerobot", ".", "to=y"], 1, "Nothing to export"),
-    ],
-)
-def test_wrong_usage_of_the_command(words, status, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["export", *words]) == status
-    assert said in capsys.readouterr().err
-
-
-def frame(k: int, size: int = 32) -> np.ndarray:
-    image = np.full((size, size, 3), 180, dtype=np.uint8)
-    image[k % size, : size // 2] = (255, 40, 20)
-    return image
-
-
-def test_every_frame_is_in_the_gif() -> None:
-    with Image.open(io.BytesIO(gif([frame(k) for k in range(23)], fps=10))) as picture:
-        assert picture.n_frames == 23
-        durations = []
-        for k in range(picture.n_frames):
-            picture.seek(k)
-            durations.append(picture.info["duration"])
-    assert durations[:-1] == [100] * 22
-    assert durations[-1] == 1300
-
-
-def test_a_large_animation_is_kept_small() -> None:
-    noise = np.random.default_rng(0).integers(0, 255, (24, 96, 96, 3), dtype=np.uint8)
-    small = gif(list(noise), max_bytes=60_000)
-    assert len(small) < 0.5 * len(gif(list(noise), max_bytes=10**9))
-    with Image.open(io.BytesIO(small)) as picture:
-        assert picture.n_frames >= 6
-
-
-@given(st.integers(1, 400), st.integers(2, 24))
-@settings(max_examples=40, deadline=None)
-def test_a_reel_thins_out_evenly(count: int, limit: int) -> None:
-    reel = FrameReel(limit=limit)
-    for k in range(count):
-        reel.add(np.full((1, 1, 3), [k // 256, k % 256, 0], dtype=np.uint8))
-    kept = [int(f[0, 0, 0]) * 256 + int(f[0, 0, 1]) for f in reel.frames]
-    assert len(kept) <= limit
-    assert kept[0] == 0
-    assert kept[-1] == count - 1
-    if count <= limit:
-        assert kept == list(range(count))
-    else:
-        assert len(kept) > limit // 2
-        steps = np.diff(kept[:-1])
-        assert len(set(steps.tolist())) <= 1
-        assert kept[-1] - kept[-2] <= 2 * max(steps, default=count)
-
-
-def test_a_reel_keeps_copies_and_reduces_large_frames() -> None:
-    reel = FrameReel(side=20)
-    image = np.zeros((30, 40, 3), dtype=np.uint8)
-    reel.add(image)
-    small = np.zeros((10, 10, 3), dtype=np.uint8)
-    reel.add(small)
-    small[:] = 255
-    assert reel.frames[0].shape == (15, 20, 3)
-    assert reel.frames[1].max() == 0

@@ -11,8 +11,7 @@ from gvla2.commands.calibrate import CalibrateConfig, job
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import invert_rigid, look_along, rigid
 from gvla2.plugins.registry import load_plugins
-from gvla2.robot.calibration import Calibration, Intrinsics, load_recording
-from gvla2.robot.hand_eye import SOLVERS, PosePair, solve
+from gvla2.robot.calibration import Calibration, Intrinsics, PosePair, solve
 
 INTRINSICS = Intrinsics(600.0, 601.0, 320.5, 240.25, 640, 480)
 BASE_FROM_CAMERA = look_along([0.8, -0.3, 0.6], [-0.6, 0.3, -0.5])
@@ -47,30 +46,13 @@ def off(found, true):
     return 1e3 * np.linalg.norm(found[:3, 3] - true[:3, 3]), np.degrees(turn)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_noisy_pairs_give_the_transform_back(seed):
     """1 mm and 0.1 degrees of noise on the target, 20 pairs: within 2 mm and 0.2 degrees."""
     rng = np.random.default_rng(seed)
-    millimetres, degrees = off(solve(recorded(rng))[0].transform, BASE_FROM_CAMERA)
+    millimetres, degrees = off(solve(recorded(rng)).transform, BASE_FROM_CAMERA)
     assert millimetres < 2.0
     assert degrees < 0.2
-
-
-def test_eye_in_hand_too():
-    found = solve(recorded(np.random.default_rng(3), mount="eye_in_hand"), "eye_in_hand")
-    millimetres, degrees = off(found[0].transform, TCP_FROM_CAMERA)
-    assert millimetres < 2.0
-    assert degrees < 0.2
-
-
-def test_solutions_come_best_first_and_refinement_is_not_worse():
-    found = solve(recorded(np.random.default_rng(5), shift=3e-3))
-    assert [s.rmse for s in found] == sorted(s.rmse for s in found)
-    assert {s.method for s in found} == {*SOLVERS, "refined"}
-    assert found[0].method == "refined"
-    exact = solve(recorded(np.random.default_rng(1), shift=0.0, turn=0.0))
-    for solution in exact:
-        np.testing.assert_allclose(solution.transform, BASE_FROM_CAMERA, atol=1e-6)
 
 
 def test_too_few_and_too_similar_pairs_are_refused():
@@ -79,15 +61,6 @@ def test_too_few_and_too_similar_pairs_are_refused():
         solve(recorded(rng, count=5))
     with pytest.raises(RobotError, match="turn it by 15 or more"):
         solve(recorded(rng, spread=0.03))
-
-
-def test_turns_about_one_axis_are_refused():
-    pairs = []
-    for angle in np.linspace(-0.8, 0.8, 12):
-        hand = rigid(Rotation.from_euler("z", angle).as_matrix(), [0.3, 0.1 * angle, 0.2])
-        pairs.append(PosePair(hand, invert_rigid(BASE_FROM_CAMERA) @ hand @ CONSTANT))
-    with pytest.raises(RobotError, match="second axis"):
-        solve(pairs)
 
 
 def made(**changes):
@@ -127,16 +100,6 @@ def test_mirrored_inexact_and_foreign_calibrations_are_refused(tmp_path: Path):
         Calibration.load(path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"serial": "x"}', '{"convention": 3}'])
-def test_damaged_files_are_named(tmp_path: Path, text):
-    path = tmp_path / "broken.json"
-    path.write_text(text)
-    with pytest.raises(RobotError, match=r"broken\.json"):
-        Calibration.load(path)
-    with pytest.raises(RobotError, match=r"broken\.json"):
-        load_recording(path)
-
-
 def recording(tmp_path: Path, pairs, **changes) -> Path:
     path = tmp_path / "recording.json"
     body = {
@@ -152,12 +115,11 @@ def recording(tmp_path: Path, pairs, **changes) -> Path:
     return path
 
 
-def test_the_command_writes_calibration_and_plot(tmp_path: Path, capsys):
+def test_the_command_writes_the_calibration(tmp_path: Path, capsys):
     path = recording(tmp_path, recorded(np.random.default_rng(2)))
     rmse = job(CalibrateConfig(pairs=str(path)), load_plugins(), tmp_path)
     said = capsys.readouterr().out
-    assert all(word in said for word in ("park", "tsai", "refined", "hand_eye.json"))
-    assert (tmp_path / "residuals.svg").read_text().startswith("<svg")
+    assert all(word in said for word in ("pair 19", "RMSE", "hand_eye.json"))
     read = Calibration.load(tmp_path / "hand_eye.json", "f0123")
     assert read.rmse == rmse
     assert off(read.transform, BASE_FROM_CAMERA)[0] < 2.0
@@ -169,7 +131,6 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
     with pytest.raises(RobotError, match="RMSE"):
         job(CalibrateConfig(pairs=str(path)), load_plugins(), tmp_path)
     assert not (tmp_path / "hand_eye.json").exists()
-    assert (tmp_path / "residuals.svg").exists()
     pairs = recorded(rng)
     broken = recording(tmp_path, pairs)
     body = json.loads(broken.read_text())
@@ -177,23 +138,3 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
     broken.write_text(json.dumps(body))
     with pytest.raises(RobotError, match="pair 3"):
         job(CalibrateConfig(pairs=str(broken)), load_plugins(), tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        (
-            {"pairs": None},
-            r"has a wrong part \(.*\)\. It needs intrinsics, serial and pairs",
-        ),
-        ({"pairs": [None]}, r"pair 0 has a wrong part .* base_from_tcp and camera_from_target"),
-        ({"pairs": [{}]}, r"pair 0 lacks 'base_from_tcp'"),
-        ({"intrinsics": [1, 2, 3]}, r"has a wrong part"),
-        ({"intrinsics": {}}, r"lacks 'fx'"),
-    ],
-)
-def test_what_a_recording_lacks_is_said(tmp_path: Path, changes, expected):
-    path = recording(tmp_path, recorded(np.random.default_rng(2)))
-    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
-    with pytest.raises(RobotError, match=expected):
-        load_recording(path)

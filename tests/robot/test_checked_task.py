@@ -7,8 +7,8 @@ import pytest
 
 from gvla2.errors import PluginError
 from gvla2.geometry.transform import rigid
-from gvla2.robot.checked_task import CheckedTask
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
+from gvla2.robot.backend import SuccessCheck, judge
+from gvla2.robot.task import Body, Catch, CheckedTask, Joint, Layout, Primitive, TaskInstance, Thread
 from gvla2.testing.robot import SITE, _AtRest
 
 WHO = "The task 'mine' of plugin 'yours'"
@@ -40,6 +40,8 @@ def with_solid(**fields):
     return with_body(solids=(replace(BLOCK.solids[0], **fields),))
 
 
+LID = replace(BLOCK, name="lid")
+THREAD = Thread("thread", "block", "lid", np.array([0.0, 0.0, 1.0]), np.zeros(3), 6.5, (0.0, 7.0))
 HINGE = Joint("hinge", "revolute", "block", "lid", np.array([0.0, 0.0, 1.0]), np.zeros(3), (0.0, 1.0))
 
 
@@ -48,10 +50,19 @@ HINGE = Joint("hinge", "revolute", "block", "lid", np.array([0.0, 0.0, 1.0]), np
     [
         (None, "must be TaskInstance, got NoneType"),
         (replace(GOOD, instruction=" "), "Its instruction is empty"),
-        (replace(GOOD, succeeded={"relaxed": bool}), "'relaxed' and 'strict'"),
+        (replace(GOOD, succeeded={"loose": bool}), "'relaxed' and 'strict'"),
         (replace(GOOD, succeeded={"relaxed": True, "strict": True}), "each a function"),
         (replace(GOOD, layout=Layout((BLOCK, BLOCK))), "unique names"),
-        (replace(GOOD, layout=Layout((BLOCK,), (HINGE,))), "Joint 'hinge' joins bodies that are not there"),
+        (replace(GOOD, layout=Layout((BLOCK,), (HINGE,))), "'hinge' ties 'block' to 'lid'"),
+        (replace(GOOD, layout=Layout((BLOCK, LID), (HINGE, HINGE))), "two joints"),
+        (
+            replace(GOOD, layout=Layout((BLOCK, LID), (HINGE, replace(HINGE, parent="lid", child="block")))),
+            "ring",
+        ),
+        (replace(GOOD, layout=Layout((BLOCK, LID), threads=(THREAD,))), "release in .0, 2 pi., got 6.5"),
+        (replace(GOOD, layout=Layout((BLOCK, LID), (HINGE,), threads=(THREAD,))), "two joints"),
+        (replace(GOOD, layout=Layout((BLOCK,), catches=(Catch("a", "b", 0.1),))), "A catch holds 'a'"),
+        (with_solid(collides=False), "nothing of it is solid"),
         (with_body(name=""), "unique names"),
         (with_body(world_from_body=rigid(translation=(np.nan, 0, 1))), "Body 'block': world_from_body"),
         (with_body(solids=()), "'block' has no solids"),
@@ -67,30 +78,12 @@ def test_what_cannot_be_laid_out_is_reported_for_the_task(instance, expected):
         sample(instance)
 
 
-def test_a_sentence_that_was_given_is_not_the_tasks():
-    assert sample(replace(GOOD, instruction=""), "").instruction == ""
-
-
-def test_yes_and_no_are_kept():
-    checks, state = sample(GOOD).succeeded, _AtRest(GOOD.layout)
-    assert checks["relaxed"](state) is False
-    assert checks["strict"](state) is True
-
-
-@pytest.mark.parametrize(
-    ("check", "expected"),
-    [
-        (lambda w: "no", "answered 'no'; it must be True or False"),
-        (lambda w: None, "answered None"),
-        (lambda w: w.pose("blokc"), "asks for 'blokc', which its layout lacks; it has block"),
-        (lambda w: w.held("blokc"), "asks for 'blokc'"),
-        (lambda w: w.joint("hinge") > 0, "asks for 'hinge', which its layout lacks; it has block"),
-    ],
-)
-def test_a_success_check_that_is_wrong_is_reported_with_its_task(check, expected):
-    checks = sample(replace(GOOD, succeeded={"relaxed": check, "strict": check})).succeeded
-    with pytest.raises(PluginError, match=f"{WHO}: its success check 'strict' {expected}"):
-        checks["strict"](_AtRest(GOOD.layout))
+def test_success_checks_answer_yes_or_no():
+    assert judge(GOOD, _AtRest(GOOD.layout)) == SuccessCheck(relaxed=False, strict=True)
+    assert judge(replace(GOOD, succeeded={"strict": lambda w: True}), None) == SuccessCheck(True, True)
+    assert judge(replace(GOOD, succeeded={}), None) is None
+    with pytest.raises(PluginError, match="'strict' answered 'no'; it must be True or False"):
+        judge(replace(GOOD, succeeded={"strict": lambda w: "no"}), None)
 
 
 def test_every_task_of_the_catalog_is_checked(registry):

@@ -5,7 +5,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.clutter import ARRANGEMENTS, GAP, cluttered
+from gvla2.robot.clutter import GAP, cluttered
 from gvla2.robot.options import TaskConfig
 from gvla2.robot.placing import planar
 from gvla2.robot.solids import body_points
@@ -39,9 +39,7 @@ class Push:
         slide = Joint("slide", "prismatic", "chest", "drawer", np.array([0, 1.0, 0]), np.zeros(3), (0.0, 0.3))
         said = self.instructions[int(rng.integers(4))] if instruction is None else instruction
         never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance(
-            said, Layout((block, chest, drawer), (slide,)), never, keep_clear=((0.3, 0.35, 0.08),)
-        )
+        return TaskInstance(said, Layout((block, chest, drawer), (slide,)), never)
 
 
 def sample(seed=0, **options):
@@ -52,17 +50,10 @@ def flat(body):
     return body_points(body, body.world_from_body)
 
 
-def test_none_asked_for_is_the_task_itself():
-    task = Push()
-    assert cluttered(task, Options()) is task
-    assert cluttered(task, object()) is task
-
-
-@pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-def test_the_contract_is_kept_and_the_task_lies_where_it_lay(arrangement):
-    check_task(cluttered(Push(), Options(distractors=4, arrangement=arrangement)), SITE)
+def test_the_contract_is_kept_and_the_task_lies_where_it_lay():
+    check_task(cluttered(Push(), Options(distractors=4)), SITE)
     plain = Push().sample(np.random.default_rng(3), SITE)
-    among = sample(3, distractors=4, arrangement=arrangement)
+    among = sample(3, distractors=4)
     assert among.instruction == plain.instruction
     assert [b.name for b in among.layout.bodies] == [
         "block", "chest", "drawer", *(f"distractor_{k}" for k in range(4))
@@ -80,28 +71,8 @@ def test_what_the_task_needs_stays_clear():
         for points in added:
             assert np.linalg.norm(points[:, None] - block, axis=2).min() > GAP
             assert np.linalg.norm(points[:, None] - drawn, axis=2).min() > GAP
-            assert np.linalg.norm(points - (0.3, 0.35), axis=1).min() > 0.08
         for i, one in enumerate(added):
             assert all(np.linalg.norm(one[:, None] - other, axis=2).min() > GAP for other in added[:i])
-
-
-def test_the_block_stays_the_only_block_and_the_only_red_thing():
-    for seed in range(8):
-        for body in sample(seed, distractors=3).layout.bodies[3:]:
-            assert body.solids[0].kind == "cylinder"
-            assert body.solids[0].rgb not in (COLOURS["red"], COLOURS["blue"])
-
-
-def test_things_touch_lean_and_stand_on_one_another():
-    first, second = sample(0, distractors=2, arrangement="touching").layout.bodies[3:]
-    way = second.world_from_body[:2, 3] - first.world_from_body[:2, 3]
-    assert np.linalg.norm(way) < 0.09
-    stack = sample(0, distractors=3, arrangement="stack").layout.bodies[3:]
-    heights = [(flat(b)[:, 2].min(), flat(b)[:, 2].max()) for b in stack]
-    assert all(0 < low - high < 0.002 for (low, _), (_, high) in zip(heights[1:], heights, strict=False))
-    block, board = sample(0, distractors=2, arrangement="leaning").layout.bodies[3:]
-    assert 0.3 < np.arccos(abs(board.world_from_body[2, 2])) < 0.5
-    assert flat(block)[:, 2].min() > TABLE
 
 
 def test_scans_may_lie_about(tmp_path):
@@ -116,16 +87,9 @@ def test_scans_may_lie_about(tmp_path):
     [
         ({"distractors": 13}, "0 to 12"),
         ({"distractors": -1}, "0 to 12"),
-        ({"distractors": 1, "arrangement": "heap"}, "apart, touching"),
         ({"distractors": 1, "distractors_root": "/absent"}, "no folder"),
     ],
 )
 def test_bad_options_are_named(options, message):
     with pytest.raises(ConfigurationError, match=message):
         cluttered(Push(), Options(**options))
-
-
-def test_no_room_is_said():
-    small = TaskSite((0.25, 0.0), (0.3, 0.3), TABLE, lambda point: True)
-    with pytest.raises(ConfigurationError, match="no room for 12 distractors"):
-        cluttered(Push(), Options(distractors=12)).sample(np.random.default_rng(0), small)

@@ -97,34 +97,3 @@ def test_the_arm_stays_where_it_got_to_for_the_dwell(go, arm):
         assert arm.forward(stay[0])[2, 3] == pytest.approx(max(floor, target), abs=2e-3)
         assert (len(stay) - 1) / 60 == pytest.approx(2.0, abs=0.02)
         assert press.motion_seconds - without.motion_seconds == pytest.approx(2.0, abs=0.02)
-
-
-def test_a_dwell_that_is_no_time_or_too_long_is_refused(go, arm):
-    assert go(FeelingDriver(arm.home, arm), None, dwell=1e9).abort.abort == "timeout"
-    report = go(FeelingDriver(arm.home, arm), None, dwell=-1.0)
-    assert report.abort.abort == "not_started"
-    assert "dwell" in report.abort.message
-
-
-def test_a_guard_that_is_not_met_changes_nothing(go, arm):
-    driver = FeelingDriver(arm.home, arm, floor=0.5)
-    report = go(driver, Guard(force=10.0, stall=0.01))
-    assert report.completed
-    assert report.waypoints[1].status == "linear"
-    assert report.waypoints[1].force == 0.0
-    assert report.waypoints[1].error < 1e-3
-
-
-def test_a_robot_that_feels_nothing_says_so_and_goes_to_the_end(go, driver):
-    press = go(driver, Guard(force=10.0)).waypoints[1]
-    assert press.status == "linear"
-    assert "does not feel" in press.message
-    assert press.error < 1e-3
-
-
-@pytest.mark.parametrize("guard", [Guard(), Guard(force=-1.0), Guard(force=float("nan")), Guard(5.0, -0.1)])
-def test_a_guard_that_can_end_nothing_is_refused(go, driver, guard):
-    report = go(driver, guard)
-    assert report.abort.abort == "not_started"
-    assert "guard" in report.abort.message
-    assert driver.calls == []

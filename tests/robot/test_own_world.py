@@ -66,18 +66,15 @@ def test_a_run_takes_the_robots_own_task_by_name(tmp_path: Path):
     assert record.success_check == SuccessCheck(True, True)
 
 
-def test_without_a_task_the_sentence_is_the_callers(tmp_path: Path):
-    overrides = ["robot=kitchen", "task=none", "instruction=lift the red cube", "memory=none", "quiet=true"]
-    config, registry = composed("run", overrides)
-    (record,) = run_episodes(config, registry, tmp_path)
-    assert (record.task, record.instruction) == ("none", "lift the red cube")
-
-
 @pytest.mark.parametrize(
     ("robot", "task", "message"),
     [
         ("kitchen", "kitchen/2", "No task of robot 'kitchen' named 'kitchen/2'. Did you mean 'kitchen/"),
-        ("kitchen", "pick_and_lift", "Available: kitchen/0, kitchen/1. `gvla2 tasks robot=kitchen` lists"),
+        (
+            "kitchen",
+            "pick_and_lift",
+            "Available: kitchen/0, kitchen/1. `gvla2 tasks robot=kitchen` lists",
+        ),
         (
             "sapien_panda",
             "kitchen/1",

@@ -32,23 +32,8 @@ def test_bad_waypoints_are_named(scene_of, block, change, message):
         check_trajectory(trajectory, scene_of(block()), np.eye(4))
 
 
-def test_good_waypoints_give_poses(scene_of, block):
-    trajectory = Trajectory((GOOD, replace(GOOD, carries="block")))
-    poses = check_trajectory(trajectory, scene_of(block()), np.eye(4))
-    np.testing.assert_array_equal(poses[1][:3, 3], GOOD.xyz)
-
-
-def test_no_waypoints_are_refused(scene_of):
-    with pytest.raises(RobotError, match="no waypoints"):
-        check_trajectory(Trajectory(()), scene_of(), np.eye(4))
-
-
 def check(samples, measured=(0.0, 0.0, 0.0)):
     check_samples(np.array(samples, dtype=float), 0.1, np.array(measured), LIMITS, np.full(3, 2.0))
-
-
-def test_good_samples_pass():
-    check([[0, 0, 0], [0.1, -0.1, 0.2], [0.2, -0.2, 0.4]])
 
 
 @pytest.mark.parametrize(

@@ -32,27 +32,6 @@ def test_limits_hold_on_any_polyline(seed, points, dt):
     assert off.max() < 0.04
 
 
-def test_a_long_straight_motion_takes_the_time_that_physics_asks():
-    samples = time_path(np.array([[0.0], [3.0]]), 0.01, limits(1))
-    ideal = 3.0 / 1.5 + 1.5 / 5.0  # cruise, and half of the ramps
-    assert ideal <= (len(samples) - 1) * 0.01 <= ideal + 0.2
-
-
-def test_the_tool_keeps_its_speed():
-    def reach(joints):
-        return np.stack([np.cos(joints[:, 0]), np.sin(joints[:, 0]), 0 * joints[:, 0]], axis=1) * 0.8
-
-    path = np.array([[0.0, 0.0], [1.0, 0.3], [1.5, 1.0]])
-    samples = time_path(path, 0.01, limits(2, tool=0.2), reach)
-    speed = np.linalg.norm(np.diff(reach(samples), axis=0), axis=1) / 0.01
-    assert 0.19 < speed.max() <= 0.2 * 1.01
-
-
-def test_a_motion_of_nothing_is_one_sample():
-    for path in (np.array([[1.0, 2.0]]), np.array([[1.0, 2.0]] * 3)):
-        np.testing.assert_array_equal(time_path(path, 0.01, limits(2)), [[1.0, 2.0]])
-
-
 @pytest.mark.parametrize(
     ("path", "dt"),
     [([[0.0, np.nan]], 0.01), ([[0.0, 1.0]], 0.0), ([0.0, 1.0], 0.01), (np.zeros((0, 2)), 0.01)],

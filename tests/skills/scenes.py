@@ -14,6 +14,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.workcell import make_cell
 from gvla2.testing import inputs
 from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.planner import SkillPlanner
 
 TABLE = 0.752
 ARM = make_cell(SapienPandaConfig()).arm
@@ -100,3 +102,16 @@ def sound(plan: Plan, asked: PlanRequest) -> Plan:
 def at(plan: Plan, stage: str) -> np.ndarray:
     assert plan.trajectory is not None, plan.abstention
     return np.array(next(w.xyz for w in plan.trajectory if w.stage == stage))
+
+
+def named(name, label, shape, xyz, size, yaw=0.0, **more) -> SceneObject:
+    """An object with a label, whose first word is its colour."""
+    return replace(make_object(name, shape, xyz, size, yaw=yaw, label=label, **more), colour=label.split()[0])
+
+
+def asked(sentence: str, *objects: SceneObject, effects=(), **more) -> tuple[Plan, PlanRequest]:
+    """The plan of ``planner=skill`` for a sentence, and its request; a trajectory passes every check."""
+    given = replace(request(*objects, effects=effects, **more), instruction=sentence)
+    made = SkillPlanner(SkillConfig()).plan(given)
+    assert (made.trajectory is None) == (made.abstention is not None)
+    return (made if made.trajectory is None else sound(made, given)), given

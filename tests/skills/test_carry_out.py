@@ -10,7 +10,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.planning.calls import GraspOptions, SkillCall, SkillOptions
 from gvla2.planning.contracts import Advice, Done
-from gvla2.planning.effects import Ban, Bound
+from gvla2.planning.effects import Bound
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 from tests.skills.scenes import (
@@ -38,23 +38,17 @@ A, B = cube("a", (0.3, 0.1)), cube("b", (0.25, -0.2))
     [
         (SkillCall("pick", "a"), (A, B), "pick", {"theme": "a"}),
         (SkillCall("place", "a", "tray", relation="in"), (A, TRAY), "place", {"theme": "a", "goal": "tray"}),
-        (SkillCall("place", "a", xy=(0.4, -0.1)), (A,), "place", {"theme": "a"}),
         (SkillCall("place", "a", direction=(0, 1), amount=0.1), (A,), "place", {"theme": "a"}),
         (SkillCall("push", "a", "patch"), (A, PATCH), "push", {"theme": "a", "goal": "patch"}),
-        (SkillCall("push", "a", direction=(2, 0)), (A,), "push", {"theme": "a"}),
-        (SkillCall("press", "knob"), LAMP, "press", {"theme": "knob", "part": "knob"}),
         (SkillCall("press", "lamp"), LAMP, "press", {"theme": "knob", "part": "knob"}),
-        (SkillCall("twist", "cap"), jar(), "twist", {"theme": "cap"}),
         (SkillCall("twist", "jar", "patch"), (*jar(), PATCH), "twist", {"theme": "cap", "goal": "patch"}),
         (SkillCall("open", "jar"), jar(), "twist", {"theme": "cap"}),
         (SkillCall("pick", "cap"), jar(), "twist", {"theme": "cap"}),
-        (SkillCall("insert", "ring", "post"), (RING, POST), "insert", {"theme": "ring", "goal": "post"}),
         (SkillCall("place", "ring", "post"), (RING, POST), "insert", {"theme": "ring", "goal": "post"}),
         (SkillCall("open", "box"), box(0.0), "open", {"theme": "box"}),
         (SkillCall("pick", "lid"), box(0.0), "open", {"theme": "lid"}),
         (SkillCall("close", "box"), box(2.618), "close", {"theme": "box"}),
         (SkillCall("place", "lid", "box"), box(2.618), "close", {"theme": "lid"}),
-        (SkillCall("pull", "bar"), drawer(), "pull", {"theme": "bar"}),
         (SkillCall("open", "cabinet"), drawer(), "pull", {"theme": "cabinet"}),
         (SkillCall("pick", "bar"), drawer(), "pull", {"theme": "bar"}),
         (SkillCall("draw", "brick", xy=(0.4, 0.2)), stuck_brick(), "draw", {"theme": "brick"}),
@@ -85,10 +79,10 @@ def test_a_lift_height_that_is_raised_is_reported_and_an_amount_is_kept():
     low = SkillOptions(lift_height=0.02)
     plan = carry_out([SkillCall("pick", "a")], request(A), low)
     assert plan.parameters["lift_height"] == pytest.approx(0.03)
-    assert plan.notes[0].startswith("lift_height was raised from 0.02 to 0.03 m, the least that")
+    assert plan.notes[0].startswith("lift_height: 0.02 -> 0.03 to clear")
     plan = carry_out([SkillCall("pick", "a", amount=0.02)], request(A), low)
     assert plan.parameters["lift_height"] == pytest.approx(0.02)
-    assert not [note for note in plan.notes if "raised" in note]
+    assert not [note for note in plan.notes if "lift_height" in note]
 
 
 def test_an_amount_and_theta_override_the_defaults_and_memory_bounds_them():
@@ -141,21 +135,11 @@ def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
     assert (step.parameters["turn"], turned(step)) == (pytest.approx(3.6), pytest.approx(0.8))
     whole = carry_out([twist], again)
     assert (whole.parameters["turn"], turned(whole)) == (pytest.approx(6.4), pytest.approx(3.6))
-    more = (*advice.done, Done("twist", "turn", 6.4, place))
-    effects = (Bound("turn", 7.2, ">=", skill="twist"),)
-    third = carry_out([twist], replace(asked, advice=replace(advice, effects=effects, done=more)))
-    assert (third.parameters["turn"], turned(third)) == (pytest.approx(10.0), pytest.approx(3.6))
     elsewhere = Done("twist", "turn", 2.8, (0.0, 0.0, 0.0))
     back = Done("twist", "turn", -2.8, place)
     for other in (elsewhere, back):  # another cap; the other way
         plan = carry_out([twist], replace(asked, advice=replace(advice, done=(other,))))
         assert (plan.parameters["turn"], turned(plan)) == (pytest.approx(3.6), pytest.approx(3.6))
-
-
-def test_a_straight_way_on_which_a_joint_would_leap_is_not_tried():
-    plan = carry_out([SkillCall("twist", "cap", theta={"turn": 4.7})], request(*jar()), SkillOptions(tries=1))
-    assert turned(plan) == pytest.approx(4.7)
-    assert any("another posture" in c.rejected for c in plan.candidates)
 
 
 def test_a_part_that_only_moves_with_its_whole_means_the_whole():
@@ -170,7 +154,6 @@ def test_a_part_that_only_moves_with_its_whole_means_the_whole():
 @pytest.mark.parametrize(
     ("call", "kind", "said"),
     [
-        (SkillCall("juggle", "a"), "unknown_skill", "pick, place"),
         (SkillCall("pikc", "a"), "unknown_skill", "Did you mean 'pick'?"),
         (SkillCall("pick", "moon"), "nothing_matches", "a (object a)"),
         (SkillCall("place", "a", "a"), "other", "its own goal"),
@@ -178,7 +161,6 @@ def test_a_part_that_only_moves_with_its_whole_means_the_whole():
         (SkillCall("place", "a"), "no_goal", "not said"),
         (SkillCall("place", "a", "tray", xy=(0.3, 0.0)), "other", "Only one of"),
         (SkillCall("place", "a", xy=(0.3, 0.0), relation="in"), "other", "needs a goal"),
-        (SkillCall("pick", "a", "tray"), "other", "pick(theme"),
         (SkillCall("insert", "a", "tray"), "other", "no hole"),
         (SkillCall("insert", "a", "tray", relation="beside"), "other", "not have the relation 'beside'"),
         (SkillCall("pick", "patch"), "other", "painted"),
@@ -188,8 +170,7 @@ def test_a_part_that_only_moves_with_its_whole_means_the_whole():
         (SkillCall("pull", "a"), "unknown_skill", "no visible handle"),
         (SkillCall("twist", "jar", amount=0.05, direction=(0.0, 0.0)), "other", "must not be (0, 0)"),
         (SkillCall("push", "a", "tray", amount=0.1), "other", "only with a direction"),
-        (SkillCall("place", "a", "tray", amount=0.1), "other", "right of, behind, in front of the object tray"),
-        (SkillCall("close", "a", amount=0.1), "other", "takes no amount"),
+        (SkillCall("place", "a", "tray", amount=0.1), "other", "only with a direction"),
         (SkillCall("pick", "a", theta={"standoff": 3.0}), "other", "from 0 to 0.2 m"),
         (SkillCall("place", "a", xy=(5.0, 5.0)), "unreachable", "workspace"),
     ],
@@ -246,12 +227,3 @@ def test_several_objects_into_containers_are_one_trajectory_side_by_side():
     places = [np.array(w.xyz[:2]) for w in plan.trajectory if w.stage == "release"]
     gaps = [np.linalg.norm(p - q) for i, p in enumerate(places) for q in places[:i]]
     assert min(gaps) > 0.04
-
-
-def test_a_rejected_way_is_not_proposed_again():
-    first = carry_out([SkillCall("pick", "a")], request(A))
-    second = carry_out([SkillCall("pick", "a")], request(A, rejections=("The hand hits the wall.",)))
-    assert first.trajectory != second.trajectory
-    forbidden = [Ban("approach:top", skill="press")]
-    refused = carry_out([SkillCall("press", "knob")], request(*LAMP, effects=forbidden))
-    assert refused.abstention.kind == "other"

@@ -56,7 +56,7 @@ def test_the_same_scene_and_seed_repeat_and_others_differ(asked):
     assert all("to explore" in note for note in first[1])
 
 
-def test_a_planner_that_explores_says_so_and_keeps_to_what_was_learnt(asked):
+def test_a_planner_that_explores_says_so_and_keeps_to_what_was_learned(asked):
     usual = plan(asked)
     assert usual.trajectory is not None
     assert replace(plan(asked, explore=0.0, explore_seed=9), options=usual.options) == usual
@@ -80,11 +80,3 @@ def test_plans_say_which_parameters_go_with_the_objects_height(asked):
     # A pull's depth is that of the finger pads, whatever the drawer's height.
     assert scales(STANDARD["pull"].scaled, {"grasp_depth": 0.006}, sides) == {}
     assert scales(STANDARD["pick"].scaled, {"grasp_depth": 0.006}, {**sides, "height": 0.001}) == {}
-
-
-def test_a_lesson_from_another_size_sets_the_same_share(asked):
-    share = Advice("", (Bound("grasp_depth", 0.7, ">=", skill="pick", source="r1", scale="height"),))
-    made = plan(replace(asked, advice=share))
-    theme = asked.scene[made.roles["theme"]]
-    assert made.parameters["grasp_depth"] == pytest.approx(0.7 * (theme.top - theme.bottom))
-    assert made.trajectory is not None

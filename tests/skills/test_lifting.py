@@ -1,7 +1,5 @@
 """Lifting: bare points of a path become motion that the checks pass, or a reason why not."""
 
-import math
-
 import pytest
 
 from gvla2.errors import PlanningError
@@ -65,13 +63,6 @@ def test_a_second_object_is_refused_rather_than_left_out():
 def test_paths_without_a_meaning_are_refused(points, why):
     with pytest.raises(PlanningError, match=why):
         lift(points, REQUEST)
-
-
-@pytest.mark.parametrize("number", [math.nan, math.inf])
-def test_points_are_finite(number):
-    for xyz, gripper in (((number, 0.0, 0.0), 1.0), ((0.0, 0.0, 0.0), number)):
-        with pytest.raises(ValueError, match="not finite"):
-            PathPoint(xyz, gripper)
 
 
 def test_what_is_out_of_reach_is_a_typed_refusal():

@@ -12,11 +12,11 @@ import pytest
 from gvla2 import Component, ComponentConfig
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem, Ranked, Verdict
-from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.contracts import Plan
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.testing import CHECKS, ConformanceError, check_component
 from gvla2.testing.inputs import RED, TABLE, ball, scene, views
 
@@ -150,11 +150,6 @@ def with_goal(**done: bool) -> Callable[..., TaskInstance]:
     )
 
 
-def with_ghost(instance: TaskInstance) -> TaskInstance:
-    joint = Joint("j", "prismatic", "cube", "ghost", np.array([0, 0, 1.0]), np.zeros(3), (0, 1))
-    return replace(instance, layout=Layout(instance.layout.bodies, (joint,)))
-
-
 GOOD: dict[str, dict[str, Any]] = {
     "perceiver": {"perceive": lambda *given: scene()},
     "prior": {"predict": estimate},
@@ -174,12 +169,8 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
     ("planner", "plan"): [
         (lambda r: None, "NoneType, not a Plan"),
         (lambda r: Plan(None), "neither a trajectory nor an abstention"),
-        (lambda r: replace(lifting(INSIDE, INSIDE), abstention=Abstention("other", "no")), "either"),
-        (lambda r: Plan(None, abstention=Abstention("other", "")), "needs a message"),
         (lambda r: lifting(INSIDE), "2 to 20 waypoints, got 1"),
         (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "not a tuple of three finite"),
-        (lambda r: lifting(INSIDE, INSIDE, frame="base"), "frame is 'base'"),
-        (lambda r: lifting(INSIDE, INSIDE, speed=0.0), "must be positive"),
         (lambda r: lifting(INSIDE, INSIDE, carries="ghost"), "ghost"),
         (lambda r: replace(lifting(INSIDE, INSIDE), roles={"theme": "ghost"}), "role 'theme'"),
         (lambda r: 1 / 0, "raised ZeroDivisionError"),
@@ -188,29 +179,22 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
     ("perceiver", "perceive"): [
         (lambda *given: None, "must be Scene"),
         (lambda *given: replace(scene(), objects=scene().objects[:1]), "No object lies within"),
-        (lambda *given: replace(scene(), objects=scene().objects * 2), "must be unique"),
         (lambda *given: replace(scene(), table_height=TABLE + 0.05), "height is off by 0.050"),
         (perceiving(extents=np.array([0.1, -0.1, 0.1])), "not be negative"),
-        (perceiving(points=np.zeros((3, 2))), "points must have the shape"),
         (perceiving(world_from_object=np.diag([1, 1, -1, 1.0])), "mirrored"),
-        (perceiving(parent="lamp"), "'lamp' is not in the scene"),
         (lambda *given: scene()["nothing"], "raised KeyError"),
     ],
     ("prior", "predict"): [
         (lambda v: estimate(v, depth=np.ones((1, 2, 2), np.float32)), "must have the shape"),
         (lambda v: estimate(v, depth=-estimate(v).depth), "must be positive"),
         (lambda v: estimate(v, depth=np.inf * estimate(v).depth), "never infinite"),
-        (lambda v: estimate(v, confidence=-estimate(v).depth), "number >= 0"),
         (lambda v: estimate(v, world_from_camera=np.zeros((len(v), 4, 4))), "not orthonormal"),
-        (lambda v: estimate(v) if v[0].depth is not None else v[0].points(), "one colour view"),
     ],
     ("reconstructor", "reconstruct"): [
         (lambda v: Reconstruction(ball(50, 0.02), None), "in another frame"),
         (lambda v: Reconstruction(None, None), "Gaussians or a mesh"),
-        (lambda v: Reconstruction(THERE, None, ""), "never empty"),
     ],
     ("fusion", "fuse"): [
-        (lambda a, b, u, v: a[:-1], "must have the shape"),
         (lambda a, b, u, v: a + 0.001, "must fuse to themselves"),
         (lambda a, b, u, v: (a * u[:, None] + b * v[:, None]) / (u + v)[:, None], "not finite"),
         (lambda a, b, u, v: np.add(a, b, out=a), "read-only"),
@@ -219,14 +203,12 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
         (lambda g, c, b: tuple(np.float64(x) for x in flat(c, b, 1.0)), "float32"),
         (lambda g, c, b: flat(c, b, 0.0), "has alpha 0.00"),
         (lambda g, c, b: flat(c, (0.9, 0.2, 0.1), 1.0), "must show the background"),
-        (lambda g, c, b: flat(c, b, 2.0), r"leaves \[0, 1\]"),
     ],
     ("memory", "recall"): [
         (lambda task: "nothing", "must be MemoryContext"),
         (recalling(items=(ITEM, ITEM)), "recalled twice"),
         (recalling(items=(ITEM,), abstained="unsure"), "that abstains"),
         (recalling(items=(replace(ITEM, score=2.0),)), "terms sum to 0.5"),
-        (recalling(items=(replace(ITEM, confidence=2.0),)), "confidence must lie"),
         (recalling(text="x" * 200_000), "must be bounded"),
     ],
     ("memory", "learn"): [
@@ -238,23 +220,17 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
     ("retriever", "rank"): [
         (lambda t, c, q: ([Ranked(9, 1.0, {"a": 1.0})], ""), "no such row"),
         (lambda t, c, q: ([Ranked(i, i, {"a": i}) for i in range(len(c))], ""), "best first"),
-        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})] * min(2, len(c)), ""), "comes twice"),
         (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})][: len(c)], "unsure"), "returns no rows"),
         (lambda t, c, q: ([Ranked(0, 1.0, {"a": 0.2})][: len(c)], ""), "terms sum to 0.2"),
-        (lambda t, c, q: ([], f"{c.cosine(q).max()}"), "raised ValueError"),
     ],
     ("embedder", "embed"): [
         (lambda texts: 2 * unit(texts), "length 1"),
-        (lambda texts: unit(["x" for _ in texts]), "zero row"),
         (lambda texts: unit(texts).astype(np.float64), "float32"),
-        (lambda texts: unit(texts) if texts else np.zeros((0, 5)), "of no text"),
         (lambda texts: unit(texts) * (1 if len(texts) > 1 else -1), "rest of the batch"),
     ],
     ("verifier", "verify"): [
-        (judging("verified_success", 0.2, 0.6, {"a": 0.2}), "is 'verified_fail', not"),
-        (judging("verified_success", 0.9, 0.1, {"a": 0.9}), "has the confidence 0.800"),
-        (judging("verified_success", 1.4, 1.8, {"a": 1.4}), "quality must lie"),
-        (judging("unavailable", 0.0, 0.0), "says why"),
+        (judging("verified_success", 0.2, 0.6, {"a": 0.2}), "is 'verified_fail' with"),
+        (judging("verified_success", 0.9, 0.1, {"a": 0.9}), "the confidence 0.800"),
         (lambda e: Verdict.from_criteria({"a": float(e.report.completed)}), "raised AttributeError"),
         (lambda e: Verdict.from_criteria({"a": 1.0 - getattr(e, "gripper_width", 0) * 9}), "better"),
     ],
@@ -266,12 +242,8 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
         (with_body(world_from_body=np.eye(4)), "into the table"),
         (with_body(world_from_body=a_body(np.random.default_rng(1), 0.752).world_from_body), "all give"),
         (with_body(mass=0.0), "mass must be positive"),
-        (with_body(solids=()), "has no solids"),
         (sampling(lambda i: replace(i, instruction="lift the {colour} cube")), "finished sentence"),
-        (with_goal(relaxed=False), "'relaxed' and 'strict'"),
         (with_goal(relaxed=True, strict=True), "already done"),
-        (sampling(lambda i: replace(i, layout=Layout(i.layout.bodies * 2))), "unique names"),
-        (sampling(with_ghost), "not there"),
     ],
 }
 """Members that break the contract, by kind and name, and what the check says of them."""

@@ -12,8 +12,8 @@ def propose(job):
         hand = pointing(horizontal(yaw))
         path = Path(theta["speed"], theta["contact_speed"], hand, gripper=0.0)
         path.go("approach", [x, y, touch + theta["standoff"]])
-        path.line("tap", [x, y, touch], allowed=job.own(), slow=True)
-        path.line("retreat", [x, y, touch + theta["standoff"]], allowed=job.own())
+        path.line("tap", [x, y, touch], allowed=job.own, slow=True)
+        path.line("retreat", [x, y, touch + theta["standoff"]], allowed=job.own)
         yield Proposal(f"tap at {yaw} rad", ("approach:top",), 0.8, path.trajectory())
 
 

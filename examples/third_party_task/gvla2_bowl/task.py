@@ -8,8 +8,6 @@ from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_i
 from gvla2.robot.solids import Volume, cup
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 
-from .demonstration import put_in
-
 HEIGHT, WALL = 0.05, 0.006  # of the bowl, metres
 BALL_MASS, BOWL_MASS = 0.05, 0.4  # kilograms
 GAP = 0.06  # between all things: room for the hand, metres
@@ -83,7 +81,6 @@ class BallInBowl:
             Layout((*balls, bowl)),
             {"relaxed": relaxed, "strict": strict},
             f"relaxed: the {colours[target]} ball is in the bowl, let go of; strict: it lies still there{aside}",
-            solution=put_in(name, "bowl", HEIGHT),
         )
 
     def _spots(self, rng, site):

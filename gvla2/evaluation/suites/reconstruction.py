@@ -162,7 +162,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
         lpips = lpips_of(config.lpips_weights) is not None
         if not lpips:
             log.warning(
-                "LPIPS is not measured: its weights are absent. Fetch them with: gvla2 data fetch=[lpips]"
+                "LPIPS is not measured: its weights are absent. Fetch them with: python -m gvla2.evaluation.lpips"
             )
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))

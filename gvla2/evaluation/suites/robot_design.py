@@ -28,7 +28,7 @@ from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
 from gvla2.plugins.assembly import GEOMETRY, LOOP
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
-from gvla2.plugins.registry import Registry, nothing_in
+from gvla2.plugins.registry import Registry
 
 SUITE = "robot"
 VERSION = 2
@@ -262,7 +262,9 @@ def _memory_key(config: RobotBench, registry: Registry, arm: BenchArm) -> Any:
 
 def _model(config: RobotBench, registry: Registry) -> str:
     """The language model that the episode's components use; "" if none does."""
-    kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" and not nothing_in(config, kind)]
+    kinds = [
+        kind for kind in (*LOOP, *GEOMETRY) if kind != "task" and not registry.chooses_nothing(config, kind)
+    ]
     if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
         return ""
     return model_label(config.language)

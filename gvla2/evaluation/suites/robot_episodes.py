@@ -8,8 +8,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from gvla2.episode.listener import SilentListener
-from gvla2.episode.loop import Components, EpisodeRequest, run_episode
+from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
 from gvla2.episode.record import EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,

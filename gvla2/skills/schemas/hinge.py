@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -136,13 +137,8 @@ def propose_close(job: Job) -> list[Proposal] | Abstention:
         for shift in SHIFTS[:3]
         for sign in (1.0, -1.0)
     ]
-    beside = [
-        _close_beside(job, hinge, side, roll, share)
-        for share in BESIDE
-        for side in (1.0, -1.0)
-        for roll in ROLLS
-    ]
-    return [*hooks, *beside]
+    beside = product(BESIDE, (1.0, -1.0), ROLLS)
+    return [*hooks, *(_close_beside(job, hinge, side, roll, share) for share, side, roll in beside)]
 
 
 def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Proposal:
@@ -162,8 +158,8 @@ def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Pr
         first = hook(hinge.angle) - 0.03 * hinge.level
         path.go("approach", first - approach * theta["standoff"])
         path.line("lower", first, allowed=hinge.parts)
-        last = _drive(job, hinge, path, "draw over", hook)
-        path.line("retreat", last + 0.12 * UP, allowed=hinge.parts)
+        _drive(job, hinge, path, "draw over", hook)
+        path.line("retreat", path.end + 0.12 * UP, allowed=hinge.parts)
         return path.trajectory()
 
     how = "lid drawn shut from behind its edge" + (", hand turned round" if sign < 0 else "")
@@ -191,8 +187,8 @@ def _close_beside(job: Job, hinge: Hinge, side: float, roll: float, share: float
         first, aside = behind(hinge.angle, 0.02), approach * (INTO + theta["standoff"])
         path.go("approach", first - aside)
         path.line("reach behind", first, allowed=hinge.parts)
-        last = _drive(job, hinge, path, "push over", behind)
-        away = last + 0.03 * hinge.normal(_let_go_angle(job, hinge)) - aside
+        end = _drive(job, hinge, path, "push over", behind)
+        away = path.end + 0.03 * hinge.normal(end) - aside
         path.line("retreat", away, allowed=hinge.parts)
         return path.trajectory()
 
@@ -202,13 +198,10 @@ def _close_beside(job: Job, hinge: Hinge, side: float, roll: float, share: float
     return Proposal(how, ("approach:side", "approach:hook"), preference, way, reserve=True)
 
 
-def _let_go_angle(job: Job, hinge: Hinge) -> float:
-    return min(job.theta["let_go_angle"], hinge.angle)
-
-
-def _drive(job: Job, hinge: Hinge, path: Path, stage: str, hand: Callable[[float], FloatArray]) -> FloatArray:
-    """Move the lid, the tool at ``hand(angle)`` (3,), until it falls by itself; returns the tool's last position."""
+def _drive(job: Job, hinge: Hinge, path: Path, stage: str, hand: Callable[[float], FloatArray]) -> float:
+    """Move the lid, the tool at ``hand(angle)`` (3,), until it falls by itself; returns its angle then, radians."""
     path.tolerance = GIVE
-    for angle in _angles(hinge.angle, _let_go_angle(job, hinge)):
+    end = min(job.theta["let_go_angle"], hinge.angle)
+    for angle in _angles(hinge.angle, end):
         path.line(stage, hand(float(angle)), allowed=hinge.parts, slow=True)
-    return np.asarray(path.waypoints[-1].xyz)
+    return end

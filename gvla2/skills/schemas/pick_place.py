@@ -59,7 +59,7 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     height = min(wanted, job.ceiling())
 
     def way() -> Trajectory:
-        path, touching = take(job, grasp), job.own() | job.resting()
+        path, touching = take(job, grasp), job.own | job.resting
         start = draw_out(job, path, grasp)
         up = np.array([*start[:2], max(height, start[2])])
         if straight:
@@ -79,7 +79,7 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: 
     """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
     default the theme and its parts; ``stage`` names the last motion before the hand closes.
     """
-    theta, theme = job.theta, job.own() if touching is None else touching
+    theta, theme = job.theta, job.own if touching is None else touching
     # At this distance along the approach the fingertips are a standoff away from the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
@@ -112,7 +112,7 @@ def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
     if far == 0.0 or np.hypot(*way[:2]) < LEANING:
         return grasp.centre
     out = grasp.centre + way * far / way[2]
-    path.line("draw", out, allowed=job.own() | job.resting(), slow=True)
+    path.line("draw", out, allowed=job.own | job.resting, slow=True)
     return np.asarray(out)
 
 
@@ -211,7 +211,7 @@ def brought(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> tuple[Path
     """The path from the approach to over the spot (3,), with the theme turned by ``turn``, and the grasp there."""
     path, over = take(job, grasp), over_spot(job, grasp, spot, turn)
     out = draw_out(job, path, grasp)
-    path.line("lift", np.array([*out[:2], over.centre[2]]), allowed=job.own() | job.resting())
+    path.line("lift", np.array([*out[:2], over.centre[2]]), allowed=job.own | job.resting)
     carry(path, over)
     return path, over
 
@@ -239,7 +239,7 @@ def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray) 
     theta, hangs = job.theta, grasp.centre[2] - job.theme.bottom
     height = support_of(job, grasp, spot) + theta["place_height"] + hangs
     down = np.array([*over.centre[:2], max(height, job.lowest_tcp())])
-    touching = job.own() | {"table"}
+    touching = job.own | {"table"}
     if job.goal is not None:
         touching |= job.scene.family(job.goal.id)
     path.line("place", down, allowed=touching, slow=True)
@@ -291,7 +291,7 @@ def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
     theme, post = job.theme, job.goal
     assert post is not None
     hangs = grasp.centre[2] - theme.bottom
-    touching = job.own() | job.scene.family(post.id)
+    touching = job.own | job.scene.family(post.id)
     down = np.array([*above[:2], max(post.top - job.theta["insert_depth"] + hangs, job.lowest_tcp())])
     path.line("align", np.array([*above[:2], post.top + 0.01 + hangs]), allowed=touching)
     path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -13,8 +14,7 @@ from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard
 from gvla2.skills.grasps import Grasp
 from gvla2.skills.mechanisms import UP, Slide, Stuck, slide_for, stuck
-from gvla2.skills.proposals import Path, pointing
-from gvla2.skills.schemas.pick_place import TURNS, goal_spots, let_go, take
+from gvla2.skills.schemas.pick_place import TURNS, carry, goal_spots, let_go, over_spot, put_down, take
 
 PLAY = 0.006
 """The open hand must be wider than the bar by this much, metres."""
@@ -167,24 +167,10 @@ def _draw(
     path.line("pull", drawn, allowed=own | held.holders | {"table"}, slow=True)
     how = grasp.description
     if spot is not None:
-        _put(job, held, path, grasp, drawn, spot, turn)
+        whole = replace(job, theme=held.theme)  # with its hidden part
+        over = over_spot(whole, grasp, spot, turn)
+        carry(path, over)
+        put_down(whole, path, grasp, over, spot)
         how += f", put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     preference = grasp.preference - 0.1 * (turn != 0.0)
     return Proposal(how, grasp.approaches, preference, path.trajectory())
-
-
-def _put(
-    job: Job, held: Stuck, path: Path, grasp: Grasp, drawn: FloatArray, spot: FloatArray, turn: float
-) -> None:
-    """Carry it over the goal, lower, let go, retreat straight up."""
-    theta, theme, grip = job.theta, held.theme, grasp.centre
-    rotation = Rotation.from_euler("z", turn)
-    offset = rotation.apply(grip - theme.centre)
-    hangs = grip[2] - theme.bottom
-    path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
-    down = np.array([*(spot + offset)[:2], max(spot[2] + theta["place_height"] + hangs, job.lowest_tcp())])
-    over = np.array([*down[:2], max(drawn[2], down[2] + theta["transit_clearance"])])
-    touching = frozenset({theme.id, "table"} | ({job.goal.id} if job.goal is not None else set()))
-    path.go("transit", over, allowed=touching)
-    path.line("place", down, allowed=touching, slow=True)
-    let_go(path, down, down + UP * (theta["standoff"] + theta["grasp_depth"]), grasp.opening, touching)

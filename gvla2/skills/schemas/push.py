@@ -29,7 +29,7 @@ SHORT = 0.006
 
 
 @dataclass(frozen=True)
-class PushStroke:
+class _Stroke:
     """One straight push. ``begin`` and ``end`` (3,) are the object's centre; the hand's centre is ``behind`` (3,)
     of it, and the fingers close along ``closing`` (3,), opened to ``opening``. ``way`` (3,) is the unit direction.
     """
@@ -43,7 +43,7 @@ class PushStroke:
 
 
 def propose_push(job: Job) -> list[Proposal] | Abstention:
-    """One stroke on a face, square or slightly oblique; two strokes on two faces; or one stroke on a corner."""
+    """One stroke on a face, square or slightly oblique, or two strokes on two faces."""
     goal = push_goal(job)
     shift = goal - job.theme.centre
     length = float(np.linalg.norm(shift))
@@ -57,14 +57,15 @@ def propose_push(job: Job) -> list[Proposal] | Abstention:
     for strokes, how, family, preference in _options(job, goal):
         if blocked := _in_the_way(job, strokes):
             how, preference = f"{how}, but '{blocked.label}' is in the way", preference - 0.5
-        proposals.append(push(job, strokes, how, family, preference))
+        proposals.append(_push(job, strokes, how, family, preference))
     return proposals
 
 
 def push_goal(job: Job) -> FloatArray:
     """(3,) the intended final position of the theme's centre, at its present height."""
     theme, height = job.theme, job.theme.centre[2]
-    if job.goal is None or job.relation not in ("on", "in", "to") or job.goal.shape == "region":
+    touches = job.goal is not None and job.goal.shape != "region" and job.relation in ("on", "in", "to")
+    if job.goal is None or job.target is not None or not touches:
         spots = goal_spots(job)
         nearest = min(spots, key=lambda s: float(np.linalg.norm(s[0][:2] - theme.centre[:2])))
         return np.array([*nearest[0][:2], height])
@@ -76,7 +77,7 @@ def push_goal(job: Job) -> FloatArray:
     return np.array([*(job.goal.centre - way * (touching + 0.003))[:2], height])
 
 
-def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str, str, float]]:
+def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[_Stroke], str, str, float]]:
     """Strokes, description, family and preference of each way to push."""
     theme = job.theme
     shift = goal - theme.centre
@@ -111,11 +112,9 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str
                 ]
                 text = f"push {parts[0] * 100:.0f} cm square to one face, then {parts[1] * 100:.0f} cm to the next"
                 yield strokes, text, "two_strokes", 0.6 + 0.01 * (parts[0] > parts[1])
-    for stroke in _round(theme.centre, goal, way, _corner_radius(job), job):
-        yield [stroke], "push on a corner between two fingers", "corner", 0.3
 
 
-def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> PushStroke:
+def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> _Stroke:
     """A push on the face opposite to ``normal``, with the fingers as far apart as fits, centred on the push's line."""
     theme, hand = job.theme, job.hand
     way = (end - begin) / np.linalg.norm(end - begin)
@@ -127,7 +126,7 @@ def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign
     spread = 2 * (half_face - abs(aside)) - 2 * hand.finger_thickness
     opening = float(np.clip(spread / hand.max_width, 0.0, 1.0))
     behind = aside * across - (depth + _contact_depth(job)) * normal
-    return PushStroke(begin, end, way, behind, sign * across, opening)
+    return _Stroke(begin, end, way, behind, sign * across, opening)
 
 
 def _contact_depth(job: Job) -> float:
@@ -136,9 +135,7 @@ def _contact_depth(job: Job) -> float:
     return 0.5 * (job.hand.palm_depth if palm else job.hand.finger_breadth)
 
 
-def _round(
-    begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job
-) -> Iterator[PushStroke]:
+def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job) -> Iterator[_Stroke]:
     """Two fingers behind a round object, opened to its radius: they cradle it."""
     hand = job.hand
     opening = float(np.clip(radius / hand.max_width, 0.0, 1.0))
@@ -147,21 +144,17 @@ def _round(
     across = np.array([-way[1], way[0], 0.0])
     behind = -(gap + _contact_depth(job)) * way
     for sign in (1.0, -1.0):
-        yield PushStroke(begin, end, way, behind, sign * across, opening)
+        yield _Stroke(begin, end, way, behind, sign * across, opening)
 
 
-def _corner_radius(job: Job) -> float:
-    """Radius of the inscribed circle, but no more than the hand opens."""
-    return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
-
-
-def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference: float) -> Proposal:
-    """Go behind the object, down, push, back off and up; likewise for a second stroke."""
+def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: float) -> Proposal:
+    """Go behind the object, down, push, back off and up; likewise for a second stroke, equally open."""
     theta, theme = job.theta, frozenset({job.theme.id})
     tcp = max(job.scene.table_height + theta["push_height"] + job.hand.tip_beyond_tcp, job.lowest_tcp())
     above = min(job.theme.top + 0.02 + job.hand.tip_beyond_tcp, job.ceiling())
     path = Path(theta["speed"], theta["contact_speed"])
     touched: frozenset[str] = frozenset()
+    opening = min(stroke.opening for stroke in strokes)
     for k, stroke in enumerate(strokes):
         part = f" {k + 1}" if len(strokes) > 1 else ""
         path.orientation = pointing(stroke.closing)
@@ -171,9 +164,9 @@ def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference:
         )
         over = np.array([*start[:2], above])
         if k == 0:
-            path.go("approach", over, gripper=stroke.opening)
+            path.go("approach", over, gripper=opening)
         else:  # straight over the object, which is no longer where it was seen
-            path.line(f"approach{part}", over, gripper=stroke.opening, allowed=touched)
+            path.line(f"approach{part}", over, gripper=opening, allowed=touched)
         path.line(f"lower{part}", start, allowed=touched)
         touched = theme
         path.line(f"push{part}", end, allowed=touched, slow=True)
@@ -183,7 +176,7 @@ def push(job: Job, strokes: list[PushStroke], how: str, family: str, preference:
     return Proposal(how, ("approach:top", f"approach:{family}"), preference, path.trajectory())
 
 
-def _in_the_way(job: Job, strokes: list[PushStroke]) -> SceneObject | None:
+def _in_the_way(job: Job, strokes: list[_Stroke]) -> SceneObject | None:
     """The first object that the pushed one would hit."""
     theme = job.theme
     half = 0.5 * theme.extents[:2]

@@ -63,7 +63,7 @@ def _twist(
     rest = theta["turn"] - job.done.get("turn", 0.0)
 
     def way() -> Trajectory:
-        touching = job.own() | job.resting() | ({theme.parent} - {""})
+        touching = job.own | job.resting | ({theme.parent} - {""})
         path = take(job, grasp, touching)
         path.carries = ""  # it stays in place until it is loose
         steps = int(np.ceil(abs(rest) / STEP - 1e-9))

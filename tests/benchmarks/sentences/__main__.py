@@ -17,7 +17,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.commands.primary import PRIMARY
+from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
@@ -102,7 +102,7 @@ def main() -> None:
     file = Path(name) if name.endswith(".json") else Path(__file__).parent / f"{name}.json"
     rows = json.loads(file.read_text())
     registry = load_plugins()
-    register(registry, PRIMARY)
+    register(registry, schemas())
     counted: Counter = Counter()
     for number, task in enumerate(PAPER, 1):
         with initialize_config_module("gvla2.conf", version_base="1.3"):

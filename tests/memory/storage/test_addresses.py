@@ -1,19 +1,19 @@
-"""Where memories lie: one file has one name, and a mistake is named with what is meant."""
+"""Addresses and names: one file has one name, and a mistake is named with what is meant."""
 
 from pathlib import Path
 
 import pytest
 
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.io.database_url import parsed
-from gvla2.memory.store import Store, settled
+from gvla2.memory.store import LONGEST_NAME, Store, settled, wrong_bank_name
 
 
 @pytest.mark.parametrize(
     ("url", "said"),
     [
-        ("sqlite://host/x.db", r"names a host.*sqlite:///host/x\.db.*sqlite:////host/x\.db"),
-        ("sqlite://x.db", r"sqlite:///x\.db from the working directory"),
+        ("sqlite://host/x.db", "names no file"),
+        ("sqlite://x.db", "names no file.*three slashes"),
         ("sqlite:///", "names no file"),
         ("sqlite:///:memory:", "names no file"),
         ("sqlite:///x.db?mode=ro", "names no file"),
@@ -43,3 +43,32 @@ def test_the_file_has_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         assert settled(url, {}) == f"sqlite:///{real}"
     (tmp_path / "round").symlink_to(tmp_path / "round")
     assert parsed(tmp_path / "round").database == str(tmp_path / "round")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["default", "2026_11", "1e3", "true", "null", "b\u00fccher", "\u4ed3\u5e93",
+     "\u0645\u062e\u0632\u0646", "\u0917\u094b\u0926\u093e\u092e",
+     "lab/arm-2.v3", "x" * LONGEST_NAME],
+)  # fmt: skip
+def test_names_of_any_language(name: str):
+    assert wrong_bank_name(name) == ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", " ", "a b", "a,b", "a\nb", "a\x00b", "x\x1b[31m", "\u202eabc", "a\u200bb", "bu\u0308cher",
+     "-a", "../a", ".a", "a=b", "a'b",
+     "\ud800", "x" * (LONGEST_NAME + 1)],
+)  # fmt: skip
+def test_names_that_would_mislead(name: str, tmp_path: Path):
+    said = wrong_bank_name(name)
+    assert "cannot be the name of a bank" in said
+    assert "of any language" in said
+    assert all(c.isprintable() for c in said)
+    with (
+        Store.open(tmp_path / "m.db") as store,
+        pytest.raises(MemoryStoreError, match="cannot be the name of a bank"),
+        store.writing(name, actor="a", now=0.0),
+    ):
+        pass

@@ -21,7 +21,7 @@ ODD = (b"\xff\xfe", b"", "", "much", "'", "[]", "{}", '{"id":1}', "NaN", -1, 2**
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The file of a bank with records, a summary, links and episodes."""
+    """The file of a bank with records, links and episodes."""
     path = tmp_path_factory.mktemp("bank") / "m.db"
     with KnowledgeBank(path) as bank:
         for i, number in enumerate((15, 12, 20, 30)):

@@ -1,4 +1,4 @@
-"""Every decision is an event: history, the past, rebuilding, and tampering that is found out."""
+"""Every decision is an event: history, and tampering that is found out."""
 
 import sqlite3
 from collections.abc import Callable
@@ -31,7 +31,7 @@ def fill(store: Store, make: Make) -> None:
         t.put(replace(first, count=2, content="lift 20 cm"), action="merge", why="same surface")
         t.link("1", "conflict", "2", "15 against 5")
     with store.writing("b", actor="learn", now=NOW + 2) as t:
-        t.save_episodes([StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved")])
+        t.save_episode(StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved"))
         t.decide("discard", "2", why="known already")
 
 

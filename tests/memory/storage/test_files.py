@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from gvla2.errors import MemoryStoreError
+from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.events import SCHEMA_VERSION
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
-from gvla2.memory.writing import Put
 from tests.memory.looking import look
 
 NOW = 1.8e9
@@ -45,7 +45,8 @@ def spoil(path: Path, how: str, make: Make) -> None:
         path.write_bytes(data)
     elif how == "rotten":  # one page of a file that looks well from outside
         with Store.open(f"sqlite:///{path}") as store, store.writing("b", actor="a", now=NOW) as t:
-            t.put_many([Put(make(f"r{i}", content=f"lesson {i}"), "add") for i in range(16)])
+            for i in range(16):
+                t.put(make(f"r{i}", content=f"lesson {i}"), "add")
         data = bytearray(path.read_bytes())
         page = data.rindex(b"lesson 7") // 4096 * 4096
         data[page : page + 200] = b"\xff" * 200
@@ -58,8 +59,8 @@ def spoil(path: Path, how: str, make: Make) -> None:
         ("garbage", "not a database"),
         ("foreign", "another program"),
         ("newer", "schema 99"),
-        ("older", "schema 3 of an earlier gvla2.*open it with the gvla2 that wrote it"),
-        ("stateless", "damaged"),
+        ("older", "schema 3, and.*open it with the gvla2 that wrote it"),
+        ("stateless", "schema none"),
         ("torn", "corrupt|malformed"),
         ("rotten", "corrupt|malformed"),
     ],
@@ -81,6 +82,8 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(
 def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(MemoryStoreError, match="cannot be used: it is a folder"):
         Store.open(f"sqlite:///{tmp_path}")
+    with pytest.raises(MemoryStoreError, match="it is a device or a pipe"):
+        Store.open("sqlite:////dev/null")
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(MemoryStoreError, match="cannot be used"):
         Store.open(f"sqlite:///{tmp_path / 'file' / 'memory.db'}")
@@ -130,16 +133,6 @@ def test_an_empty_file_and_a_missing_folder_become_a_bank(tmp_path: Path) -> Non
         )
 
 
-def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_path: Path) -> None:
-    Store.open(sqlite_url).close()
-    with closing(sqlite3.connect(tmp_path / "memory.db")) as connection:
-        assert connection.execute("PRAGMA journal_mode=DELETE").fetchone() == ("delete",)
-    with Store.open(sqlite_url) as store:
-        assert store.rev("b") == 0
-    with closing(sqlite3.connect(tmp_path / "memory.db")) as connection:
-        assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
-
-
 @pytest.mark.parametrize(
     ("statement", "found"),
     [
@@ -164,7 +157,8 @@ def test_a_damaged_row_is_named_and_holds_up_nothing(
 ) -> None:
     with Store.open(sqlite_url) as store:
         with store.writing("b", actor="a", now=NOW) as t:
-            t.put_many([Put(record(str(i)), "add") for i in range(3)])
+            for i in range(3):
+                t.put(record(str(i)), "add")
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             other.execute(statement)
         assert [r.id for r in look(store, "b").records()] == ["0", "2"]
@@ -191,23 +185,13 @@ def test_a_damaged_vector_is_named_and_left_out(
 ) -> None:
     with Store.open(sqlite_url) as store:
         with store.writing("b", actor="a", now=NOW) as t:
-            t.put_many([Put(record(str(i)), "add", vector, "m") for i in range(3)])
+            for i in range(3):
+                t.put(record(str(i)), "add", vector=vector, model="m")
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             other.execute("UPDATE memory_vector SET vector = ? WHERE id = '1'", (bytes_,))
         assert [c.vector is None for c in look(store, "b").changes(0)] == [False, True, False]
         (problem,) = look(store, "b").verify()
         assert str(problem).startswith(found)
-
-
-def test_a_vector_of_no_record_is_named(
-    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray
-) -> None:
-    with Store.open(sqlite_url) as store:
-        with store.writing("b", actor="a", now=NOW) as t:
-            t.put(record("1"), "add", vector=vector, model="m")
-        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
-            other.execute("INSERT INTO memory_vector VALUES ('b', 'nobody', 'm', 1, X'0000803f')")
-        assert [str(p) for p in look(store, "b").verify()] == ["vector nobody: it belongs to no record."]
 
 
 def test_threads_share_a_store(sqlite_url: str, record: Make) -> None:
@@ -241,3 +225,44 @@ def test_a_forked_process_works_on_connections_of_its_own(sqlite_url: str, recor
                 os._exit(1)
         assert os.waitpid(child, 0)[1] == 0
         assert [r.id for r in look(store, "b").records()] == ["c"]
+
+
+@pytest.fixture
+def filled(sqlite_url: str, tmp_path: Path) -> Path:
+    with KnowledgeBank(sqlite_url) as bank:
+        bank.admit("Lift the cup 15 cm.", task="lift the cup", trusted=True)
+    return tmp_path / "memory.db"
+
+
+def test_who_only_looks_makes_no_bank(tmp_path: Path, postgres_url: str) -> None:
+    path = tmp_path / "deep" / "memory.db"
+    with pytest.raises(MemoryStoreError, match=r"no memory in .* yet: it is absent"):
+        Store.open(f"sqlite:///{path}", create=False)
+    assert not path.parent.exists()
+    path.parent.mkdir()
+    path.touch()
+    with pytest.raises(MemoryStoreError, match=r"no memory in .* yet: it is empty"):
+        Store.open(f"sqlite:///{path}", create=False)
+    assert path.read_bytes() == b""
+    assert list(path.parent.iterdir()) == [path]
+    with pytest.raises(MemoryStoreError, match="it has no tables"):
+        Store.open(postgres_url, create=False)
+    Store.open(postgres_url).close()
+    Store.open(postgres_url, create=False).close()
+
+
+@pytest.mark.parametrize("how", ["deleted", "replaced"])
+def test_a_file_that_is_taken_away_takes_nothing_in(
+    filled: Path, sqlite_url: str, tmp_path: Path, how: str
+) -> None:
+    with KnowledgeBank(sqlite_url) as bank:
+        bank.recall("cup")
+        if how == "deleted":
+            filled.unlink()
+        else:
+            Store.open(f"sqlite:///{tmp_path / 'other.db'}").close()
+            (tmp_path / "other.db").replace(filled)
+        for _ in range(2):
+            with pytest.raises(MemoryStoreError, match=r"was deleted or replaced while it was open"):
+                bank.admit("Close the lid.", task="close the lid", trusted=True)
+    assert filled.exists() == (how == "replaced")

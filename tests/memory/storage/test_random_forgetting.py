@@ -1,4 +1,4 @@
-"""Summaries, merges, contradictions and forgetting in any order: the chain holds, and the rows are what it says."""
+"""Merges, contradictions and forgetting in any order: the chain holds, and the rows are what it says."""
 
 import os
 import random
@@ -10,9 +10,9 @@ import pytest
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.forgetting import Transaction
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
+from gvla2.memory.transaction import Transaction
 from tests.memory.looking import look
 
 NOW = 1.8e9
@@ -21,7 +21,7 @@ IDS = ("alpha-1", "beta-22", "gamma-3", "delta-4", "omega-5")
 TASKS = ("do one", "do two", "do three")
 WORDS = ("lift the cup gently by its handle", "turn the big wheel slowly", "press the red lamp twice")
 KINDS = ("dismissed", "conflict")
-OPERATIONS = ("put", "put", "put", "link", "link", "forget", "decide", "episode", "sum up")
+OPERATIONS = ("put", "put", "put", "link", "link", "forget", "decide", "episode")
 
 
 def link(t: Transaction, source: str, kind: str, target: str) -> None:
@@ -55,15 +55,10 @@ def do(t: Transaction, draw: random.Random, make: Callable[..., Record]) -> None
     elif operation == "decide":
         t.decide("DISCARD", draw.choice(["", id]), why=f"{other} says it already")
     elif operation == "episode":
-        t.save_episodes([StoredEpisode(f"run/{draw.randrange(3)}", t.now, MemoryTask("q"), records=(id,))])
-    elif operation == "sum up" and known:
-        t.put(replace(known, state="summary"), action="SUMMARY")
-        for member in map(t.get, draw.sample(IDS, 3)):
-            if member is not None and member.id != id:
-                t.put(replace(member, state="archive", note=f"summed up in {id}"), action="SUMMED_UP")
+        t.save_episode(StoredEpisode(f"run/{draw.randrange(3)}", t.now, MemoryTask("q"), records=(id,)))
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(24))
 def test_any_order(seed: int, record: Callable[..., Record]) -> None:
     draw = random.Random(seed)
     with (

@@ -1,34 +1,21 @@
 """What is put in comes out: versions, transactions, links, vectors, episodes, and what is refused."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from sqlalchemy.exc import SQLAlchemyError
 
-from gvla2.errors import ConfigurationError, MemoryStoreError
-from gvla2.memory.contracts import MemoryTask, Verdict
-from gvla2.memory.events import EVENT, EVENT_COLUMNS, RECORD, StoredEpisode
-from gvla2.memory.records import COLUMNS, Record
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.contracts import MemoryTask
+from gvla2.memory.events import StoredEpisode
+from gvla2.memory.records import Record
 from gvla2.memory.store import Store
-from gvla2.memory.writing import Put, StaleRecordError
+from gvla2.memory.transaction import StaleRecordError
 from tests.memory.looking import look
 
 NOW = 1.8e9
 Make = Callable[..., Record]
-
-
-def test_minus_zero_is_zero(store: Store, record: Make, put: Make) -> None:
-    stored = put(record(created=-0.0, quality=0))
-    assert str(stored.created) == "0.0"
-    assert look(store, "b").verify() == []
-
-
-def test_the_tables_are_the_records_column_for_column() -> None:
-    assert tuple(RECORD.columns.keys()) == COLUMNS
-    assert tuple(EVENT.columns.keys()) == EVENT_COLUMNS
 
 
 def test_a_record_comes_back_as_it_was_stored(
@@ -64,7 +51,8 @@ def test_an_update_counts_and_a_stale_one_is_refused(store: Store, record: Make,
 def test_a_transaction_is_whole_or_nothing_and_has_one_rev(store: Store, record: Make) -> None:
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("1"), action="add")
-        t.put_many([Put(record(str(i)), "add") for i in range(2, 5)])
+        for i in range(2, 5):
+            t.put(record(str(i)), "add")
         t.link("1", "conflict", "2", "they differ")
         again = t.get("1")
         t.put(replace(again, count=5), action="merge")
@@ -87,31 +75,10 @@ def interrupted(store: Store, record: Record, interruption: type[BaseException])
         raise interruption
 
 
-def test_a_refused_put_leaves_its_transaction_usable(store: Store, record: Make) -> None:
-    with store.writing("b", actor="a", now=NOW) as t:
-        t.put(record("1"), action="add")
-        with pytest.raises(MemoryStoreError):
-            t.put_many([Put(record("2"), "add"), Put(record("3", confidence=float("nan")), "add")])
-        t.put(record("4"), action="add")
-    assert [r.id for r in look(store, "b").records()] == ["1", "4"]
-    assert look(store, "b").verify() == []
-
-
 def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make) -> None:
     put(record("1", dedup_key="k"))
     with pytest.raises(MemoryStoreError, match="dedup_key"):
         put(record("2", dedup_key="k"))
-    with pytest.raises(MemoryStoreError, match="dedup_key"), store.writing("b", actor="a", now=NOW) as t:
-        t.put_many([Put(record(id, dedup_key="j"), "add") for id in "34"])
-
-
-def test_what_failed_midway_is_not_committed_whoever_catches_it(store: Store, record: Make) -> None:
-    with pytest.raises(MemoryStoreError), store.writing("b", actor="a", now=NOW) as t:  # noqa: PT012
-        t.put(record("1", dedup_key="k"), action="add")
-        with suppress(SQLAlchemyError):
-            t.put(record("2", dedup_key="k"), action="add")
-    assert look(store, "b").records() == []
-    assert look(store, "b").verify() == []
 
 
 def test_a_dedup_key_that_is_given_up_is_free(store: Store, record: Make, put: Make) -> None:
@@ -119,17 +86,8 @@ def test_a_dedup_key_that_is_given_up_is_free(store: Store, record: Make, put: M
     moved = put(replace(look(store, "b").records()[0], dedup_key="other"))
     assert put(record("2", dedup_key="k")).id == "2"
     with store.writing("b", actor="a", now=NOW) as t:
-        assert t.by_keys(["other", "nobody's"]) == {"other": moved}
-
-
-def test_records_by_state_and_id(store: Store, record: Make, put: Make) -> None:
-    for i, state in enumerate(["active", "archive", "provisional", "active"]):
-        put(record(f"r{i}", state=state))
-    assert [r.id for r in look(store, "b").records(["active"])] == ["r0", "r3"]
-    assert [r.id for r in look(store, "b").records(["active", "archive"], ["r1", "r3", "r9"])] == ["r1", "r3"]
-    assert look(store, "b").records([]) == []
-    assert look(store, "b").records(ids=[]) == []
-    assert look(store, "other").records() == []
+        assert t.by_key("other") == moved
+        assert t.by_key("nobody's") is None
 
 
 def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: Make) -> None:
@@ -232,37 +190,33 @@ def test_time_never_runs_backwards(store: Store, record: Make, put: Make) -> Non
     assert [e.at for e in look(store, "b").events()] == [NOW + 100, NOW + 100]
     with store.writing("b", actor="a", now=NOW - 5) as t:
         assert t.now == NOW + 100
-    for time in (float("nan"), float("inf")):
-        with pytest.raises(MemoryStoreError, match="finite"), store.writing("b", actor="a", now=time):
-            pass
     assert look(store, "b").verify() == []
 
 
 EPISODE = StoredEpisode(
     source="run/1",
     at=NOW,
-    task=MemoryTask("Pick up the red cube", {"height": 0.1}, "pick"),
-    transcript="it moved\nand \x00 it lifted",
+    task=MemoryTask("Pick up the red cube", {}, "pick"),
+    transcript="it moved\nand it lifted",
     facts={"exit_status": 0},
-    verdicts=(Verdict.from_criteria({"task_completion": 1.0}, ["done"], "test"),),
+    judged=1,
     records=("hint-1",),
 )
 
 
 def test_episodes_come_back_for_replay(store: Store) -> None:
+    other, later = replace(EPISODE, source="run/2", at=NOW - 1), replace(EPISODE, judged=2)
     with store.writing("b", actor="a", now=NOW) as t:
-        t.save_episodes([EPISODE])
-        t.save_episodes([replace(EPISODE, source="run/2", at=NOW - 1)])
-    kept = replace(EPISODE, transcript="it moved\nand  it lifted")
-    assert look(store, "b").episodes() == [replace(kept, source="run/2", at=NOW - 1), kept]
-    later = replace(kept, verdicts=(*kept.verdicts, Verdict.unavailable("network")))
+        t.save_episode(EPISODE)
+        t.save_episode(other)
+    assert look(store, "b").episodes() == {"run/1": EPISODE, "run/2": other}
     with store.writing("b", actor="a", now=NOW) as t:
-        t.save_episodes([later])
+        t.save_episode(later)
         with pytest.raises(MemoryStoreError, match="not valid JSON"):
-            t.save_episodes([replace(EPISODE, facts={"what": object()})])
+            t.save_episode(replace(EPISODE, facts={"what": object()}))
         with pytest.raises(MemoryStoreError, match="under a source"):
-            t.save_episodes([replace(EPISODE, source="")])
-    assert look(store, "b").episodes(["run/1"]) == [later]
+            t.save_episode(replace(EPISODE, source=""))
+    assert look(store, "b").episodes(["run/1"]) == {"run/1": later}
     assert look(store, "b").verify() == []
 
 
@@ -272,7 +226,7 @@ def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarr
     put(record("x", bank="c"))
     with store.writing("b", actor="a", now=NOW) as t:
         t.link("1", "conflict", "2")
-        t.save_episodes([EPISODE])
+        t.save_episode(EPISODE)
     assert store.banks() == ["b", "c"]
     stats = store.stats("b")
     assert stats["states"] == {"active": 1, "archive": 1}
@@ -286,13 +240,10 @@ def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarr
     assert stats["bytes"] > 0
 
 
-@pytest.mark.parametrize("name", ["", "a\x00b", "half \ud800", "x" * 201])
-def test_names_that_no_database_takes(store: Store, record: Make, name: str) -> None:
-    with pytest.raises(MemoryStoreError, match="name of a bank"), store.writing(name, actor="a", now=NOW):
-        pass
-    if "\x00" in name or "\ud800" in name:
-        with pytest.raises(MemoryStoreError), store.writing("b", actor="a", now=NOW) as t:
-            t.put(record(name), action="add")
+@pytest.mark.parametrize("name", ["a\x00b", "half \ud800"])
+def test_ids_that_no_database_takes(store: Store, record: Make, name: str) -> None:
+    with pytest.raises(MemoryStoreError), store.writing("b", actor="a", now=NOW) as t:
+        t.put(record(name), action="add")
     assert store.stats("b")["events"] == 0
 
 
@@ -312,19 +263,3 @@ def test_a_closed_store_says_so(store: Store) -> None:
     store.close()
     with pytest.raises(MemoryStoreError, match="is closed"):
         store.rev("b")
-
-
-@pytest.mark.parametrize("url", ["", "sqlite://", "sqlite:///:memory:", "mysql://host/x", "nosuch:x"])
-def test_other_addresses_are_errors_of_the_configuration(url: str) -> None:
-    with pytest.raises(ConfigurationError, match="sqlite:///path"):
-        Store.open(url)
-
-
-def test_the_names_of_the_stores_own_events_are_reserved(store: Store, record: Make) -> None:
-    with store.writing("b", actor="a", now=NOW) as t:
-        for name in ("forget", "link", "link:x", "episode", ""):
-            with pytest.raises(MemoryStoreError, match="another one"):
-                t.put(record(), action=name)
-            with pytest.raises(MemoryStoreError, match="another one"):
-                t.decide(name)
-    assert look(store, "b").events() == []

@@ -1,0 +1,132 @@
+"""The records that a retriever ranks, as parallel columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.memory.records import OUTCOMES, TYPES, Record
+from gvla2.memory.text import questions, terms
+
+Array = NDArray[np.float64]
+UNSEEN = 10
+"""Pseudo-records added to a bank's count: in a small bank every word would be rare."""
+SECONDS_PER_DAY = 86_400.0
+
+
+class HeldRecord:
+    """A record in RAM with its unit (D,) ``vector``, or zero, and how many others contradict it."""
+
+    __slots__ = ("conflicts", "program", "record", "signature", "terms", "vector")
+
+    def __init__(self, record: Record, vector: NDArray[np.float32], conflicts: int = 0) -> None:
+        self.record, self.vector, self.conflicts = record, vector, conflicts
+        self.terms = terms(record.text)
+        # Most records have no effect: their texts are not parsed for one.
+        self.program = "program" in record.effect and (record.effect_json() or {}).get("kind") == "program"
+        self.signature = record.signature_json() if record.signature != "{}" else {}
+
+
+class Candidates:
+    """The N records that a retriever ranks, by id, as parallel columns; row i is the same record in each of them.
+
+    ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative; ``usage``: credited uses;
+    ``conflicts``: how many records contradict each; ``outcomes``: indices into ``OUTCOMES``, how each was verified;
+    ``types``: indices into ``TYPES``; ``programs``: which carry a program as their effect. Columns must not be changed.
+
+    ``now`` is the reference time of ages, seconds since the epoch. :func:`gvla2.testing.candidates` makes small ones
+    for the tests of a retriever.
+    """
+
+    def __init__(self, held: Sequence[HeldRecord], now: float) -> None:
+        self._held, self.now = sorted(held, key=lambda one: one.record.id), now
+        self._asked: tuple[str, Array] | None = None
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def record(self, row: int) -> Record:
+        """The whole record of a row."""
+        return self._held[row].record
+
+    @cached_property
+    def confidence(self) -> Array:
+        """(N,) kappa."""
+        return np.array([one.record.confidence for one in self._held])
+
+    @property
+    def ages(self) -> Array:
+        """(N,) days."""
+        return np.maximum((self.now - self._updated) / SECONDS_PER_DAY, 0.0)
+
+    @cached_property
+    def _updated(self) -> Array:
+        return np.array([one.record.updated for one in self._held])
+
+    @cached_property
+    def usage(self) -> NDArray[np.int64]:
+        """(N,) credited uses."""
+        return np.array([one.record.usage for one in self._held], np.int64)
+
+    @cached_property
+    def conflicts(self) -> NDArray[np.int64]:
+        """(N,) contradicting records."""
+        return np.array([one.conflicts for one in self._held], np.int64)
+
+    @cached_property
+    def outcomes(self) -> NDArray[np.int8]:
+        """(N,) indices into ``OUTCOMES``."""
+        return np.array([OUTCOMES.index(one.record.outcome) for one in self._held], np.int8)
+
+    @cached_property
+    def types(self) -> NDArray[np.int8]:
+        """(N,) indices into ``TYPES``."""
+        return np.array([TYPES.index(one.record.type) for one in self._held], np.int8)
+
+    @cached_property
+    def programs(self) -> NDArray[np.bool_]:
+        """(N,) which carry a program."""
+        return np.array([one.program for one in self._held], np.bool_)
+
+    @cached_property
+    def vectors(self) -> NDArray[np.float32]:
+        """(N, D) embeddings."""
+        return np.stack([one.vector for one in self._held]) if self._held else np.zeros((0, 0), np.float32)
+
+    def of_skill(self, skill: str) -> NDArray[np.bool_]:
+        """(N,) the records of this skill or of none; all of them for ""."""
+        return np.array([not skill or one.record.skill in ("", skill) for one in self._held], np.bool_)
+
+    def numbers(self, name: str) -> Array:
+        """(N,) a number of the scenes' signatures, nan where there is none."""
+        return np.array([one.signature.get(name, math.nan) for one in self._held])
+
+    def cosine(self, vector: NDArray[np.float32]) -> Array:
+        """(N,) cosine with a unit (D,) vector, 0 if a record has none by this model."""
+        return (self.vectors @ vector if len(self) else np.zeros(0)).astype(np.float64)
+
+    def lexical(self, query: str) -> Array:
+        """(N,) share in [0, 1] of the information of the query, or of one of its sentences, in each record's words.
+
+        This is BM25 with k1 = 0: each term of the query that a record has counts by its idf, once. A lesson or a turn
+        of a conversation is a sentence or two, in which repetition adds nothing and length means little: on LoCoMo's
+        evidence turns, recall@10 of half BM25 and half cosine is .64 with k1 = 0 and .56 to .60 with k1 = 1.2 (static
+        vectors; both divided by the query's maximum, so that scores of different queries are comparable).
+        """
+        if self._asked is None or self._asked[0] != query:
+            self._asked = query, self._lexical(questions(query))
+        return self._asked[1]
+
+    def _lexical(self, asked: Sequence[frozenset[str]]) -> Array:
+        if not asked or not self._held:
+            return np.zeros(len(self))
+        every = sorted(asked[0])  # the whole query's, which include those of its sentences
+        has = np.array([[term in one.terms for one in self._held] for term in every], np.float64)  # (T, N)
+        holders = has.sum(axis=1)
+        idf = np.log1p((len(self) + UNSEEN - holders + 0.5) / (holders + 0.5))  # (T,)
+        weights = np.array([[term in some for term in every] for some in asked]) * idf  # (Q, T)
+        return np.asarray((weights @ has / weights.sum(axis=1, keepdims=True)).max(axis=0))

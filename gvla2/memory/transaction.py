@@ -1,0 +1,344 @@
+"""Changing a bank, atomically: rows, the events that explain them, and forgetting for good.
+
+Forgetting removes a record's row, vector, links and episodes, and erases the payloads of all events about it. Reasons
+and notes refer to other records only by id, never by their words, so nothing else has to be searched.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import Connection, Row, Table, delete, insert, update
+from sqlalchemy.dialects import postgresql, sqlite
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.events import (
+    BANK,
+    EPISODE,
+    EVENT,
+    EVENT_COLUMNS,
+    GENESIS,
+    LINK,
+    RECORD,
+    VECTOR,
+    Link,
+    StoredEpisode,
+    chain_hash,
+    episode_digest,
+    payload_digest,
+    row_digest,
+)
+from gvla2.memory.records import (
+    COLUMN_TYPES,
+    COLUMNS,
+    FORGOTTEN,
+    Record,
+    as_json,
+    clean,
+    damage_of,
+    dump,
+    load_object,
+)
+from gvla2.memory.view import BankView, batches, sound
+
+MAX_WHY = 2000
+MAX_TEXT = 2_000_000
+"""Characters that one column may hold."""
+ERASED = {"why": "", "scores": "", "change": "", "origin": "", "state": "", "salt": b""}
+"""The erased payload of an event about something forgotten."""
+
+
+class StaleRecordError(MemoryStoreError):
+    """A record was changed by another process after it was read: read it again and decide again."""
+
+
+class Transaction(BankView):
+    """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
+
+    It holds the bank's write lock, so reads stay valid until the end. Reasons (``why``) and a record's ``note`` may
+    name other records by id, but must not quote them: forgetting a record does not search for its words in the reasons
+    of others (except of links to it). ``forgotten`` are the forgotten ids; if there are any, the store cleans the
+    database's files after the commit.
+    """
+
+    def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
+        super().__init__(sql, bank)
+        head, self._actor = self.head, clean(actor, 200)
+        self._rev = super().rev + 1
+        self.now = max(float(now), head.at) if head else float(now)
+        self._seq, self._hash = (int(head.seq), str(head.hash)) if head else (0, GENESIS)
+        self._began = self._seq
+        self.forgotten: list[str] = []
+
+    @property
+    def rev(self) -> int:
+        """The number of this transaction."""
+        return self._rev
+
+    # Records ------------------------------------------------------------------------------------------------------
+
+    def put(
+        self,
+        record: Record,
+        action: str,
+        *,
+        vector: NDArray[np.floating[Any]] | None = None,
+        model: str = "",
+        why: str = "",
+        origin: str = "",
+    ) -> Record:
+        """Store a record and the event that explains it; returns it as stored.
+
+        A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError` is
+        raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays, unless
+        the text changed. ``origin`` is the source of the evidence, "" for none. Raises :class:`MemoryStoreError` for
+        what :func:`checked` and :func:`vector_row` refuse, before anything is written.
+        """
+        row = next(self.rows(ids=[record.id]), None)
+        old = sound(row) if row is not None else None
+        if record.version != (expected := old.version if old else 0):
+            now = f"is of version {expected} by now, not {record.version}: read it again"
+            raise StaleRecordError(f"Record '{record.id}' of bank '{self.bank}' {now}.")
+        # A tombstone and a damaged row are replaced.
+        version = row.version if row is not None and type(row.version) is int else 0
+        stored = checked(record, self.bank, version + 1, self.rev)
+        embedded = None if vector is None else vector_row(vector, model, stored.id, self.bank)
+        if row is None:
+            self.sql.execute(insert(RECORD), as_json(stored))
+        else:
+            self._replace_row(stored)
+        if embedded is not None:
+            self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), embedded)
+        elif old is None or old.text != stored.text:
+            self._delete(VECTOR, "id", [stored.id])
+        change = _difference(old, stored) if old else as_json(stored)
+        self._append(action, stored.id, why=why, change=change, origin=origin, row=stored)
+        return stored
+
+    def save_vectors(self, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]) -> None:
+        """Store embeddings of records that did not change since they were read.
+
+        Vectors are derived data: this is not an event, and changes no record.
+        """
+        stored = {row.id: row.version for row in self.rows(ids=[record.id for record, _ in vectors])}
+        current = [(one, vector) for one, vector in vectors if stored.get(one.id) == one.version]
+        if current:
+            rows = [vector_row(vector, model, one.id, self.bank) for one, vector in current]
+            self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), rows)
+
+    # Links, decisions, episodes -----------------------------------------------------------------------------------
+
+    def link(self, source: str, kind: str, target: str, why: str = "") -> None:
+        """Link two records, unless they are linked so already. Both ends count as changed (rev)."""
+        if source == target or not kind or len(self.records(ids=[source, target])) < 2:
+            needed = f"it needs two different records of bank '{self.bank}' and a kind"
+            raise MemoryStoreError(f"Cannot link '{source}' to '{target}' as '{kind}': {needed}.")
+        if any((one.source, one.kind, one.target) == (source, kind, target) for one in self.links([source])):
+            return
+        self.sql.execute(insert(LINK), {"bank": self.bank, **asdict(Link(source, kind, target, self.now))})
+        self._touch([source, target])
+        self._append(f"link:{kind}", source, target, why)
+
+    def decide(self, action: str, record: str = "", *, why: str = "") -> None:
+        """An event for a decision that changes no row (a lesson was discarded)."""
+        self._append(action, clean(record, 200), why=why)
+
+    def save_episode(self, episode: StoredEpisode) -> None:
+        """Store an episode for replay, replacing its source's earlier one; its digest goes on the chain."""
+        source, at = clean(episode.source, 200), float(episode.at)
+        if not source or not math.isfinite(at):
+            raise MemoryStoreError("An episode can be stored under a source and with a finite time only.")
+        try:
+            data = episode.to_json()
+        except (ValueError, TypeError, RecursionError) as error:
+            raise MemoryStoreError(f"The episode '{source}' is not valid JSON: {error}.") from error
+        known = next(self.episode_rows([source]), None)
+        name = known.name if known is not None else f"episode-{os.urandom(8).hex()}"
+        row = {"bank": self.bank, "source": source, "name": name, "at": at, "data": data}
+        self.sql.execute(upsert(self.sql, EPISODE, ("bank", "source")), row)
+        self._append("episode", name, change={"episode": episode_digest(at, data), "source": source})
+
+    # Forgetting ---------------------------------------------------------------------------------------------------
+
+    def forget(self, *ids: str, why: str = "") -> list[str]:
+        """Forget records permanently. Returns the ids of those that existed.
+
+        Their ids, and the fact that they were forgotten, stay.
+        """
+        rows = {row.id: row for row in self.rows(ids=ids) if row.state != FORGOTTEN}
+        if not rows:
+            return []
+        ends = {end for link in self.links(rows) for end in (link.source, link.target)}
+        self._touch(ends - rows.keys())
+        for table, column in ((LINK, "source"), (LINK, "target"), (VECTOR, "id")):
+            self._delete(table, column, rows)
+        for column in ("record", "target"):
+            self._erase(column, rows)
+        for row in rows.values():
+            tombstone = self._tombstone(row)
+            self._replace_row(tombstone)
+            self._append("forget", tombstone.id, why=why, change=as_json(tombstone), row=tombstone)
+        self._forget_episodes(rows)
+        self.forgotten += rows
+        return list(rows)
+
+    def _tombstone(self, row: Row[Any]) -> Record:
+        """What is left of a forgotten record."""
+        blank: Any = ""
+        return Record(
+            id=row.id,
+            bank=self.bank,
+            query="",
+            content="",
+            type=blank,
+            state=cast(Any, FORGOTTEN),
+            outcome=blank,
+            confidence=0.0,
+            quality=0.0,
+            dedup_key=f"{FORGOTTEN}:{row.id}",
+            created=self.now,
+            updated=self.now,
+            count=0,
+            version=row.version + 1 if type(row.version) is int else 1,
+            rev=self.rev,
+        )
+
+    def _forget_episodes(self, rows: Mapping[str, Row[Any]]) -> None:
+        """Forget the episodes that taught them: their rows, and the events' payloads about them."""
+        named = {source for row in rows.values() for source in _listed(row.provenance, "sources")}
+        found = {
+            row.source: row.name
+            for row in self.episode_rows()
+            if row.source in named or not rows.keys().isdisjoint(_listed(row.data, "records", rows))
+        }
+        self._delete(EPISODE, "source", found)
+        self._erase("record", found.values())
+        for name in found.values():
+            self._append("forget", name)
+
+    def _erase(self, column: str, values: Collection[Any]) -> None:
+        """Erase the payloads of events whose column has one of these values.
+
+        An event of the forgetting must follow: an erased one without it counts as damage.
+        """
+        for some in batches(values):
+            where = (EVENT.c.bank == self.bank) & EVENT.c[column].in_(some)
+            self.sql.execute(update(EVENT).where(where).values(ERASED))
+
+    # The chain ----------------------------------------------------------------------------------------------------
+
+    def _append(
+        self,
+        action: str,
+        record: str = "",
+        target: str = "",
+        why: str = "",
+        *,
+        change: Mapping[str, Any] | None = None,
+        origin: str = "",
+        row: Record | None = None,
+    ) -> None:
+        """Write the next event. ``row`` is the record as the event leaves it."""
+        payload = (
+            clean(why, MAX_WHY),
+            dump({"quality": row.quality, "confidence": row.confidence}) if row else "{}",
+            "" if change is None else dump(dict(change)),
+            clean(origin, MAX_WHY),
+            row_digest(row) if row else "",
+        )
+        salt = os.urandom(16)
+        digest = payload_digest(salt, payload)
+        self._seq += 1
+        header = (self.bank, self._seq, self.rev, self.now, self._actor, clean(action, 64), record, target)
+        prev, self._hash = self._hash, chain_hash(self._hash, header, digest)
+        values = (*header, *payload, salt, digest, prev, self._hash)
+        self.sql.execute(insert(EVENT), dict(zip(EVENT_COLUMNS, values, strict=True)))
+
+    def finish(self) -> None:
+        """Advance the bank's own row, if anything happened; the last step before the commit."""
+        if self._seq != self._began:
+            values = (self.bank, self.rev, self._seq, self._hash, self.now)
+            row = dict(zip(BANK.columns.keys(), values, strict=True))
+            self.sql.execute(upsert(self.sql, BANK, ("bank",)), row)
+
+    # Rows ---------------------------------------------------------------------------------------------------------
+
+    def _replace_row(self, record: Record) -> None:
+        where = (RECORD.c.bank == self.bank) & (RECORD.c.id == record.id)
+        changed = {name: getattr(record, name) for name in COLUMNS if name not in ("id", "bank")}
+        self.sql.execute(update(RECORD).where(where).values(changed))
+
+    def _touch(self, ids: Iterable[str]) -> None:
+        """Mark these records as changed (rev), so that an index notices."""
+        for some in batches(ids):
+            where = (RECORD.c.bank == self.bank) & RECORD.c.id.in_(some) & (RECORD.c.state != FORGOTTEN)
+            self.sql.execute(update(RECORD).where(where).values(rev=self.rev))
+
+    def _delete(self, table: Table, column: str, values: Collection[str]) -> None:
+        """Delete the bank's rows of a table whose column has one of these values."""
+        for some in batches(values):
+            self.sql.execute(delete(table).where(table.c.bank == self.bank, table.c[column].in_(some)))
+
+
+def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
+    """An INSERT that replaces the row of the same keys."""
+    dialect = sqlite if connection.dialect.name == "sqlite" else postgresql
+    statement: Any = dialect.insert(table)
+    changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
+    return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
+
+
+def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
+    """``{field: [before, after]}`` of the differences, except version and rev."""
+    return {
+        name: [getattr(before, name), value]
+        for name, value in as_json(after).items()
+        if name not in ("version", "rev") and getattr(before, name) != value
+    }
+
+
+def checked(record: Record, bank: str, version: int, rev: int) -> Record:
+    """The record as it can be stored; raises :class:`MemoryStoreError` for one that cannot.
+
+    Text loses NUL and lone surrogates; NumPy numbers, and ints for floats, are converted.
+    """
+    values = []
+    for value, kind in zip(as_json(record).values(), COLUMN_TYPES, strict=True):
+        if type(value) is str:
+            value = clean(value, MAX_TEXT)
+        elif kind is not str and isinstance(value, int | float | np.integer | np.floating):
+            value = kind(value) or kind(0)  # SQLite knows no minus zero
+        values.append(value)
+    values[-2:] = version, rev
+    damage = damage_of(tuple(values))
+    if record.bank != bank or not record.id or record.state == FORGOTTEN or not record.dedup_key:
+        damage = f"bank '{record.bank}', state '{record.state}', or no id or key"
+    elif values[0] != record.id:
+        damage = "its id has characters that no database accepts"
+    if damage:
+        raise MemoryStoreError(f"Record '{record.id}' cannot be stored in bank '{bank}': {damage}.")
+    return Record(*values)
+
+
+def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str) -> dict[str, Any]:
+    """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
+    array = np.asarray(vector)
+    if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
+        needed = "it needs a model's name and finite numbers in one row"
+        raise MemoryStoreError(f"The vector of record '{id}' cannot be stored: {needed}.")
+    stored = array.astype("<f4").tobytes()
+    return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}
+
+
+def _listed(text: object, name: str, wanted: Collection[str] = ()) -> list[str]:
+    """A named list of a JSON object; for a damaged one the ``wanted`` strings that it contains anywhere."""
+    try:
+        return [str(one) for one in load_object(str(text)).get(name, [])]
+    except (ValueError, TypeError):
+        return [one for one in wanted if dump(one) in str(text)]

@@ -1,0 +1,152 @@
+"""The robot backend of a MuJoCo world: any arm of two fingers, the model's cameras, the world's own success check."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, RobotError, SimulationError
+from gvla2.geometry.views import Observation, Views
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
+from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
+from gvla2.robot.executor import ExecutorOptions, execute
+from gvla2.robot.motion import MotionPlanner
+from gvla2.robot.mujoco.description import world_from_base, write_urdf
+from gvla2.robot.mujoco.eyes import ModelEyes
+from gvla2.robot.mujoco.options import MujocoConfig
+from gvla2.robot.mujoco.truth import true_scene
+from gvla2.robot.mujoco.world import State, World, WorldDriver, Worlds
+from gvla2.robot.options import ArmConfig
+from gvla2.robot.report import ExecutionReport
+from gvla2.robot.task import Task, TaskInstance, WorldState
+
+_SILENT = ExecutionListener()
+
+
+class MujocoArm:
+    """Implements :class:`gvla2.robot.backend.RobotBackend`, and offers the tasks of its worlds.
+
+    The model of a task is loaded once: its next seed only sets the state. The same task, seed and calls give the same
+    episode. The true state is read by the world's success check and :meth:`true_scene` only.
+    """
+
+    def __init__(self, config: MujocoConfig, worlds: Worlds) -> None:
+        self._config, self._worlds = config, worlds
+        self._task: str | None = None
+        self._world: World | None = None
+        self._made: UrdfArm | None = None
+        self._state: State | None = None
+        self._eyes: ModelEyes | None = None
+
+    def tasks(self) -> Mapping[str, str]:
+        """Each task's sentence by its name."""
+        return self._worlds.tasks()
+
+    @property
+    def arm(self) -> ArmModel:
+        """Kinematics and collision model of the present world's arm; before the first reset, of the first task's."""
+        if self._made is None:
+            self._load(next(iter(self.tasks()), None))
+        assert self._made is not None
+        return self._made.arm
+
+    def reset(self, task: Task | str | None, seed: int, instruction: str | None = None) -> TaskInstance:
+        """The task's world in the initial state ``seed``, the arm at home."""
+        if not isinstance(task, str | None):
+            raise ConfigurationError(
+                f"robot={self._config.name} has a world and tasks of its own: "
+                f"`gvla2 tasks robot={self._config.name}` lists them."
+            )
+        if self._world is None or task != self._task:
+            self._load(task)
+        assert self._world is not None
+        world = self._world
+        world.begin(seed)
+        self._state = State(world, 0.0 if self._made is None else self._made.gap)
+        if self._eyes is None:
+            self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
+        return TaskInstance(instruction or world.instruction, goal=world.goal)
+
+    def _load(self, task: str | None) -> None:
+        self.close()
+        world = self._worlds.load(task)
+        base = world_from_base(world.model, world.data, world.names)
+        home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
+        self._made = arm_from_urdf(
+            ArmConfig(
+                name=self._config.name,
+                urdf=str(write_urdf(world.model, world.names, self._config.joint_speed)),
+                tool_link=world.names.tool,
+                gripper_joints=list(world.names.fingers),
+                home=home,
+                base_position=base[:3, 3].tolist(),
+                base_yaw=float(np.arctan2(base[1, 0], base[0, 0])),
+                table_height=world.table_height,
+                workspace_low=world.workspace.low.tolist(),
+                workspace_high=world.workspace.high.tolist(),
+            )
+        )
+        self._world, self._task = world, task
+
+    def observe(self) -> Observation:
+        """RGB-D views of the cameras, the robot's own pixels cast from its model, and the measured hand."""
+        state, eyes, made = self._ready("observed")
+        size, joints, width = self._config.image_size, state.joints, state.width
+        views = made.mask([eyes.view(name, size) for name in eyes.cameras], joints, width)
+        opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
+        return Observation(Views(views), made.arm.forward(joints), joints, opening, width)
+
+    def execute(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
+    ) -> ExecutionReport:
+        """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
+        state, eyes, made = self._ready("moved")
+        config, shot = self._config, [-np.inf]
+
+        def film() -> None:
+            if state.time - shot[0] < 1.0 / config.video_fps - 1e-9 or not state.sane():
+                return
+            shot[0] = state.time
+            listener.moment(Moment(state.time, state.joints, state.width))
+            if listener.wants_frames:
+                listener.frame(eyes.picture(eyes.cameras[0], config.video_size, shadows=False))
+
+        driver = WorldDriver(state, made.arm.hand.max_width, None if listener is _SILENT else film)
+        options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
+        faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
+        return execute(faster, scene, MotionPlanner(made.arm), driver, listener, options)
+
+    def success_check(self) -> SuccessCheck:
+        """Whether the world's own check was met at any step, within its steps."""
+        state, _, _ = self._ready("judged")
+        done = state.world.succeeded()
+        return SuccessCheck(done, done)
+
+    def true_state(self) -> WorldState:
+        """Raises :class:`ConfigurationError`: there is no scripted demonstration that would read it."""
+        raise ConfigurationError(f"The tasks of robot={self._config.name} have no demonstrations.")
+
+    def true_scene(self) -> Scene:
+        """The world's bodies as scene objects, for the ``oracle`` perceiver: diagnosis only."""
+        state, _, _ = self._ready("read")
+        return true_scene(state.world)
+
+    def close(self) -> None:
+        """Release the world and its framebuffer; the arm's model stays."""
+        if self._eyes is not None:
+            self._eyes.close()
+        self._world, self._task, self._state, self._eyes = None, None, None, None
+
+    def _ready(self, done: str) -> tuple[State, ModelEyes, UrdfArm]:
+        if self._state is None or self._eyes is None or self._made is None:
+            raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
+        if not self._state.sane():
+            raise SimulationError(
+                f"The simulation has blown up and cannot be {done}: this episode is not measured. reset starts anew."
+            )
+        return self._state, self._eyes, self._made

@@ -1,0 +1,39 @@
+"""Options of robots in MuJoCo worlds, which the command line's schema shows: nothing heavy is imported here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+
+
+@dataclass
+class MujocoConfig(ComponentConfig):
+    """Options that all robots in MuJoCo worlds have; metres, radians, seconds.
+
+    ``cameras`` are the model's, with square images of ``image_size`` pixels; the film, if one is asked for, is taken by
+    the first of them with ``video_size`` pixels and ``video_fps`` pictures a second. ``joint_speed`` and
+    ``acceleration`` bound the arm's joints (rad/s, rad/s²), ``pace`` multiplies the tool speeds of plans. ``stiffness``
+    is the gain of the joint controller (1/s²).
+    """
+
+    cameras: list[str] = field(default_factory=list)
+    image_size: int = 256
+    video_size: int = 256
+    video_fps: float = 5.0
+    joint_speed: float = 2.2
+    acceleration: float = 10.0
+    pace: float = 1.6
+    stiffness: float = 600.0
+
+    def __post_init__(self) -> None:
+        bad = [f"robot.{name}={getattr(self, name)}" for name in _POSITIVE if not getattr(self, name) > 0]
+        if bad:
+            raise ConfigurationError(f"Options must be above 0, unlike {', '.join(bad)}.")
+
+
+_POSITIVE = (
+    *("image_size", "video_size", "video_fps"),
+    *("joint_speed", "acceleration", "pace", "stiffness"),
+)

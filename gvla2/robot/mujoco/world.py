@@ -1,0 +1,207 @@
+"""The contract of a MuJoCo world, its options, and the driver that steps it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.scene import Box
+from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
+from gvla2.robot.mujoco.description import ArmNames
+from gvla2.robot.mujoco.eyes import import_mujoco
+
+
+class World(Protocol):
+    """A compiled model with its state, one task in it, and what judges it.
+
+    ``steps`` counts those of the present episode, ``max_steps`` (0: none) ends it; ``rate`` is in steps a second.
+    ``groups`` are the groups of geoms that cameras see. ``scenery`` begins the names of the bodies that belong to the
+    room. ``workspace`` is where the tool may go, ``table_height`` that of the main support, metres.
+    """
+
+    model: Any
+    data: Any
+    names: ArmNames
+    instruction: str
+    goal: str
+    rate: float
+    steps: int
+    max_steps: int
+    groups: tuple[int, ...]
+    scenery: tuple[str, ...]
+    workspace: Box
+    table_height: float
+    lag: float
+
+    def begin(self, seed: int) -> None:
+        """The initial state of that number, objects at rest, ``steps`` at 0."""
+        ...
+
+    def step(self, joints: FloatArray, opening: float) -> None:
+        """One step towards joints (dof,) and an opening in [0, 1] of the hand."""
+        ...
+
+    def succeeded(self) -> bool:
+        """Whether the task's goal was reached at any step of the episode."""
+        ...
+
+
+class Worlds(Protocol):
+    """Makes worlds, by the names of their tasks."""
+
+    def tasks(self) -> Mapping[str, str]:
+        """Each task's sentence by its name ``suite/task``."""
+        ...
+
+    def load(self, task: str | None) -> World:
+        """The world of a task; raises :class:`ConfigurationError` for a task that there is not."""
+        ...
+
+
+class State:
+    """What the arm's own sensors measure in a world, and the ``opening`` in [0, 1] that its hand was sent to.
+
+    Closed fingers are ``gap`` metres apart.
+    """
+
+    def __init__(self, world: World, gap: float) -> None:
+        model, names = world.model, world.names
+        self.world, self.opening, self._gap = world, 1.0, gap
+        self._joints = np.array([model.joint(n).qposadr[0] for n in names.joints])
+        self._speeds = np.array([model.joint(n).dofadr[0] for n in names.joints])
+        self._fingers = np.array([model.joint(n).qposadr[0] for n in names.fingers], dtype=np.intp)
+        ends = [model.joint(n).range for n in names.fingers]
+        self._closed = np.array([low if high > -low else high for low, high in ends])
+
+    @property
+    def joints(self) -> FloatArray:
+        """(dof,) radians."""
+        return np.array(self.world.data.qpos[self._joints], dtype=np.float64)
+
+    @property
+    def speeds(self) -> FloatArray:
+        """(dof,) rad/s."""
+        return np.array(self.world.data.qvel[self._speeds], dtype=np.float64)
+
+    @property
+    def width(self) -> float:
+        """Between the fingers, metres."""
+        return self._gap + float(np.abs(self.world.data.qpos[self._fingers] - self._closed).sum())
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds of the episode."""
+        return self.world.steps / self.world.rate
+
+    def sane(self) -> bool:
+        """Whether the physics went well: MuJoCo starts anew by itself after a state that it cannot continue."""
+        data, kinds = self.world.data, import_mujoco().mjtWarning
+        bad = kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC
+        blown = any(data.warning[kind].number for kind in bad)
+        return not blown and bool(np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < IMPOSSIBLE)
+
+
+IMPOSSIBLE = 1e3
+"""Speed of a joint or body beyond which the physics has blown up, m/s or rad/s."""
+
+SETTLED, SLOW, SETTLE_SECONDS = 3e-3, 0.03, 0.6
+"""A motion is over at this joint error (rad) and speed (rad/s), or after this long."""
+
+GRIP_SECONDS, STILL, STILL_STEPS = 1.5, 5e-4, 3
+"""Gripping is over when the width (metres) changed by less over this number of steps, or after this long."""
+
+STOPPED_SHORT = 0.004
+"""Fingers hold something when they stop this far short of where they were sent, metres."""
+
+HOLD_STEPS = 3
+
+
+class WorldDriver:
+    """Implements :class:`gvla2.robot.driver.GuardedDriver` in steps of a world, ``film`` after each.
+
+    Targets run ahead of the samples by the controller's lag, so that the arm follows them without delay.
+    """
+
+    def __init__(self, state: State, max_width: float, film: Callable[[], None] | None = None) -> None:
+        self._state, self._world, self._max_width, self._film = state, state.world, max_width, film
+
+    def state(self) -> DriverState:
+        """The measured state, now."""
+        return DriverState(self._state.joints, self._state.width, self._state.time)
+
+    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
+        return self.follow_guarded(samples, dt, gripper, lambda commanded, measured, force: False)
+
+    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
+        """As :meth:`follow`, until ``stop``, which is asked once a step and feels no force."""
+        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
+        if not np.isfinite(samples).all() or dt <= 0:
+            raise RobotError(
+                f"The arm follows finite joint samples at dt > 0, got {samples.shape} at dt={dt}."
+            )
+        self._command(gripper)
+        times, rate = np.arange(len(samples)) * dt, self._world.rate
+
+        def at(moment: float) -> FloatArray:
+            return np.array([np.interp(moment, times, column) for column in samples.T])
+
+        count = math.ceil(times[-1] * rate - 1e-9)
+        for step in range(1, count + math.ceil(SETTLE_SECONDS * rate)):
+            off = np.abs(self._state.joints - samples[-1]).max()
+            arrived = off < SETTLED and np.abs(self._state.speeds).max() < SLOW
+            if self._over() or (step > count and arrived):
+                break
+            self._step(at(step / rate + self._world.lag))
+            if stop(at(step / rate), self._state.joints, None):
+                return MoveResult(stopped=True)
+        return MoveResult(diverged=not self._state.sane(), expired=self._expired())
+
+    def grip(self, opening: float) -> GripResult:
+        """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
+        still, self._state.opening = self._state.joints, opening
+        widths: deque[float] = deque(maxlen=STILL_STEPS)
+        for _ in range(math.ceil(GRIP_SECONDS * self._world.rate)):
+            widths.append(self._state.width)
+            if self._over() or (len(widths) == STILL_STEPS and np.ptp(widths) < STILL):
+                break
+            self._step(still)
+        width = self._state.width
+        return GripResult(width, width > opening * self._max_width + STOPPED_SHORT)
+
+    def hold(self) -> None:
+        """Stop at the measured position and stay there."""
+        joints = self._state.joints
+        for _ in range(HOLD_STEPS):
+            if not self._over():
+                self._step(joints)
+
+    def _command(self, gripper: float) -> None:
+        """Send the fingers to an opening, unless they squeeze something at just that width: an execution starts from
+        measurements and must not release an earlier grasp.
+        """
+        state, measured = self._state, self._state.width / self._max_width
+        short = measured > state.opening + STOPPED_SHORT / self._max_width
+        if not (short and abs(gripper - measured) < 0.1):
+            state.opening = gripper
+
+    def _over(self) -> bool:
+        return bool(self._expired()) or not self._state.sane()
+
+    def _expired(self) -> str:
+        world = self._world
+        ended = 0 < world.max_steps <= world.steps
+        return f"The world allows {world.max_steps} steps of {1 / world.rate:g} s." if ended else ""
+
+    def _step(self, joints: FloatArray) -> None:
+        self._world.step(joints, self._state.opening)
+        if (film := self._film) is not None:
+            self._film = None  # a picture that raises is the last, since the arm must still be held
+            film()
+            self._film = film

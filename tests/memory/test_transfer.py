@@ -1,0 +1,74 @@
+"""JSON lines out and in: nothing of a file becomes active by itself, and one's own lessons come back."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gvla2.errors import MemoryStoreError, OutputError
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.contracts import Lesson
+
+Open = Callable[..., KnowledgeBank]
+BOUND = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
+
+
+@pytest.fixture
+def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
+    """An export of five records: two active ones of ours, one confirmed, one provisional, one archived."""
+    bank = open_bank("first")
+    low = Lesson("procedural_hint", "Lift it at most 5 cm.", {**BOUND, "op": "<=", "value": 0.05})
+    bank.admit(low, verdicts["success"], task="lift the cup", trusted=True)
+    bank.admit(Lesson(low.type, "Lift it at least 15 cm.", BOUND), verdicts["success"], task="lift the cup",
+               trusted=True)  # fmt: skip
+    bank.admit(Lesson("failure_avoidance", "Never pull the cord."), verdicts["fail"], task="unplug it",
+               trusted=True)  # fmt: skip
+    for source in ("lab", "club"):
+        bank.admit("Wring the cloth out.", verdicts["success"], task="wipe the table", source=source)
+    bank.admit("Swing fast.", verdicts["success"], task="open the drawer", source="lab")
+    done = bank.export(tmp_path / "out.jsonl")
+    assert (done.records, done.left_out) == (5, 0)
+    return done.file
+
+
+def test_of_ones_own_export_ones_own_active_lessons_become_active(open_bank: Open, file: Path) -> None:
+    bank = open_bank("second")
+    done = bank.import_(file, trusted=True)
+    assert (len(done.added), len(done.held_back), done.left_out, done.broken) == (2, 2, 1, ())
+    active = {record.content: record for record in bank.records(["active"])}
+    assert set(active) == {"Lift it at least 15 cm.", "Never pull the cord."}
+    assert active["Lift it at least 15 cm."].effect_json() == BOUND
+    again = bank.import_(file, trusted=True)
+    assert (again.added, again.held_back) == ((), ())
+    assert len(bank.records()) == 4
+    assert bank.verify() == []
+
+
+def test_whatever_a_file_says_it_waits(open_bank: Open, file: Path) -> None:
+    bank = open_bank("second")
+    assert bank.import_(file).added == ()
+    assert {record.state for record in bank.records()} == {"provisional"}
+    assert not bank.recall("lift the cup").items
+
+
+def test_broken_lines_are_named_and_the_others_read(open_bank: Open, tmp_path: Path) -> None:
+    good = {"content": "Hold the rim.", "outcome": "verified_success", "quality": 1.0, "confidence": 1.0}
+    odd = [b"nonsense", b"[1]", b"\xff", b"{}", json.dumps({**good, "type": "spell"}).encode()]
+    odd += [json.dumps({**good, "effect": {"value": 1e300}}).encode(), b'{"content": "x", "quality": NaN}']
+    path = tmp_path / "in.jsonl"
+    path.write_bytes(b"\n".join([json.dumps(good).encode(), *odd]))
+    done = open_bank().import_(path)
+    assert len(done.held_back) == 1
+    assert [line.partition(":")[0] for line in done.broken] == [f"in.jsonl, line {i}" for i in range(2, 9)]
+    path.write_bytes(b"nonsense")
+    with pytest.raises(MemoryStoreError, match="not an export"):
+        open_bank().import_(path)
+    with pytest.raises(MemoryStoreError, match="Cannot read"):
+        open_bank().import_(tmp_path / "nowhere")
+
+
+def test_an_export_replaces_nothing(open_bank: Open, file: Path) -> None:
+    with pytest.raises(OutputError, match="never replaces"):
+        open_bank("first").export(file)
