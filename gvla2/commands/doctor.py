@@ -175,10 +175,10 @@ def data() -> Iterator[Check]:
 
     for kind, source in SOURCES.items():
         places = [] if kind == "meshes" else roots(kind)  # your own have no place of theirs
-        items = next((found for place in places if place.is_dir() and (found := find_items(kind, place))), ())
-        if items:
-            found = f"{len(items)} objects in {items[0].folder.parent}"
-            yield Check(f"data {kind}", "ok", f"{found} ({source.licence})")
+        filled = [items for place in places if place.is_dir() and (items := find_items(kind, place))]
+        if filled:
+            where = f"{len(filled[0])} objects in {filled[0][0].folder.parent}"
+            yield Check(f"data {kind}", "ok", f"{where} ({source.licence})")
         elif places:
             looked = f"not in {', '.join(map(str, places))}"
             advice = f"To get it, {source.how}, laid out as {source.layout} below the folder GVLA2_DATA."

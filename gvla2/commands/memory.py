@@ -203,7 +203,10 @@ def search(request: Request) -> Answer:
     ]
     recalled = sum(hit.reliable for hit in hits) or "none"
     columns = ("id", "would be", "score", "content and score terms")
-    lines = [_table(columns, rows), f"A recall for these words would show {recalled} of them."]
+    lines: list[Table | str] = [
+        _table(columns, rows),
+        f"A recall for these words would show {recalled} of them.",
+    ]
     return Answer({"query": words, "found": found}, lines if rows else ["Nothing is similar."])
 
 

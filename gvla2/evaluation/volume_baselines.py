@@ -17,11 +17,10 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import vertex_colours
-from gvla2.reconstruction.carving import hull_field, surface_of
+from gvla2.reconstruction.carving import Field, hull_field, surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Renderer
 from gvla2.reconstruction.depth_evidence import camera_scale
 from gvla2.reconstruction.inset import inset, outward_normals
-from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
 from gvla2.reconstruction.surfels import surfels
 

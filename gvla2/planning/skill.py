@@ -151,7 +151,10 @@ class Proposal:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The trajectory, written on first use."""
-        return self.way() if callable(self.way) else self.way
+        if callable(self.way):
+            made: Trajectory = self.way()
+            return made
+        return self.way
 
 
 @dataclass(frozen=True)

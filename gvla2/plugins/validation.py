@@ -51,7 +51,8 @@ def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool 
         return (
             f"the name {item.name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
         )
-    if not callable(item.build):
+    build: Any = item.build  # a plugin may pass anything
+    if not callable(build):
         return f"'{item.name}' has a build that cannot be called."
     unknown = [need for need in item.needs if need not in kinds]
     if unknown:

@@ -223,7 +223,7 @@ def _gather(
 
 @compiled
 def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
-    """(N,) of what rows (N, K) tell of unknowns with a covariance (P, P)."""
+    """(N,) variances of rows (N, K) of unknowns with a covariance (P, P)."""
     found = np.zeros(len(columns))
     for n in range(len(columns)):
         for a in range(columns.shape[1]):

@@ -174,15 +174,8 @@ def place(
     was = own.apply(np.eye(3)[np.argmin(old.log_scales[source], axis=1)])
     was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1, 1)[:, None]
     # The shortest way from one unit vector to another, less than half a turn.
-    way, half = np.cross(was, across), 1 + np.einsum("nk,nk->n", was, across)
-    axis, angle = np.split(own.as_quat(), [3], axis=1)
-    turned = np.column_stack(
-        [
-            half * angle[:, 0] - np.einsum("nk,nk->n", way, axis),
-            half[:, None] * axis + angle * way + np.cross(way, axis),
-        ]
-    )
-    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    halfway = np.column_stack([np.cross(was, across), 1 + np.einsum("nk,nk->n", was, across)])
+    turned = (Rotation.from_quat(halfway) * own).as_quat(scalar_first=True)
     placed = replace(
         spread,
         log_scales=old.log_scales[source] + np.float32(np.log(spacing / before)),

@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.carving import Field
 from gvla2.reconstruction.compiled import compiled, cores, run_chunks
 from gvla2.reconstruction.depth_evidence import DepthEvidence
-from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.support import mask_of, projection
 from gvla2.reconstruction.view_set import ViewSet
 

@@ -38,7 +38,8 @@ def photograph(image: NDArray[np.uint8] | Floats, box: Rect, width: int = 360) -
 
 def as_bytes(image: NDArray[np.uint8] | Floats) -> NDArray[np.uint8]:
     """The picture as uint8, also from float in [0, 1]."""
-    return image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+    whole = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1))
+    return whole.astype(np.uint8)
 
 
 def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width: int = 360) -> Image.Image:

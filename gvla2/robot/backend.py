@@ -49,7 +49,7 @@ class MotionListener(Protocol):
 
 @dataclass(frozen=True)
 class ExecutionListener:
-    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times a second, ``waypoint``
+    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 several times per second, ``waypoint``
     after each waypoint, ``moment`` just before a frame by robots that know its state. An exception from any of them
     stops the motion. Without ``frame`` none need be drawn, see :attr:`wants_frames`.
     """

@@ -88,7 +88,7 @@ class GuardedDriver(Protocol):
     """Extension of :class:`Driver` for ending a motion on contact; without it guards have no effect."""
 
     def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times a second, also while it settles.
+        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times per second, also while it settles.
 
         A force is a mean over some hundredths of a second, so a knock does not count as a press. On True the arm stops
         where it is, without settling, and the result says ``stopped``.

@@ -141,7 +141,7 @@ def _as_collision(visual: ET.Element) -> ET.Element:
 def _as_obj(collada: Path) -> Path:
     """A COLLADA file's triangles in metres as an OBJ file in the cache.
 
-    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; of an OBJ all read the same.
+    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; an OBJ file they read alike.
     """
     from gvla2.geometry.mesh_files import (
         read_mesh,

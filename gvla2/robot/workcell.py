@@ -77,9 +77,9 @@ TABLE_THICKNESS = 0.05
 class Workcell(UrdfArm):
     """Everything specific to one simulated arm; metres, world frame.
 
-    Tasks are laid out in the rectangle ``site_size`` (x, y) about ``site_centre``, on ``table``. A place is in reach
-    where the hand gets with a manipulability of at least ``ease`` (a share of the arm's best), with its fingers one way
-    round if ``either_way``, and no farther than ``reach`` from the base's axis.
+    Tasks are laid out in the rectangle ``site_size`` (x, y) about ``site_centre``, on ``table``. The hand reaches
+    places up to ``reach`` from the base's axis, with a manipulability of at least ``ease`` (a share of the arm's best)
+    and, if ``either_way``, with its fingers one way round.
     """
 
     table: Body

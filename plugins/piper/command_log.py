@@ -1,7 +1,7 @@
 """The append-only log of everything that was sent to an arm, and of everything that stopped it.
 
 One JSON object a line, of the kind ``session`` (bus, settings), ``frame`` (id and bytes, written before sending),
-``event`` (armed, hold, refused, stop) or ``joints`` (measured, radians, some times a second). ``t`` is ``time.time()``,
+``event`` (armed, hold, refused, stop) or ``joints`` (measured, radians, at 10 Hz). ``t`` is ``time.time()``,
 ``m`` the monotonic clock, both in seconds.
 """
 

@@ -17,10 +17,8 @@ ENABLE = 0x471
 LIMIT_QUERY, FIRMWARE_QUERY = 0x472, 0x4AF
 
 STATUS = 0x2A1
-END_POSE = (0x2A2, 0x2A3, 0x2A4)
 JOINTS = (0x2A5, 0x2A6, 0x2A7)
 GRIPPER = 0x2A8
-FAST_DRIVES = tuple(range(0x251, 0x257))
 SLOW_DRIVES = tuple(range(0x261, 0x267))
 LIMIT_ANSWER, ACCELERATION_ANSWER = 0x473, 0x47C
 
@@ -28,7 +26,6 @@ COMMANDS = frozenset(range(0x150, 0x160)) | {0x121, 0x470, 0x471, 0x474, 0x475, 
 """Frames that command an arm; queries are not among them."""
 
 CAN_CONTROL, MOVE_JOINTS = 0x01, 0x01
-ALL_MOTORS = (0x07, 0xFF)
 ENABLED_BIT = 6
 DRIVE_FAULTS = {
     0: "low voltage",
@@ -69,11 +66,6 @@ def millidegrees(radians: float) -> int:
 def radians(millidegrees: int) -> float:
     """An angle from the frames."""
     return math.radians(millidegrees * 1e-3)
-
-
-def pair(first: int, second: int) -> bytes:
-    """Eight bytes of two signed numbers."""
-    return struct.pack(">ii", first, second)
 
 
 def unpack_pair(data: Sequence[int]) -> tuple[int, int]:

@@ -73,7 +73,7 @@ class ControlLoop:
         self._thread.start()
 
     def move(self, samples: FloatArray, watcher: Callable[[], None] = lambda: None) -> None:
-        """Go through joint targets (T, 6), one a period, and wait; ``watcher`` is called some times a second.
+        """Go through joint targets (T, 6), one a period, and wait; ``watcher`` is called some times per second.
 
         Any exception that passes through here (Ctrl-C, one of ``watcher``) holds the arm first.
         """

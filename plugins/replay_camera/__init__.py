@@ -1,4 +1,4 @@
-"""Recorded RGB-D frames in place of a camera: a folder of pictures.
+"""Recorded RGB-D frames in place of a camera: folders of pictures.
 
 A folder of pictures is one camera's; or it has a folder of pictures for each of several cameras, named after them:
 
@@ -34,7 +34,7 @@ class ReplayConfig(ComponentConfig):
 
 
 def _build(config: ReplayConfig) -> DepthCamera:
-    """Recorded RGB-D frames, from a folder of pictures: moved objects stay where they were."""
+    """Recorded RGB-D frames, from a folder of pictures, which shows no effect of motions."""
     from gvla2_plugins.replay_camera.camera import ReplayCamera
 
     return ReplayCamera(config)

@@ -18,7 +18,7 @@ class SapienArmConfig(WorkcellConfig):
 
     ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` and wrist;
     ``image_size`` is their side in pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm
-    moves (from the first camera). ``physics_rate`` is in steps a second. The arm's joints are position drives with
+    moves (from the first camera). ``physics_rate`` is in steps per second. The arm's joints are position drives with
     feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
     largest force of one finger, ``grip_speed`` a finger's speed.
     """
@@ -93,7 +93,7 @@ class SapienPiperConfig(SapienArmConfig):
 
 
 def _build(config: SapienArmConfig) -> RobotBackend:
-    """A simulated arm from its URDF, with its own fingers, a mounted gripper or a suction cup."""
+    """A simulated arm from its URDF, with its own fingers or a mounted gripper."""
     from gvla2_plugins.sapien.backend import SapienArm
 
     return SapienArm(config)

@@ -48,9 +48,8 @@ JUDGE_SECONDS = 0.25
 class SapienArm:
     """Implements :class:`gvla2.robot.backend.RobotBackend`.
 
-    The same seed and calls give the same episode, bit by bit. The true state of the task's bodies is read by
-    :meth:`judge`, and by :meth:`true_state` and :meth:`true_scene`, which no part of the loop calls; the cameras see
-    the bodies by ray casting.
+    The same seed and calls give the same episode, bit by bit. Only :meth:`success_check`, :meth:`true_state` and
+    :meth:`true_scene` read the true state of the task's bodies; the cameras see the bodies by ray casting.
     """
 
     def __init__(self, config: SapienArmConfig) -> None:

@@ -24,7 +24,7 @@ VERSION = 2
 """Version of the decomposition: changes whenever its pieces would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
-"""CoACD's concavity, in sizes of the object; the pieces' number; corners a piece (PhysX takes 255)."""
+"""CoACD's concavity, in sizes of the object; the pieces' number; corners per piece (PhysX takes 255)."""
 
 FACES = 20_000
 """Meshes are simplified to this many faces first: finer ones change no piece and cost minutes."""

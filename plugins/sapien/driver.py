@@ -22,7 +22,7 @@ SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
 GRIP_SECONDS, STILL, STILL_SECONDS = 3.0, 1e-4, 0.1
 """Gripping is over when the width changed by less than this (metres) in this long, or after three seconds.
 
-The engine's speed of a squeezed finger is no criterion: it stays at centimetres a second.
+The engine's speed of a squeezed finger is no criterion: it stays at centimetres per second.
 """
 
 STOPPED_SHORT, PRESSING = 0.002, 0.2
@@ -133,7 +133,7 @@ class SapienDriver:
             self._advance()
 
     def _resample(self, samples: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Targets (S, dof) and speeds (S, dof), one a physics step, linear between samples."""
+        """Targets (S, dof) and speeds (S, dof), one per physics step, linear between samples."""
         times = np.arange(len(samples)) * dt
         count = int(np.ceil(times[-1] * self._world.rate - 1e-9))
         steps = np.minimum(np.arange(1, count + 1) / self._world.rate, times[-1])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
@@ -26,7 +27,7 @@ HOLDING_FORCE = 0.2
 """Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
 
 RESTING_SPEED = 0.02
-"""Metres a second below which a body lies still."""
+"""Metres per second below which a body lies still."""
 
 
 class TrueState:
@@ -117,7 +118,7 @@ def cast_masks(
     world_from_body: Mapping[str, FloatArray],
     scenery: Body,
 ) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
-    """The names of bodies and their named parts, and one image (H, W) a camera of indices into the names.
+    """The names of bodies and their named parts, and one image (H, W) per camera of indices into the names.
 
     -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
     what is behind them. ``bodies`` and their poses (4, 4) go by name; a part is called ``body/label``, as in
@@ -235,6 +236,8 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
     rgb = np.array(_main_colour(body))
     colour = nearest_colours(rgb, 1)[0][0]
     shape = _shape(body, high - low)
+    surface = body_surface(body)
+    points, _ = TriangleMesh(surface.vertices, surface.faces).sample(POINTS, np.random.default_rng(0))
     return SceneObject(
         body.name,
         body.label or f"{colour} {shape}",
@@ -242,7 +245,7 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
         colour,
         pose @ rigid(translation=0.5 * (low + high)),
         high - low,
-        transform_points(pose, _surface_points(body)),
+        transform_points(pose, points),
         rgb,
         parent,
         opening=opening(body.solids, low, high),
@@ -270,18 +273,3 @@ def _shape(body: Body, size: FloatArray) -> Shape:
     if kind == "sphere":
         return "sphere"
     return "plate" if flat else "box"
-
-
-def _surface_points(body: Body) -> FloatArray:
-    """(N, 3) points spread evenly over the body's surface, its own frame; the same at each call."""
-    surface = body_surface(body)
-    corners = surface.vertices[surface.faces]  # (F, 3, 3)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(across, axis=1)
-    rng = np.random.default_rng(0)
-    face = rng.choice(len(area), size=POINTS, p=area / area.sum())
-    a, b = rng.random((2, POINTS, 1))
-    fold = a + b > 1
-    a, b = np.where(fold, 1 - a, a), np.where(fold, 1 - b, b)
-    first = corners[face, 0]
-    return np.asarray(first + a * (corners[face, 1] - first) + b * (corners[face, 2] - first))

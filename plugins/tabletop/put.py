@@ -303,7 +303,7 @@ class SortObject(TabletopTask[ScaledConfig]):
         return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", RESTARTS)
 
     def _one_by_one(self, draw: Draw) -> list[FloatArray] | None:
-        """Each object beside those that lie already: for a small reach, where five together hardly ever fit."""
+        """Each object beside those already placed: for a small reach, where five together hardly ever fit."""
         roots: list[FloatArray] = []
         for _ in range(ONE_BY_ONE):
             root = draw.root()

@@ -121,7 +121,7 @@ class TabletopTask(ABC, Generic[C]):
         self.check(config)
 
     def check(self, config: C) -> None:
-        """Raise :class:`ConfigurationError` for options that cannot be."""
+        """Raise :class:`ConfigurationError` for invalid options."""
 
     @abstractmethod
     def lay_out(self, draw: Draw) -> TaskInstance:

@@ -17,7 +17,8 @@ class ObjectsConfig:
     """The meshes and their poses.
 
     ``root`` is a folder of meshes: ``mug.glb``, ``mug.obj`` or ``mug/textured.obj`` is the object "mug". ``names`` are
-    the candidates, all by default; ``count`` of them do, 1 to 8, by default all of ``names`` or one of the folder.
+    the candidates, all by default; ``count`` of them are placed, 1 to 8, by default all of ``names`` or one of the
+    folder.
     ``scale`` is metres per unit of the files (by default metres, or millimetres if only that makes sense), ``mass``
     kilograms (by default by size), ``pose`` is "upright", as in the files, or "fallen", as if dropped.
     """

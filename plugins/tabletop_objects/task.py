@@ -28,7 +28,7 @@ LIFT = 0.20
 """Heights above the table that the hand must reach at an object's place, metres."""
 
 DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
-"""Kilograms a cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
+"""Kilograms per cubic metre of an object's hull, and bounds in kilograms: household objects are hollow or light."""
 
 DROP = 0.001
 """Metres above the table from which objects settle."""

@@ -1,10 +1,7 @@
 """The KnowledgeBank over time and in trouble: staleness, several banks, interrupts, odd text, damage."""
 
 import math
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,23 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.errors import MemoryStoreError
 from gvla2.memory.admission import pooled_effects
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.transaction import Transaction
 from tests.memory.picking_lessons import AVOID, TOOL, lesson, prior
 
 Open = Callable[..., Any]
-
-
-def test_old_unused_failures_go_stale(open_bank: Open, episode: Open, verdicts: Any, clock: Any) -> None:
-    bank = open_bank()
-    bank.learn(episode("Pick up the red cube", AVOID), verdicts["fail"])
-    fresh = bank.recall(MemoryTask("Pick up the red cube")).items[0].terms
-    clock.pass_days(20)
-    context = bank.recall(MemoryTask("Pick up the red cube"))
-    assert (fresh["stale"], fresh["recency"]) == (0.0, 0.25)
-    assert all(i.terms["stale"] == -0.25 for i in context.items)
 
 
 def test_banks_in_one_database_do_not_meet(open_bank: Open, episode: Open, verdicts: Any) -> None:
@@ -84,39 +70,6 @@ def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Ope
     learned = bank.learn(episode("lone \udfff surrogate\x00", *odd), verdicts["success"])
     assert (len(learned.added), learned.discarded) == (1, 3)
     assert bank.recall(MemoryTask("lone \ud800 surrogate")).items
-
-
-def test_a_damaged_row_holds_nobody_up(open_bank: Open, episode: Open, verdicts: Any, url: str) -> None:
-    bank = open_bank()
-    ways = ("come from the side", "grip its edges", "close slowly")
-    lessons = [Lesson("procedural_hint", f"Pick up the red cube: {way}.") for way in ways]
-    bank.learn(episode("Pick up the red cube", *lessons), verdicts["success"])
-    first, second, third = bank.records()
-    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection, connection:
-        connection.execute("UPDATE memory SET effect = '{broken' WHERE id = ?", (first.id,))
-        broken = np.full(512, np.nan, dtype="<f4").tobytes()
-        connection.execute("UPDATE memory_vector SET vector = ? WHERE id = ?", (broken, second.id))
-    found = {i.id for i in open_bank().recall(MemoryTask("Pick up the red cube")).items}
-    assert found == {second.id, third.id}
-
-
-def test_a_closed_bank_says_so(open_bank: Open) -> None:
-    bank = open_bank()
-    bank.close()
-    bank.close()
-    with pytest.raises(MemoryStoreError, match="closed"):
-        bank.recall(MemoryTask("Pick up the red cube"))
-
-
-def test_the_same_inputs_give_the_same_bank(open_bank: Open, episode: Open, verdicts: Any) -> None:
-    rows = []
-    for name in ("a", "a2"):
-        bank = open_bank(name)
-        for i in range(5):
-            said = episode(f"Pick up cube {i % 2}", lesson(0.02 + i / 100), AVOID, source=f"run/{i}")
-            bank.learn(said, verdicts["success"])
-        rows.append(sorted(str(replace(r, id="", bank="")) for r in bank.records()))
-    assert rows[0] == rows[1]
 
 
 @given(st.lists(st.floats(-10, 10), min_size=2, max_size=12), st.integers(1, 11))

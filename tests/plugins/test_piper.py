@@ -28,7 +28,7 @@ from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.sapien import SapienPiperConfig
 from tests.plugins.piper_rig import logged_frames, read_log
 from tests.plugins.synthetic_table import Scenery
-from tests.plugins.virtual_piper import PARKED, VirtualArm
+from tests.plugins.virtual_piper import PARKED, VirtualArm, pair
 
 WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
@@ -164,7 +164,7 @@ def test_no_code_calls_what_drops_an_arm():
 
 
 def test_echoes_are_told_from_other_programs():
-    feedback, data = Feedback(), frames.pair(1, 2)
+    feedback, data = Feedback(), pair(1, 2)
     feedback.take(0x155, data, own=True)
     assert not feedback.snapshot().foreign
     feedback.take(0x155, data)
@@ -175,12 +175,12 @@ def test_leaps_and_impossible_angles_are_not_believed():
     feedback = Feedback()
     for index, frame in enumerate(frames.JOINTS):
         raw = [frames.millidegrees(v) for v in HOME[2 * index : 2 * index + 2]]
-        feedback.take(frame, frames.pair(*raw), now=1.0)
-    feedback.take(0x2A5, frames.pair(0, 0), now=1.005)
+        feedback.take(frame, pair(*raw), now=1.0)
+    feedback.take(0x2A5, pair(0, 0), now=1.005)
     seen = feedback.snapshot(1.01)
     assert "joint 2 seems to have leapt" in seen.unbelievable
     assert np.allclose(seen.joints, HOME, atol=1e-4)
-    feedback.take(0x2A6, frames.pair(90_000, 0), now=1.01)
+    feedback.take(0x2A6, pair(90_000, 0), now=1.01)
     assert "joint 3 reads" in feedback.snapshot().unbelievable
 
 
@@ -210,11 +210,11 @@ def test_the_log_is_appended_to_and_read_back(tmp_path):
     for session in range(2):
         log = CommandLog(path)
         log.write("session", number=session)
-        log.write("frame", id="155", data=frames.pair(1, -2).hex())
+        log.write("frame", id="155", data=pair(1, -2).hex())
         log.write("event", event="hold")
         log.close()
     assert [e["kind"] for e in read_log(path)] == ["session", "frame", "event"] * 2
-    assert logged_frames(path)[0] == (0x155, frames.pair(1, -2))
+    assert logged_frames(path)[0] == (0x155, pair(1, -2))
     with pytest.raises(RobotError, match="is closed"):
         log.write("event", event="late")
     with pytest.raises(RobotError, match="can't be written"):

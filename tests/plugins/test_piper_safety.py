@@ -20,7 +20,7 @@ from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.session import ask_person, check_health, confirm
 from tests.plugins.piper_rig import SWIFT, Rig, forbidden, logged_frames, read_log, waypoint
 from tests.plugins.synthetic_table import Scenery
-from tests.plugins.virtual_piper import Faults, VirtualArm
+from tests.plugins.virtual_piper import Faults, VirtualArm, pair
 
 FAULTS = {
     "bus silent": {"silent": True},
@@ -164,7 +164,7 @@ def test_another_program_on_the_bus_stops_the_arm(rig):
     one = rig(tool_speed=0.05)
     one.robot.reset(None, 0)
     other = can.Bus(one.channel, interface="virtual")
-    intruder = can.Message(arbitration_id=0x155, data=frames.pair(20_000, 90_000), is_extended_id=False)
+    intruder = can.Message(arbitration_id=0x155, data=pair(20_000, 90_000), is_extended_id=False)
     with pytest.raises(SafetyStopError, match="another program commands the arm: frame 155"):
         one.go(waypoint(0.15), waypoint(-0.15), moment=lambda moment: other.send(intruder))
     other.shutdown()

@@ -17,10 +17,16 @@ from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
 
+FAST_DRIVES, ALL_MOTORS = tuple(range(0x251, 0x257)), (0x07, 0xFF)
 PARKED = (0.0, 0.02, -0.02, 0.0, 0.15, 0.0)
 RATE = 200.0
 LAG, GRIPPER_SPEED = 0.04, 0.08
 """Seconds of the joints' first-order lag; metres a second of the gripper."""
+
+
+def pair(first: int, second: int) -> bytes:
+    """Eight bytes of two signed numbers."""
+    return struct.pack(">ii", first, second)
 
 
 @dataclass
@@ -153,7 +159,7 @@ class VirtualArm:
                 if code & 1:
                     self._width_target = min(max(width * 1e-6, 0.0), MAX_WIDTH)
             case frames.ENABLE:
-                if data[0] in frames.ALL_MOTORS:
+                if data[0] in ALL_MOTORS:
                     if data[1] == 0x02 and not self.enabled:
                         self._target = self.joints.copy()
                     self.enabled = data[1] == 0x02
@@ -172,7 +178,7 @@ class VirtualArm:
         moving = int(np.abs(self._target - self.joints).max() > 2e-3)
         status = bytes([self.control, self.faults.state, frames.MOVE_JOINTS, 0, moving, 0, 0, 0])
         report = [(frames.STATUS, status)]
-        report += [(i, frames.pair(raw[2 * k], raw[2 * k + 1])) for k, i in enumerate(frames.JOINTS)]
+        report += [(i, pair(raw[2 * k], raw[2 * k + 1])) for k, i in enumerate(frames.JOINTS)]
         grip = struct.pack(">ihBB", round(1e6 * self.width), round(1e3 * self.effort), self.enabled << 6, 0)
         report.append((frames.GRIPPER, grip))
         if self._tick % 5 == 0:
@@ -181,7 +187,7 @@ class VirtualArm:
             report += [(i, drive) for i in frames.SLOW_DRIVES]
         if self._tick % 10 == 0:
             fast = [struct.pack(">hhi", 0, 200, value) for value in raw]
-            report += list(zip(frames.FAST_DRIVES, fast, strict=True))
+            report += list(zip(FAST_DRIVES, fast, strict=True))
         return report
 
     def _publish(self, now: float) -> None:

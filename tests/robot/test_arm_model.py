@@ -1,22 +1,12 @@
 """The arm model: kinematics of the Panda, inverse kinematics, straight lines, other URDFs."""
 
-from importlib.metadata import PackageNotFoundError
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import rigid
-from gvla2.planning.arm import Hand
-from gvla2.planning.scene import Box
-from gvla2.robot import urdf
-from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.collision import CollisionModel
-from gvla2.robot.kinematics import Finger, Kinematics
 
 
 def angle_between(a, b):
@@ -93,66 +83,3 @@ SIX = """<robot name="six">
 </robot>"""
 AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
 LENGTHS = (0.1, 0.0, 0.25, 0.2, 0.05, 0.06)
-
-
-def six_axes(folder: Path) -> Path:
-    links, parent = "", "base"
-    for i, (axis, length) in enumerate(zip(AXES, LENGTHS, strict=True), 1):
-        links += (
-            f'<link name="l{i}"><collision><geometry><sphere radius=".03"/></geometry></collision></link>'
-        )
-        links += f'<joint name="j{i}" type="revolute"><origin xyz="0 0 {length}"/><parent link="{parent}"/>'
-        links += f'<child link="l{i}"/><axis xyz="{axis}"/>'
-        links += '<limit lower="-2.5" upper="2.5" effort="9" velocity="2"/></joint>'
-        parent = f"l{i}"
-    path = folder / "six.urdf"
-    path.write_text(SIX.format(links=links))
-    return path
-
-
-def six_arm(urdf: Path, tcp_frame="hand", thumb="slide", home=(0.0, 0.4, 0.8, 0.0, 0.6, 0.0)) -> ArmModel:
-    kinematics = Kinematics(
-        urdf,
-        world_from_base=rigid(Rotation.from_euler("z", 0.5).as_matrix(), (1.0, 2.0, 0.5)),
-        tcp_frame=tcp_frame,
-        frame_from_tcp=rigid(None, (0, 0, 0.08)),
-        fingers=(Finger(thumb, 0.0, 0.03),),
-    )
-    collisions = CollisionModel(kinematics, urdf, [], hand_links=("hand", "finger"))
-    hand, space = Hand(0.03, 0.04, 0.02, 0.02, 0.01, 0.1, 0.02), Box(np.zeros(3), np.full(3, 3.0))
-    return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=space)
-
-
-def test_a_six_axis_arm_of_primitives_without_srdf(tmp_path, scene_of, block):
-    six = six_arm(six_axes(tmp_path))
-    assert six.dof == 6
-    straight = six.forward(np.zeros(6))
-    np.testing.assert_allclose(straight[:3, 3], [1.0, 2.0, 0.5 + sum(LENGTHS) + 0.08], atol=1e-9)
-    target = six.forward(six.home + 0.2)
-    np.testing.assert_allclose(six.forward(six.inverse(target).joints), target, atol=5e-4)
-    scene = scene_of(block(at=(1.0, 2.0, 1.3), size=(0.1, 0.1, 0.1)), table=0.45)
-    assert six.clearance(np.zeros(6), 0.0, scene).distance < 0
-    assert six.clearance(six.home, 0.0, scene).distance > 0
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"tcp_frame": "nose"}, "no frame 'nose'"),
-        ({"thumb": "thumb"}, "no joint"),
-        ({"home": [0.0] * 5}, "home joints"),
-        ({"home": [9.0] * 6}, "home joints"),
-    ],
-)
-def test_what_does_not_fit_the_urdf_is_refused(tmp_path, changes, message):
-    with pytest.raises(RobotError, match=message):
-        six_arm(six_axes(tmp_path), **changes)
-
-
-def test_a_description_that_is_not_installed_is_named(monkeypatch):
-    def absent(name):
-        raise PackageNotFoundError(name)
-
-    monkeypatch.setattr(urdf, "_files", absent)
-    with pytest.raises(MissingDependencyError, match="example-robot-data"):
-        urdf.find_file("package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf", "robot.urdf")

@@ -97,10 +97,3 @@ def test_the_arm_stays_where_it_got_to_for_the_dwell(go, arm):
         assert arm.forward(stay[0])[2, 3] == pytest.approx(max(floor, target), abs=2e-3)
         assert (len(stay) - 1) / 60 == pytest.approx(2.0, abs=0.02)
         assert press.motion_seconds - without.motion_seconds == pytest.approx(2.0, abs=0.02)
-
-
-def test_a_robot_that_feels_nothing_says_so_and_goes_to_the_end(go, driver):
-    press = go(driver, Guard(force=10.0)).waypoints[1]
-    assert press.status == "linear"
-    assert "does not feel" in press.message
-    assert press.error < 1e-3

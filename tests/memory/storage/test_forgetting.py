@@ -1,6 +1,5 @@
 """What is forgotten is gone to the last byte, the chain still holds, and an index hears of it."""
 
-import itertools
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -130,29 +129,3 @@ def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
         store.compact()
         assert look(store, "b").verify() == []
         assert holders(tmp_path) == []
-
-
-def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Path, record: Make) -> None:
-    ids = [f"r{i:02}" for i in range(40)]
-    with Store.open(sqlite_url) as store:
-        with store.writing("b", actor="learn", now=NOW) as t:
-            sources = '{"sources":["run/all","run/%s"]}'
-            for id in ids:
-                t.put(record(id, content=f"{SECRET} {id}", provenance=sources % id), "add")
-            for source, known in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("known", ids[20:22])):
-                t.save_episode(
-                    StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(known))
-                )
-            t.save_episode(StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",)))
-            t.save_episode(StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],)))
-            for one, other in itertools.pairwise(ids):
-                t.link(one, "conflict", other, SECRET)
-        with closing(sqlite3.connect(tmp_path / "memory.db")) as other_connection, other_connection:
-            other_connection.execute("UPDATE memory_episode SET data = data || '}' WHERE source = 'torn'")
-        with store.writing("b", actor="owner", now=NOW) as t:
-            assert all(t.forget(id) for id in ids)
-        assert list(look(store, "b").episodes()) == ["kept"]
-        assert holders(tmp_path) == []
-        assert look(store, "b").verify() == []
-        forgotten = [e.record for e in look(store, "b").events() if e.action == "forget"]
-        assert len(forgotten) == len(set(forgotten)) == 40 + 43
