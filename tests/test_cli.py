@@ -97,7 +97,7 @@ def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     assert set(answer["components"]) == {"task"}
     push = next(c for c in answer["components"]["task"] if c["name"] == "push_block")
     assert push["plugin"]["distribution"] == "gvla2"
-    assert {"name": "distance", "type": "tuple[float, float]", "default": "[0.15, 0.3]"} in push["options"]
+    assert {"name": "scale", "type": "float", "default": "1.0"} in push["options"]
 
 
 @pytest.mark.parametrize(
