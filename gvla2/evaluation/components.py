@@ -1,8 +1,10 @@
-"""Choosing components for a bench: what a row of the design is built from, and how a table names it."""
+"""The components of a bench: their options, and their names in tables."""
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import closing
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -13,24 +15,16 @@ from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
 from gvla2.plugins.kinds import OWN_TASK
 from gvla2.plugins.registry import Registry
+from gvla2.robot.backend import OffersTasks
 from gvla2.robot.options import DepthNoise
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds that are chosen, and of the language model if one of them needs it.
-
-    A task that the robot offers itself has no options.
-    """
-    own = [ComponentConfig(name=registry.chosen(root, k)) for k in kinds if k == "task" and _is_own(registry, root)]
-    chosen = [k for k in kinds if not registry.chooses_nothing(root, k) and not (own and k == "task")]
+    """The typed options of the kinds that are chosen, and of the language model if one of them needs it."""
+    chosen = [k for k in kinds if not registry.chooses_nothing(root, k)]
     found = [registry.configure(root, kind) for kind in chosen]
     asking = any("language" in component.needs for _, component in found)
-    found += [registry.configure(root, "language")] if asking else []
-    return [*(options for options, _ in found), *own]
-
-
-def _is_own(registry: Registry, root: Mapping[str, Any]) -> bool:
-    return OWN_TASK in registry.chosen(root, "task")
+    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
 
 
 def code_of(typed: Iterable[object], *modules: str) -> str:
@@ -39,9 +33,7 @@ def code_of(typed: Iterable[object], *modules: str) -> str:
 
 
 def options_of(registry: Registry, kind: str, name: str) -> list[str]:
-    """The names of a component's options, sorted; a task that a robot offers itself has none."""
-    if kind == "task" and OWN_TASK in name:
-        return []
+    """The names of a component's options, sorted."""
     return sorted({field.name for field in fields(registry.get(kind, name).config)} - {"name"})
 
 
@@ -70,12 +62,34 @@ def require_among(place: str, given: Collection[str], known: Collection[str], wh
             )
 
 
+def named_tasks(config: SimulatedBench, registry: Registry) -> list[str]:
+    """The bench's ``tasks``, each once; one with a star, ``suite/*``, stands for those that the robot offers so.
+
+    Raises :class:`ConfigurationError` for a pattern that no task of the robot matches.
+    """
+    if not any("*" in name for name in config.tasks):
+        return list(dict.fromkeys(config.tasks))
+    with closing(registry.build({"robot": config.robot, "camera": config.camera}, "robot")) as robot:
+        offered = list(robot.tasks()) if isinstance(robot, OffersTasks) else []
+    found: dict[str, None] = {}
+    for name in config.tasks:
+        matching = fnmatch.filter(offered, name) if "*" in name else [name]
+        if not matching:
+            listed = ", ".join(offered[:20]) or "no tasks of its own"
+            raise ConfigurationError(
+                f"robot={config.robot.name} has no task like '{name}'. It offers: {listed}."
+            )
+        found |= dict.fromkeys(matching)
+    return list(found)
+
+
 def task_options(config: SimulatedBench, registry: Registry, name: str) -> dict[str, Any]:
-    """The options of a task by its name, with the bench's ``scale`` unless that is 1.
+    """The options of a task by its name, with the bench's ``scale`` unless that is 1; a robot's own tasks have none.
 
     Raises :class:`ConfigurationError` for one that it does not have.
     """
-    known, place = options_of(registry, "task", name), f"task_options.{name}"
+    known = [] if OWN_TASK in name else options_of(registry, "task", name)
+    place = f"task_options.{name}"
     options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
     if config.scale == 1:
         return options
@@ -89,6 +103,12 @@ def given_label(name: str, options: Mapping[str, Any]) -> str:
     given = options.get(name) or {}
     listed = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
     return f"{name} ({listed})" if listed else name
+
+
+def changed_options(config: object, names: Iterable[str]) -> str:
+    """The options of these names that differ from their defaults, in a table: "exploration=0.5"; "" for none."""
+    usual = type(config)()
+    return ", ".join(f"{n}={getattr(config, n)}" for n in names if getattr(config, n) != getattr(usual, n))
 
 
 def noise_label(noise: DepthNoise) -> str:

@@ -40,8 +40,8 @@ CHECKED = 40
 """Starts of a scan that are checked in reverse."""
 POSES = 4
 """Starts of a scan that are refined."""
-REFINED, THOROUGH = 10, 3
-"""Scans of which the best start is refined; and of these, the likeliest, of which all starts are."""
+REFINED, THOROUGH = 8, 2
+"""Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
 ROUNDS = 14
 """Iterations of closest points."""
 NEAR = 0.008
