@@ -8,6 +8,8 @@ import numpy as np
 import trimesh
 from PIL import Image
 
+from gvla2.geometry.views import Views
+
 
 def checkered(size: int = 64, dark=(200, 30, 30), light=(240, 220, 200)) -> Image.Image:
     rows, columns = np.indices((size, size)) // 8
@@ -51,3 +53,12 @@ def write(
     path = target / (f"textured.{suffix}" if own_folder else f"{name}.{suffix}")
     mesh.export(path)
     return path
+
+
+def write_gso(model: Path, views: Views) -> None:
+    """Views as a model folder of the GSO-30 layout, numbered from 0; its readers assume the lens."""
+    model.mkdir(parents=True)
+    for number, view in enumerate(views):
+        rgba = np.dstack([view.image, np.rint(255 * view.mask).astype(np.uint8)])
+        Image.fromarray(rgba).save(model / f"{number:03d}.png")
+        np.save(model / f"{number:03d}.npy", (np.diag([1.0, -1, -1, 1]) @ view.camera.camera_from_world)[:3])

@@ -97,7 +97,7 @@ def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     assert set(answer["components"]) == {"task"}
     push = next(c for c in answer["components"]["task"] if c["name"] == "push_block")
     assert push["plugin"]["distribution"] == "gvla2"
-    assert {"name": "distance", "type": "tuple[float, float]", "default": "[0.15, 0.3]"} in push["options"]
+    assert {"name": "scale", "type": "float", "default": "1.0"} in push["options"]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_plugins_refuses_what_it_does_not_know(
     assert message in capsys.readouterr().err
 
 
-def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
+def test_plugins_lists_the_broken_and_exits_well(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     info = tmp_path / "bad-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad\nVersion: 1.0\n")

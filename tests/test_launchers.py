@@ -19,7 +19,7 @@ import trimesh
 
 from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.view_formats import write_plain
+from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import View, Views
 
 CLUSTER = """

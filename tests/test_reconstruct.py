@@ -21,7 +21,7 @@ from gvla2.geometry.gaussians import read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.view_formats import write_gso, write_plain
+from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.hydra_config import register
@@ -30,6 +30,7 @@ from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 from tests.composing import composition
+from tests.scanning import write_gso
 
 ELEPHANT = Path(__file__).parent / "data" / "gso30_elephant"
 SCHEMA = {"reconstruct": ReconstructConfig}
@@ -112,7 +113,7 @@ def test_the_command_leaves_geometry_numbers_and_a_page(run: Path):
     assert "http" not in page.replace("http-equiv", ""), "the page loads nothing"
 
 
-def test_the_result_tells_choices_stages_and_measures(run: Path):
+def test_the_result_has_choices_stages_and_measures(run: Path):
     reported = json.loads((run / "result.json").read_text())
     assert reported["command"] == "reconstruct"
     assert reported["object"] == "mallet"

@@ -9,7 +9,6 @@ import json
 import sys
 import typing
 from collections.abc import Sequence
-from contextlib import closing
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -31,7 +30,6 @@ EPILOG = f"""\
   gvla2 plugins planner         the planners with their options
   gvla2 plugins planner skill   one of them
   gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and parameters
-  gvla2 plugins task robot=NAME the tasks that this robot offers itself
 
 Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
@@ -55,10 +53,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("kind", nargs="?", default="", metavar="KIND")
     parser.add_argument("name", nargs="?", default="", metavar="NAME")
     parser.add_argument("--json", action="store_true", help="the same for programs")
-    overrides = [word for word in argv if word.startswith(("robot=", "robot."))]
-    asked = parser.parse_args([word for word in argv if word not in overrides])
-    if overrides and asked.kind == "task":
-        return _print_tasks(overrides)
+    asked = parser.parse_args(argv)
     registry = load_plugins()
     try:
         offers = find_offers(registry, asked.kind, asked.name)
@@ -97,26 +92,6 @@ def main(argv: Sequence[str]) -> int:
         for problem in registry.problems:
             row(troubles, problem.plugin, problem.hook or "-", problem.message)
         out.print(troubles)
-    return 0
-
-
-def _print_tasks(overrides: Sequence[str]) -> int:
-    """List the tasks that a robot offers itself, with their sentences; 1 for an error."""
-    from gvla2.commands.hydra_job import composed, report
-    from gvla2.robot.backend import OffersTasks
-
-    try:
-        config, registry = composed("run", [*overrides, "task=none"])
-        with closing(registry.build(config, "robot")) as robot:
-            offered = dict(robot.tasks()) if isinstance(robot, OffersTasks) else {}
-    except Exception as error:
-        return report(error)
-    listing = table("task", "instruction")
-    for name, sentence in offered.items():
-        row(listing, name, sentence)
-    console().print(
-        listing if offered else "This robot offers no tasks: it lays out those of `gvla2 plugins task`."
-    )
     return 0
 
 

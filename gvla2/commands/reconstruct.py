@@ -277,11 +277,10 @@ def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | 
 
 def _gso_model(folder: Path) -> Path | None:
     """The folder of the numbered views if this is an object of a GSO-30 tree, else None."""
-    from gvla2.geometry.view_folders import ARCHIVE
-    from gvla2.geometry.view_formats import find_cameras, find_model_folder
+    from gvla2.geometry.view_folders import ARCHIVE, CAMERAS, gso_folder
 
-    other = find_cameras(folder) is not None or (folder / ARCHIVE).is_file()
-    return None if other else find_model_folder(folder)
+    other = (folder / CAMERAS).is_file() or (folder / ARCHIVE).is_file()
+    return None if other else gso_folder(folder)
 
 
 def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw
+from scipy.ndimage import map_coordinates
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
@@ -300,11 +301,7 @@ def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
 def bilinear(image: NDArray[np.uint8] | NDArray[np.float32], uv: FloatArray) -> FloatArray:
     """(N, 3) of an image (H, W, 3) at uv (N, 2), between texel centres at ((i + .5) / W, 1 - (j + .5) / H)."""
     height, width = image.shape[:2]
-    x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)
-    y = np.clip((1.0 - uv[:, 1]) * height - 0.5, 0, height - 1)
-    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across, down = (x - left)[:, None], (y - top)[:, None]
-    upper = image[top, left] * (1 - across) + image[top, right] * across
-    lower = image[below, left] * (1 - across) + image[below, right] * across
-    return np.asarray(upper * (1 - down) + lower * down)
+    where = np.stack([(1.0 - uv[:, 1]) * height - 0.5, uv[:, 0] * width - 0.5])
+    channels = np.moveaxis(image, -1, 0)
+    sampled = [map_coordinates(c, where, output=np.float64, order=1, mode="nearest") for c in channels]
+    return np.stack(sampled, axis=1)

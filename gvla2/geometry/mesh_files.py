@@ -1,4 +1,4 @@
-"""Mesh files: one reader for all that needs a mesh, and a writer, on trimesh.
+"""Mesh files: one reader for everything that needs a mesh, and a writer, on trimesh.
 
 GLB, glTF and COLLADA files say which way is up and are turned to our Z-up frame; the others are taken as they are. A
 COLLADA file also says its unit. To move the vertices of a GLB file and keep everything else, use :func:`map_glb`.
@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
@@ -38,14 +39,12 @@ _TURNS: Mapping[str, FloatArray] = {
 
 def to_y_up(points: ArrayLike) -> FloatArray:
     """Our points or directions (..., 3) in the frame of glTF: (x, y, z) becomes (x, z, -y)."""
-    p = np.asarray(points, dtype=np.float64)
-    return np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1)
+    return np.asarray(points, dtype=np.float64) @ _TURNS["Y_UP"]
 
 
 def to_z_up(points: ArrayLike) -> FloatArray:
     """Points or directions (..., 3) of glTF in our frame: (x, y, z) becomes (x, -z, y)."""
-    p = np.asarray(points, dtype=np.float64)
-    return np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1)
+    return np.asarray(points, dtype=np.float64) @ _TURNS["Y_UP"].T
 
 
 def read_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = "file") -> TriangleMesh:
@@ -116,7 +115,7 @@ def map_glb(
 ) -> None:
     """Write ``source`` to ``target`` with its vertices (N, 3), metres, Z-up, passed through ``mapping``.
 
-    Materials, texture coordinates, images, names and the scene graph stay; normals turn as their surface does.
+    Materials, texture coordinates, images, names and the scene graph stay; normals turn as their mesh does.
     ``mapping`` is called for each mesh of the scene. Raises :class:`GeometryError` for a file that cannot be read, for
     positions that are not finite, and when one mesh is placed several times and its copies would have to differ.
     """
@@ -142,9 +141,10 @@ def map_glb(
         moved[name] = after
     for name, after in moved.items():
         part = scene.geometry[name]
-        normals = _turned(np.asarray(part.vertex_normals), part, after)
-        part.vertices = after
-        part.vertex_normals = normals
+        normals, before = np.array(part.vertex_normals), np.array(part.vertices)
+        # Computed afresh, normals would lose the author's smoothing: they turn as the whole mesh does.
+        turn = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))[0]
+        part.vertices, part.vertex_normals = after, turn.apply(normals)
     content = scene.export(file_type="glb", include_normals=True)
     write_whole(target, content)
 
@@ -258,19 +258,3 @@ def _unit(colour: Any) -> FloatArray:
     """Colours in [0, 1] from bytes or floats."""
     array = np.asarray(colour)
     return array / 255.0 if array.dtype == np.uint8 else np.clip(array.astype(np.float64), 0, 1)
-
-
-def _turned(normals: FloatArray, before: trimesh.Trimesh, after: FloatArray) -> FloatArray:
-    """Stored normals (V, 3), turned by the smallest rotation that takes the old surface's normal to the new.
-
-    Computing them afresh would lose the author's smoothing; this keeps it, also across seams.
-    """
-    a, b = (
-        np.asarray(trimesh.Trimesh(vertices, before.faces, process=False).vertex_normals)
-        for vertices in (before.vertices, after)
-    )
-    axis, cosine = np.cross(a, b), np.einsum("ij,ij->i", a, b)[:, None]
-    along = np.einsum("ij,ij->i", axis, normals)[:, None]
-    # Rodrigues' formula for the rotation a -> b; a half turn leaves the axis undefined.
-    turned = cosine * normals + np.cross(axis, normals) + axis * along / np.maximum(1 + cosine, 1e-9)
-    return np.where(cosine > -0.999, turned, -normals)

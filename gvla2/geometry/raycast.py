@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.compiled import compiled
-from gvla2.geometry.mesh import Texture
+from gvla2.geometry.mesh import Texture, TriangleMesh
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
 
 AMBIENT = 0.55
@@ -46,23 +47,13 @@ class Surface:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
-        vertices = np.asarray(self.vertices, dtype=np.float64)
-        faces = (
-            np.asarray(self.faces, dtype=np.int64).reshape(-1, 3) if np.size(self.faces) == 0 else self.faces
-        )
-        faces = np.asarray(faces, dtype=np.int64)
-        rgb = np.asarray(self.rgb, dtype=np.float64)
         what = f"Surface {self.id}"
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-            raise GeometryError(
-                f"{what}: vertices must be (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}."
-            )
-        if not np.isfinite(vertices).all():
-            raise GeometryError(
-                f"{what}: {int((~np.isfinite(vertices)).any(1).sum())} vertices are not finite."
-            )
-        if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-            raise GeometryError(f"{what}: a face names a vertex outside 0..{len(vertices) - 1}.")
+        faces = np.asarray(self.faces, dtype=np.int64)
+        try:
+            mesh = TriangleMesh(self.vertices, faces if faces.size else faces.reshape(-1, 3))
+        except GeometryError as error:
+            raise GeometryError(f"{what}: {error}") from error
+        vertices, faces, rgb = mesh.vertices, mesh.faces, np.asarray(self.rgb, dtype=np.float64)
         if rgb.shape not in ((3,), (len(faces), 3)) or not ((rgb >= 0) & (rgb <= 1)).all():
             raise GeometryError(f"{what}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}.")
         if self.id < 0:
@@ -195,12 +186,9 @@ class RayCaster:
 
 def barycentric(vertices: FloatArray, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
     """(N, 3) weights of the corners of faces (N, 3), indices of vertices (V, 3), at points (N, 3) on them."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    area = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-30)
-    second = np.einsum("ij,ij->i", np.cross(points - a, c - a), normal) / area
-    third = np.einsum("ij,ij->i", np.cross(b - a, points - a), normal) / area
-    weights = np.clip(np.stack([1 - second - third, second, third], axis=1), 0.0, 1.0)
+    weights = np.clip(
+        trimesh.triangles.points_to_barycentric(vertices[faces], points, method="cross"), 0.0, 1.0
+    )
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
@@ -212,11 +200,8 @@ def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
     """All faces' unit normals n (F, 3) and offsets n . x (F,), in the surfaces' frames; 0 for a face without area."""
     normals, offsets = [np.zeros((0, 3))], [np.zeros(0)]
     for surface in surfaces:
-        a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1, keepdims=True)
-        normals.append(np.divide(cross, length, out=np.zeros_like(cross), where=length > 0))
-        offsets.append(np.einsum("ij,ij->i", normals[-1], a))
+        normals.append(TriangleMesh(surface.vertices, surface.faces).normals)
+        offsets.append(np.einsum("ij,ij->i", normals[-1], surface.vertices[surface.faces[:, 0]]))
     return np.concatenate(normals), np.concatenate(offsets)
 
 

@@ -50,7 +50,7 @@ class UnusableAnswerError(LanguageModelError):
 
 @dataclass(frozen=True)
 class Request:
-    """One question. Options that a server does not support are left out, and named in ``Completion.unmet``.
+    """One question. Options that a server does not support are left out.
 
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
     constrains the answer; where the server supports grammars, a grammar takes precedence over a schema. The same
@@ -78,13 +78,13 @@ def picture(png: bytes) -> dict[str, Any]:
 class Token:
     """One token of an answer.
 
-    ``spelt`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
+    ``raw`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
     byte of the answer's UTF-8 where it begins, negative when it begins before the answer does. ``alternatives`` are
     (text, natural log-probability) of what the model might have said here, the token itself included, most likely first
     as the server sent them; values may be -inf or NaN if the server sent them.
     """
 
-    spelt: bytes
+    raw: bytes
     start: int
     logprob: float
     alternatives: tuple[tuple[str, float], ...] = ()
@@ -92,7 +92,7 @@ class Token:
     @property
     def text(self) -> str:
         """The token in characters."""
-        return self.spelt.decode(errors="replace")
+        return self.raw.decode(errors="replace")
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,7 @@ class Completion:
     ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` belong to ``text``, never to the
     reasoning; empty when the server gave no log-probabilities, or none that spell the answer. ``finish`` is the
     server's finish reason ("stop", "length"). ``latency`` in seconds, with retries; a ``cached`` answer was not asked
-    for again and cost nothing. ``unmet`` names what was requested but not supported: "logprobs", "schema", "grammar",
-    "system_role".
+    for again and cost nothing.
     """
 
     text: str
@@ -124,7 +123,6 @@ class Completion:
     model: str = ""
     cached: bool = False
     latency: float = 0.0
-    unmet: tuple[str, ...] = ()
 
 
 Tally = Mapping[str, float]

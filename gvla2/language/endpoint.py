@@ -95,7 +95,7 @@ class Endpoint:
             async with self._client() as client:
                 self._model = await self._only_model(client)
         keys = [self._key_of(request) for request in requests]
-        answers = [self._kept(key, request) for key, request in zip(keys, requests, strict=True)]
+        answers = [self._kept(key) for key in keys]
         fresh = [i for i, answer in enumerate(answers) if answer is None]
         if not fresh:
             return [answer for answer in answers if answer is not None]
@@ -142,20 +142,18 @@ class Endpoint:
             await asyncio.sleep(0.005)
         began = time.monotonic()
         try:
-            document, without = await self._ask(client, request)
-            answer = self._read(document, request, without)
+            document = await self._ask(client, request)
+            answer = read_completion(document)
         except LanguageModelError as error:
             return error
         finally:
             self._free.release()
         if self._cache and answer.text:
-            self._cache.put(key, {"answer": document, "without": sorted(without)})
+            self._cache.put(key, document)
         return replace(answer, latency=time.monotonic() - began)
 
-    async def _ask(
-        self, client: openai.AsyncOpenAI, request: Request
-    ) -> tuple[dict[str, Any], frozenset[str]]:
-        """The answer's JSON, and the options left out: one after another, while the server refuses."""
+    async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
+        """The answer's JSON. Options are left out one after another while the server refuses, and from then on."""
         create = client.chat.completions.with_raw_response.create
         known = self._without
         options = [name for name in refusable(request, grammars=self._server.grammars) if name not in known]
@@ -177,7 +175,7 @@ class Endpoint:
                 first = first or error
                 continue
             self._without |= without
-            return document, without
+            return document
         assert first is not None
         raise first
 
@@ -225,23 +223,12 @@ class Endpoint:
     def _redacted(self, text: str) -> str:
         return text.replace(self._key, "[key]") if self._key else text
 
-    def _read(
-        self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
-    ) -> Completion:
-        answer = read_completion(document, cached=cached)
-        unmet = without.intersection(refusable(request, grammars=self._server.grammars)) - {"alternatives"}
-        if request.logprobs and not answer.tokens:
-            unmet |= {"logprobs"}
-        if request.grammar and not self._server.grammars:
-            unmet |= {"grammar"}
-        return replace(answer, unmet=tuple(sorted(unmet)))
-
-    def _kept(self, key: str, request: Request) -> Completion | None:
+    def _kept(self, key: str) -> Completion | None:
         """A cached answer; an invalid one is requested again."""
-        kept = (self._cache.get(key) if self._cache else None) or {}
+        kept = self._cache.get(key) if self._cache else None
         try:
-            return self._read(kept["answer"], request, frozenset(kept["without"]), cached=True)
-        except (LanguageModelError, KeyError, TypeError):
+            return read_completion(kept, cached=True) if kept else None
+        except MalformedAnswerError:
             return None
 
     def _key_of(self, request: Request) -> str:

@@ -36,7 +36,7 @@ class Answered(Generic[T]):
 
     ``transcript`` is plain JSON, one mapping per call, ready for a plan's record: ``prompt`` (the messages that the
     call added), ``answer``, ``rejected`` (why, "" if it was not), ``prompt_tokens``, ``completion_tokens``,
-    ``seconds``, ``cached``, ``seed``, ``temperature``, ``unmet``. It is untrusted data.
+    ``seconds``, ``cached``, ``seed``, ``temperature``. It is untrusted data.
     """
 
     answer: T
@@ -132,7 +132,6 @@ class _Tried(Generic[T]):
             "cached": self.completion.cached,
             "seed": asked.seed,
             "temperature": asked.temperature,
-            "unmet": list(self.completion.unmet),
         }
 
     def correction(self) -> tuple[Message, ...]:

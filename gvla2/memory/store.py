@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.io.database_url import Closing, parsed
-from gvla2.memory.database import Database
+from gvla2.memory.database import Database, PostgresDatabase, SqliteDatabase
 from gvla2.memory.events import BANK
 from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
@@ -41,11 +41,7 @@ class Store(Closing):
         """
         url = parsed(address)
         if url.drivername == "sqlite":
-            from gvla2.memory.sqlite import SqliteDatabase
-
             return cls(SqliteDatabase(Path(str(url.database)), busy_seconds, create))
-        from gvla2.memory.postgres import PostgresDatabase
-
         return cls(PostgresDatabase(url, busy_seconds, create))
 
     @contextmanager

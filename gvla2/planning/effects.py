@@ -262,27 +262,21 @@ def apply_effects(
     Returns the new parameters and one plain sentence per change, for the run's page.
     """
     changed, notes = dict(parameters), list[str]()
-    relevant: list[Bound | Prior] = []
-    for effect in effects:
-        if not isinstance(effect, Bound | Prior) or effect.skill not in ("", skill):
+    measured = [effect for effect in effects if isinstance(effect, Bound | Prior)]
+    for effect in sorted(measured, key=lambda one: isinstance(one, Bound)):
+        name, own = effect.parameter, effect.absolute(lengths or {})
+        if effect.skill not in ("", skill) or name not in changed:
             continue
-        if effect.parameter not in changed:
-            continue
-        if (own := effect.absolute(lengths or {})) is None:
-            notes.append(
-                f"{effect.parameter}: {effect.source} was ignored, the object's {effect.scale} is unknown"
-            )
+        before, source = changed[name], effect.source
+        if own is None:
+            notes.append(f"{name}: {source} was ignored, the object's {effect.scale} is unknown")
+        elif isinstance(own, Prior):
+            pull = own.count / (own.count + PRIOR_STRENGTH) if own.count > 0 else 0.0
+            changed[name] += pull * (own.value - before)
+            why = f"from experience {source}"
         else:
-            relevant.append(own)
-    for effect in sorted(relevant, key=lambda one: isinstance(one, Bound)):
-        name, before = effect.parameter, changed[effect.parameter]
-        if isinstance(effect, Prior):
-            pull = effect.count / (effect.count + PRIOR_STRENGTH) if effect.count > 0 else 0.0
-            changed[name] += pull * (effect.value - before)
-            why = f"from experience {effect.source}"
-        else:
-            changed[name] = effect.clamped(before)
-            why = f"bound {effect.op} {effect.value:.4g} from {effect.source}"
+            changed[name] = own.clamped(before)
+            why = f"bound {own.op} {own.value:.4g} from {source}"
         if f"{changed[name]:.4g}" != f"{before:.4g}":
             notes.append(f"{name}: {before:.4g} -> {changed[name]:.4g} {why}")
     return changed, notes

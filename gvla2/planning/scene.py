@@ -17,6 +17,8 @@ Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "re
 a ``ring`` a flat object with a hole through it, a ``bar`` something long and thin."""
 ROUND: tuple[Shape, ...] = ("cylinder", "disc", "sphere")
 """Shapes that look the same from all sides when they stand upright."""
+TOUCHING = 0.008
+"""A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,19 @@ class Scene:
             if candidate.id == object_id:
                 return candidate
         raise KeyError(f"No object '{object_id}' in the scene; it has {[o.id for o in self.objects]}.")
+
+    def object_at(self, point: FloatArray, within: float = TOUCHING) -> str:
+        """The id of the object that a point (3,) is on or in, "" for none; of a whole and its part, the part."""
+        near = [o for o in self.objects if o.distances(point) <= within]
+        if not near:
+            return ""
+        # Boxes of hollow objects and their contents overlap: take the one whose surface was seen nearest.
+        gaps = [
+            float(np.linalg.norm(o.points - point, axis=1).min() if len(o.points) else o.distances(point))
+            for o in near
+        ]
+        same = [o for o, gap in zip(near, gaps, strict=True) if gap <= min(gaps) + 0.5 * TOUCHING]
+        return min(same, key=lambda o: (not o.parent, float(np.prod(o.extents)))).id
 
     def with_object(self, changed: SceneObject) -> Scene:
         """The scene with the object of the same id replaced (refined geometry)."""

@@ -168,7 +168,7 @@ class Registry:
         if name in offered or not (offered or OWN_TASK in name):
             return name if name in offered else ""
         who = self.chosen(root, "robot")
-        note = f"`gvla2 plugins task robot={who}` lists the tasks of this robot." if offered else ""
+        note = f"`gvla2 tasks robot={who}` lists the tasks of this robot." if offered else ""
         raise UnknownComponentError(f"task of robot '{who}'", name, offered, note)
 
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:

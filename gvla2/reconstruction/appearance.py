@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, minimum_filter
 from scipy.spatial import cKDTree
 
-from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import SH_C0
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
@@ -26,64 +25,25 @@ _ROUNDS = 60
 _SHARPEST = 1e-5  # residuals below count as zero; a step of an 8-bit image is 4e-3
 
 
-@dataclass(frozen=True)
-class Affine:
-    """image -> gain * image + bias, a channel; ``gain`` (3,), ``bias`` (3,), for images in [0, 1].
-
-    ``reason`` is empty, or says why a channel (or all) stayed as it was.
-    """
-
-    gain: FloatArray
-    bias: FloatArray
-    reason: str = ""
-
-
-def fit_affine(rendered: ArrayLike, observed: ArrayLike, mask: ArrayLike, beta: float = 0.01) -> Affine:
-    """The (g, b) a channel that minimise the paper's masked L1 with a ridge toward identity.
+def fit_affine(
+    rendered: FloatArray, observed: FloatArray, mask: FloatArray, beta: float = 0.01
+) -> tuple[FloatArray, FloatArray] | None:
+    """The gain (3,) and bias (3,) that minimise the paper's masked L1 with a ridge toward identity.
 
         sum_u M(u) |g I^(u) + b - I(u)| / sum_u M(u)  +  beta (g - 1)^2 + beta b^2     over M(u) > 0
 
-    ``rendered``, ``observed`` (H, W, 3) uint8 or in [0, 1]; ``mask`` (H, W) in [0, 1], whose values weigh the
-    pixels. The data term is a mean, so that ``beta`` means the same at any resolution (the paper's beta is ours
-    times sum M). Solved by iteratively reweighted least squares, 2 x 2 a channel and round. Pixels that are
-    not finite are left out. Identity, with a reason, for fewer than 16 masked pixels; a channel whose render is
-    constant gets no gain when beta = 0, and one whose best gain is not positive stays as it was.
-    Raises :class:`GeometryError` for sizes that differ or beta < 0.
+    ``rendered``, ``observed`` (H, W, 3) in [0, 1]; ``mask`` (H, W) in [0, 1], whose values weigh the pixels. The data
+    term is a mean, so that ``beta`` means the same at any resolution (the paper's beta is ours times sum M). Solved by
+    iteratively reweighted least squares, 2 x 2 a channel and round. Pixels that are not finite are left out. None for
+    fewer than 16 masked pixels, and where a channel's best gain is not positive: the two are not alike.
     """
-    x, y = _unit(rendered, "rendered"), _unit(observed, "observed")
-    weights = np.asarray(mask, dtype=np.float64)
-    if x.ndim != 3 or x.shape != y.shape or x.shape[:2] != weights.shape:
-        raise GeometryError(
-            f"Appearance: rendered {x.shape} and observed {y.shape} must be (H, W, 3) alike, "
-            f"and the mask {weights.shape} (H, W)."
-        )
-    if not beta >= 0:
-        raise GeometryError(f"Appearance: beta must be >= 0, got {beta}.")
-    used = (weights > 0) & np.isfinite(weights) & np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2)
+    used = (mask > 0) & np.isfinite(rendered).all(axis=2) & np.isfinite(observed).all(axis=2)
     if used.sum() < LEAST_PIXELS:
-        reason = f"only {int(used.sum())} masked pixels, {LEAST_PIXELS} are needed"
-        return Affine(np.ones(3), np.zeros(3), reason)
-    share = weights[used] / weights[used].sum()
-    gain, bias, reasons = np.ones(3), np.zeros(3), []
-    for channel, name in enumerate(("red", "green", "blue")):
-        source = np.ascontiguousarray(x[used][:, channel])
-        target = np.ascontiguousarray(y[used][:, channel])
-        gain[channel], bias[channel] = _solve(source, target, share, beta)
-        if np.ptp(source) < 1e-6 and beta == 0:
-            reasons.append(f"{name}: the render is constant, only the bias was fitted")
-        if gain[channel] <= 0:
-            gain[channel], bias[channel] = 1.0, 0.0
-            reasons.append(f"{name}: render and image are not alike (best gain <= 0)")
-    return Affine(gain, bias, "; ".join(reasons))
-
-
-def _unit(image: ArrayLike, what: str) -> FloatArray:
-    """The image as float64 in [0, 1], its last axis 3."""
-    array = np.asarray(image)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise GeometryError(f"Appearance: {what} must have 3 channels, got shape {array.shape}.")
-    scale = 1 / 255 if array.dtype == np.uint8 else 1.0
-    return np.asarray(array * scale, dtype=np.float64)
+        return None
+    share = mask[used] / mask[used].sum()
+    x, y = (np.ascontiguousarray(image[used].T, dtype=np.float64) for image in (rendered, observed))
+    gain, bias = np.array([_solve(*each, share, beta) for each in zip(x, y, strict=True)]).T
+    return (gain, bias) if (gain > 0).all() else None
 
 
 @compiled
@@ -135,8 +95,11 @@ def calibrate_colours(
     if obj.gaussians is None:
         return obj, StageReport("appearance", "skipped", "There are no Gaussians to render.")
     shots = [(view, *renderer.render(obj.gaussians, view.camera)) for view in views]
-    fits = [fit_affine(rendered, view.image, _solid(view, alpha)) for view, rendered, alpha in shots]
-    clear = [(fit.gain, fit.bias) for fit in fits if not fit.reason]
+    fits = [
+        fit_affine(rendered, view.image / 255.0, _solid(view, alpha).astype(float))
+        for view, rendered, alpha in shots
+    ]
+    clear = [fit for fit in fits if fit is not None]
     if not clear:
         reason = "No view shows enough of the object to compare colours."
         return obj, StageReport("appearance", "skipped", reason)

@@ -47,8 +47,6 @@ from gvla2.reconstruction.view_set import (
 )
 from gvla2.reconstruction.volume import Posterior, fuse_volume
 
-CLEARLY = 0.005
-"""A difference of symmetric IoU that decides between two sources."""
 MUCH = 0.06
 """A loss of agreement with the masks, against G0, that undoes everything: a safety net. A carved hull fits its masks
 to the pixel, and a truer shape than it may well fit them less: a bowl's thin wall by .044."""
@@ -105,7 +103,6 @@ def refine_geometry(
     b = branch.run(branch.compensated, g0 if paper else a, "axis")
     out = branch.run(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
-        out = branch.run(branch.better, out, b)
         painted = None
         if options.appearance:
             out = branch.run(inset, out, views, parts.renderer)
@@ -184,17 +181,6 @@ class _Branch:
             )
         return fused
 
-    def better(self, out: Reconstruction, b: Reconstruction) -> Outcome:
-        """Source B, where it explains the masks clearly better than the fused geometry does."""
-        if not (self._options.fusion and self._options.axis) or mismatch(out, b) or out is b:
-            return out, None
-        iou, iou_b = self._iou(out), self._iou(b)
-        if not iou_b > iou + CLEARLY:
-            return out, None
-        reason = f"Source B explains the masks better than the fusion: IoU {iou_b:.4f} against {iou:.4f}."
-        measures = {"symmetric_iou": iou}, {"symmetric_iou": iou_b}
-        return replace(b, status=out.status), StageReport("output", "fallback", reason, *measures)
-
     def unless_refuted(self, out: Reconstruction, g0: Reconstruction, painted: float | None) -> Outcome:
         """The last word of the input views: what explains the masks much worse than G0 did is not kept at all.
 
@@ -205,7 +191,7 @@ class _Branch:
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
             now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
-            if now >= 1 - MUCH:  # no G0 can be so much better
+            if now >= 1 - MUCH:  # no G0 can be better by that
                 return out, None
             was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
         else:
@@ -233,7 +219,7 @@ class _Branch:
 
 
 NO_PRIOR = "There is no geometry prior."
-"""What is said where none was chosen, or the chosen one has nothing to say of any view."""
+"""The reason where none was chosen, or the chosen one has no depth for any view."""
 THIN = 0.75
 """Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
 MENDED = 0.5

@@ -1,4 +1,4 @@
-"""What the joint solve of depth maps sees of each view: samples, smooth error terms, and pairs with other views."""
+"""The terms of the joint solve of depth maps: each view's samples, smooth error terms, and pairs with other views."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FEWEST = 30
 
 @dataclass(frozen=True)
 class Design:
-    """N rows of a matrix over all unknowns, of which few are not 0: ``values`` (N, K) in ``columns`` (N, K)."""
+    """N rows of a sparse matrix over all unknowns: ``values`` (N, K) in ``columns`` (N, K)."""
 
     columns: NDArray[np.intp]
     values: FloatArray
@@ -56,39 +56,17 @@ class Basis:
 
     def at(self, uv: FloatArray, log_depth: FloatArray) -> Design:
         """N rows at pixels (N, 2) of log depth (N,): the stiff terms, and the four knots around each pixel."""
-        columns, values = np.empty((len(uv), LOW + 4), np.intp), np.empty((len(uv), LOW + 4))
-        low, size = self._low, self._size.astype(np.float64)
-        _rows(np.ascontiguousarray(uv), log_depth, low, size, self._middle, self._first, columns, values)
-        return Design(columns, values)
-
-
-@compiled
-def _rows(
-    uv: FloatArray,
-    log_depth: FloatArray,
-    low: FloatArray,
-    size: FloatArray,
-    middle: float,
-    first: int,
-    columns: NDArray[np.intp],
-    values: FloatArray,
-) -> None:
-    knot, past = np.empty(2, np.intp), np.empty(2)
-    for n in range(len(uv)):
-        values[n, 0], values[n, 3] = 1.0, log_depth[n] - middle
-        for k in range(LOW):
-            columns[n, k] = first + k
-        for k in range(2):
-            t = min(max((uv[n, k] - low[k]) / size[k], 0.0), 1.0)
-            values[n, 1 + k] = 2 * t - 1
-            knot[k] = min(int(t * (KNOTS - 1)), KNOTS - 2)
-            p = t * (KNOTS - 1) - knot[k]
-            past[k] = p * p * (3 - 2 * p)
-        for right in range(2):
-            for down in range(2):
-                at = LOW + 2 * right + down
-                columns[n, at] = first + LOW + (knot[0] + right) * KNOTS + knot[1] + down
-                values[n, at] = abs(1 - right - past[0]) * abs(1 - down - past[1])
+        t = np.clip((uv - self._low) / self._size, 0.0, 1.0)  # (N, 2)
+        knot = np.minimum((t * (KNOTS - 1)).astype(np.intp), KNOTS - 2)
+        p = t * (KNOTS - 1) - knot
+        past = p * p * (3 - 2 * p)
+        ends = [1 - past, past]
+        corners = [(right, down) for right in range(2) for down in range(2)]
+        field = [ends[right][:, 0] * ends[down][:, 1] for right, down in corners]
+        values = np.column_stack([np.ones(len(t)), 2 * t - 1, log_depth - self._middle, *field])
+        stiff = [np.full(len(t), k) for k in range(LOW)]
+        knots = [LOW + (knot[:, 0] + right) * KNOTS + knot[:, 1] + down for right, down in corners]
+        return Design(self._first + np.column_stack([*stiff, *knots]), values)
 
 
 @dataclass(frozen=True)
@@ -247,7 +225,16 @@ def _link(
 
     Of the samples ``points``, ``normals`` and ``rays`` (N, 3), world.
     """
-    which, row, column = _meet(points, normals, projection(b.camera), b.log_depth, b.normals)
+    P = projection(b.camera)
+    image = points @ P[:, :3].T + P[:, 3]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        uv = image[:, :2] / image[:, 2:]
+    which = np.flatnonzero((image[:, 2] > 0) & b.camera.inside(uv))
+    column, row = uv[which].astype(np.intp).T
+    # A comparison with NaN, where one has no normal, is false.
+    same = np.einsum("nk,nk->n", normals[which], b.normals[row, column]) > ALIKE
+    same &= np.isfinite(b.log_depth[row, column])
+    which, row, column = which[same], row[same], column[same]
     at, normal = b.log_depth[row, column], b.normals[row, column]
     theirs = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
     along = [np.einsum("nk,nk->n", normal, r) for r in (rays[which], b.rays[row, column])]
@@ -258,27 +245,3 @@ def _link(
         np.stack(along, axis=1),
         normal @ (a.camera.position - b.camera.position),
     )
-
-
-@compiled
-def _meet(
-    points: FloatArray, normals: FloatArray, P: FloatArray, log_depth: FloatArray, their_normals: FloatArray
-) -> NDArray[np.intp]:
-    """(3, N) of the points that fall on a pixel with depth and a normal like theirs: which, its row, its column."""
-    height, width = log_depth.shape
-    found, count = np.empty((3, len(points)), np.intp), 0
-    for n in range(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        far = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
-        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / far
-        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / far
-        if not (far > 0 and u >= 0 and v >= 0 and u < width and v < height):
-            continue
-        row, column = int(v), int(u)
-        there = their_normals[row, column]
-        alike = normals[n, 0] * there[0] + normals[n, 1] * there[1] + normals[n, 2] * there[2]
-        # A comparison with NaN, where one has no normal, is false.
-        if alike > ALIKE and np.isfinite(log_depth[row, column]):
-            found[0, count], found[1, count], found[2, count] = n, row, column
-            count += 1
-    return found[:, :count]

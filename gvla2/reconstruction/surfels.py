@@ -125,7 +125,7 @@ def _throw(
                 cz = 2 * int(r + 0.5) - 1 - rz if n & 4 else rz
                 place = (cx * 73856093 ^ cy * 19349663 ^ cz * 83492791) & last
                 own = place if n == 0 else own
-                # Two cells may share a place; the distance tells their points apart.
+                # Two cells may share a place; the distance separates their points.
                 j = table[place]
                 while j >= 0 and free:
                     across, along, up = x - points[j, 0], y - points[j, 1], z - points[j, 2]
@@ -174,15 +174,8 @@ def place(
     was = own.apply(np.eye(3)[np.argmin(old.log_scales[source], axis=1)])
     was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1, 1)[:, None]
     # The shortest way from one unit vector to another, less than half a turn.
-    way, half = np.cross(was, across), 1 + np.einsum("nk,nk->n", was, across)
-    axis, angle = np.split(own.as_quat(), [3], axis=1)
-    turned = np.column_stack(
-        [
-            half * angle[:, 0] - np.einsum("nk,nk->n", way, axis),
-            half[:, None] * axis + angle * way + np.cross(way, axis),
-        ]
-    )
-    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    halfway = np.column_stack([np.cross(was, across), 1 + np.einsum("nk,nk->n", was, across)])
+    turned = (Rotation.from_quat(halfway) * own).as_quat(scalar_first=True)
     placed = replace(
         spread,
         log_scales=old.log_scales[source] + np.float32(np.log(spacing / before)),

@@ -14,9 +14,8 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.carving import hull_field, surface_of
+from gvla2.reconstruction.carving import Field, hull_field, surface_of
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
-from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_silhouettes, symmetric_iou
 from gvla2.reconstruction.support import MaskStack, as_points, mask_of, mask_support
 

@@ -10,7 +10,6 @@ from typing import Any
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.pixels import object_at
 from gvla2.planning.programs import remembered
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief
@@ -149,6 +148,6 @@ def _one_hold(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
     closings = [k for k, (before, now) in enumerate(pairwise(closed)) if now and not before]
     if len(closings) > 1:
         raise ValueError(f"The hand closes {len(closings)} times on this path; handle one object, the first.")
-    if not closings or object_at(path[closings[0]].array, scene, within=AT_HAND):
+    if not closings or scene.object_at(path[closings[0]].array, AT_HAND):
         return path
     return list(takewhile(lambda point: point.closed, path[closings[0] :]))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from gvla2_plugins.geometric.case import (
     Case,
     InconclusiveError,
     Score,
-    goal_now,
     outside_footprint,
     something_at,
 )
@@ -25,10 +23,10 @@ from gvla2_plugins.geometric.rules import (
     closed,
     drawn,
     inserted,
-    inside,
     opened,
     place,
     pulled,
+    pushed,
     shut,
     twisted,
 )
@@ -137,42 +135,6 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
     return bool(held) and held[-1] - held[0] >= CLEARED * (holder.top - holder.bottom)
 
 
-def _push(case: Case) -> Score:
-    """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
-    theme, goal = case.handled(), case.role("goal")
-    case.perceived()
-    later = case.again(theme)
-    if goal is None:
-        return _shifted(case, theme, later)
-    reach = float(later.extents[:2].max())
-    if goal.shape == "region":
-        return inside(case, later, goal, reach)
-    gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
-    if gap <= 0.015:
-        return Score(1.0, f"{theme.label} lies against {goal.label}.")
-    return Score(
-        max(0.0, 0.45 * (1 - gap / reach)), f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}."
-    )
-
-
-def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
-    """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
-    plan = case.evidence.plan
-    stroke = np.zeros(3)
-    for before, after in pairwise(case.planned):
-        if theme.id in after.allowed_contacts and after.stage.startswith("push"):
-            stroke += np.subtract(after.xyz, before.xyz)
-    length = float(np.linalg.norm(stroke))
-    planned = length - plan.parameters.get("standoff", 0.0)
-    if length < 1e-6 or planned <= case.config.same_place:
-        raise InconclusiveError("The plan does not say how far to push.")
-    along = float((later.centre - theme.centre) @ stroke) / length
-    travel = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
-    if 0.5 * planned <= along <= 1.5 * planned:
-        return Score(1.0, f"{travel}.")
-    return Score(max(0.0, 0.4 * min(along / planned, 1.0)), f"{travel}: not as planned.")
-
-
 def _press(case: Case) -> Score:
     """The tool went at least half of the planned press below the button's top, and felt it."""
     button = case.handled("part", "theme", "goal")
@@ -201,7 +163,7 @@ def _press(case: Case) -> Score:
 
 _RULES: dict[str, Callable[[Case], Score]] = {
     "pick": _pick,
-    "push": _push,
+    "push": pushed,
     "place": place,
     "press": _press,
     "open": opened,

@@ -1,8 +1,9 @@
-"""Rules for placing objects and for mechanisms: lids, drawers, caps, rings over posts, objects drawn out."""
+"""Rules for placing and pushing objects and for mechanisms: lids, drawers, caps, rings, objects drawn out."""
 
 from __future__ import annotations
 
 from contextlib import suppress
+from itertools import pairwise
 
 import numpy as np
 
@@ -139,8 +140,8 @@ UPRIGHT = 1.45
 """A lid that stays open by more than this was opened, radians: below upright it would fall shut."""
 DRAWN = 0.10
 """Least opening of a drawer, metres: a hand fits in."""
-PUSHED = 0.5
-"""Share of the planned way that counts as pushed shut."""
+SHARE_SHUT, SHARE_DRAWN, SHARE_PUSHED = 0.5, 0.7, 0.5
+"""Shares of the planned way that count as shut, drawn out, and pushed."""
 ON_TOP = 0.02
 """Largest gap of a lid on its box, a cap on its bottle, a ring at the foot, metres."""
 ALMOST = 0.85
@@ -151,62 +152,68 @@ ASTRAY = 0.06
 
 def opened(case: Case) -> Score:
     """The lid stands upright, or leans away from the box; or the box shows its inside."""
-    lid, body = _lid(case)
-    later, box = case.later(lid), case.later(body) if body is not None else None
+    lid, body, later, box = _lid(case)
     if later is not None:
         angle = opening_angle(later, box or body)
         travel = f"{lid.label} is open by {np.degrees(angle):.0f}°"
-        if angle >= UPRIGHT:
-            return Score(1.0, f"{travel}.")
-        return Score(_short(angle, UPRIGHT), f"{travel} only.")
-    if body is not None and box is not None and body.opening == 0.0:
-        if box.opening > 0.5 * float(body.extents[:2].min()):
-            return Score(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
-        return Score(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
-    raise InconclusiveError(f"{lid.label} was not seen again.")
+        return (
+            Score(1.0, f"{travel}.") if angle >= UPRIGHT else Score(_short(angle, UPRIGHT), f"{travel} only.")
+        )
+    if body is None or box is None or body.opening > 0.0:
+        raise InconclusiveError(f"{lid.label} was not seen again.")
+    if box.opening > 0.5 * float(body.extents[:2].min()):
+        return Score(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
+    return Score(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
 
 
 def closed(case: Case) -> Score:
     """The lid lies flat over the box; or the box no longer shows its inside."""
-    lid, body = _lid(case)
-    later, box = case.later(lid), case.later(body) if body is not None else None
-    was = opening_angle(lid, body)
-    if later is not None:
-        angle = opening_angle(later, box or body)
-        if angle >= CLOSED:
-            score = _short(was - angle, max(was, CLOSED))
-            return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
-        if box is None and body is None:
-            return Score(0.7, f"{lid.label} lies flat.")
-        under = box or body
-        assert under is not None
-        off = float(np.linalg.norm((later.centre - under.centre)[:2]))
-        if off > 0.25 * float(under.extents[:2].min()) or later.bottom < under.centre[2]:
-            return Score(0.1, f"{lid.label} lies flat, but not on {under.label}.")
-        if box is not None and later.bottom > box.top + ON_TOP:
-            return Score(0.3, f"{lid.label} does not lie on {under.label}.")
-        return Score(1.0, f"{lid.label} lies flat on {under.label}.")
-    if body is not None and box is not None and body.opening > 0.0:
-        if box.opening > 0.0:
-            return Score(0.1, f"{lid.label} was not seen again, and {body.label} still shows its inside.")
-        return Score(0.8, f"{lid.label} was not seen again, and {body.label} no longer shows its inside.")
-    raise InconclusiveError(f"{lid.label} was not seen again.")
+    lid, body, later, box = _lid(case)
+    under = box or body
+    if later is None:
+        if body is None or box is None or body.opening == 0.0:
+            raise InconclusiveError(f"{lid.label} was not seen again.")
+        shown = box.opening > 0.0
+        score, how = (0.1, "still") if shown else (0.8, "no longer")
+        return Score(score, f"{lid.label} was not seen again, and {body.label} {how} shows its inside.")
+    was, angle = opening_angle(lid, body), opening_angle(later, under)
+    if angle >= CLOSED:
+        score = _short(was - angle, max(was, CLOSED))
+        return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
+    if under is None:
+        return Score(0.7, f"{lid.label} lies flat.")
+    off = float(np.linalg.norm((later.centre - under.centre)[:2]))
+    if off > 0.25 * float(under.extents[:2].min()) or later.bottom < under.centre[2]:
+        return Score(0.1, f"{lid.label} lies flat, but not on {under.label}.")
+    if box is not None and later.bottom > box.top + ON_TOP:
+        return Score(0.3, f"{lid.label} does not lie on {under.label}.")
+    return Score(1.0, f"{lid.label} lies flat on {under.label}.")
 
 
-def _lid(case: Case) -> tuple[SceneObject, SceneObject | None]:
-    """Lid and box of the plan's theme before."""
+def _lid(case: Case) -> tuple[SceneObject, SceneObject | None, SceneObject | None, SceneObject | None]:
+    """Lid and box of the plan's theme before, and the same two afterwards."""
     theme = case.handled()
     case.perceived()
     lid, body = hinged(theme, case.before.objects)
     if lid is None:
         raise InconclusiveError(f"No lid was seen on {theme.label}.")
-    return lid, body
+    return lid, body, case.later(lid), case.later(body) if body is not None else None
 
 
 def _short(came: float, wanted: float) -> float:
     """The score of a shortfall: doubtful if small, else a miss."""
     share = max(0.0, came / wanted)
     return 0.4 if share > ALMOST else 0.1 * share
+
+
+def _travelled(obj: SceneObject, along: float, planned: float, need: float) -> Score:
+    """The score of an object that went ``along`` metres of the ``planned`` ones, and should have gone ``need``."""
+    travel = f"{obj.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
+    return (
+        Score(1.0, f"{travel}.")
+        if along >= need
+        else Score(_short(along, need), f"{travel}: not far enough.")
+    )
 
 
 def pulled(case: Case) -> Score:
@@ -223,48 +230,66 @@ def _slid(case: Case, wanted: float | None) -> Score:
     """The slid object moved along the hand's way by ``wanted`` metres, or by a share of that way."""
     theme = case.handled()
     case.perceived()
-    way = _stroke(case)
+    carried = [w.carries for w in case.planned if w.carries]
+    way = case.way(carried[0]) if carried else _pushes(case)
     length = float(np.linalg.norm(way))
     if length < case.config.same_place:
         raise InconclusiveError("The plan does not say how far to slide.")
-    need = PUSHED * length if wanted is None else wanted
-    moved = [m for obj in _sliding(case, theme) if (m := _along(case, obj, way / length)) is not None]
+    # The theme, the held object, and their whole, except a common container.
+    held = [obj for obj in map(case.seen, carried) if obj is not None]
+    objects = [theme, *case.before.parts_of(theme.id), *held]
+    fronts = [p for o in objects if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
+    moved = []
+    for obj in (*objects, *fronts):
+        if (later := case.later(obj)) is not None:
+            shift = later.centre - obj.centre
+            along = float(shift @ way) / length
+            if float(np.linalg.norm(shift - along * way / length)) < ASTRAY:
+                moved.append(along)
     if not moved:
         raise InconclusiveError(f"{theme.label} was not seen again.")
-    most = max(moved)
-    travel = f"{theme.label} went {100 * most:.1f} of {100 * length:.1f} cm"
-    if most >= need:
-        return Score(1.0, f"{travel}.")
-    return Score(_short(most, need), f"{travel}: not far enough.")
+    return _travelled(theme, max(moved), length, SHARE_SHUT * length if wanted is None else wanted)
 
 
-def _stroke(case: Case) -> np.ndarray:
-    """(3,) the planned way of the hand with the slid object, or of its pushes if it carried nothing."""
-    carried = next((w.carries for w in case.planned if w.carries), "")
-    if carried:
-        return case.way(carried)
+def _pushes(case: Case) -> FloatArray:
+    """(3,) the planned way of the hand from before its first push to the end of its last."""
     pushes = [i for i, w in enumerate(case.planned) if i and w.stage.startswith("push")]
     if not pushes:
         return np.zeros(3)
     return np.subtract(case.planned[pushes[-1]].xyz, case.planned[pushes[0] - 1].xyz)
 
 
-def _sliding(case: Case, theme: SceneObject) -> list[SceneObject]:
-    """The theme, the held object, and its whole, except a common container."""
-    held = [case.seen(w.carries) for w in case.planned if w.carries]
-    objects = [theme, *case.before.parts_of(theme.id), *(o for o in held if o is not None)]
-    fronts = [p for o in objects if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
-    return list({o.id: o for o in (*objects, *fronts)}.values())
+def pushed(case: Case) -> Score:
+    """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
+    theme, goal = case.handled(), case.role("goal")
+    case.perceived()
+    later = case.again(theme)
+    if goal is None:
+        return _shifted(case, theme, later)
+    reach = float(later.extents[:2].max())
+    if goal.shape == "region":
+        return inside(case, later, goal, reach)
+    gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
+    if gap <= 0.015:
+        return Score(1.0, f"{theme.label} lies against {goal.label}.")
+    score = max(0.0, 0.45 * (1 - gap / reach))
+    return Score(score, f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}.")
 
 
-def _along(case: Case, obj: SceneObject, way: np.ndarray) -> float | None:
-    """How far an object moved along a unit vector (3,), metres; None when it was not seen again near that line."""
-    later = case.later(obj)
-    if later is None:
-        return None
-    shift = later.centre - obj.centre
-    along = float(shift @ way)
-    return along if float(np.linalg.norm(shift - along * way)) < ASTRAY else None
+def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
+    """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
+    stroke = np.zeros(3)
+    for before, after in pairwise(case.planned):
+        if theme.id in after.allowed_contacts and after.stage.startswith("push"):
+            stroke += np.subtract(after.xyz, before.xyz)
+    length = float(np.linalg.norm(stroke))
+    planned = length - case.evidence.plan.parameters.get("standoff", 0.0)
+    if length < 1e-6 or planned <= case.config.same_place:
+        raise InconclusiveError("The plan does not say how far to push.")
+    along = float((later.centre - theme.centre) @ stroke) / length
+    if along > 1.5 * planned:
+        return Score(0.4, f"{theme.label} went {100 * along:.1f} instead of {100 * planned:.1f} cm.")
+    return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
 def twisted(case: Case) -> Score:
@@ -273,8 +298,7 @@ def twisted(case: Case) -> Score:
     after, goal = case.perceived(), case.role("goal")
     if goal is not None:
         return placed(case, cap, goal)
-    body, later = case.seen(cap.parent), case.later(cap)
-    bottle = case.later(body) if body is not None else None
+    later, holding = case.later(cap), case.holding and case.last_held is not False
     if later is not None:
         aside = float(np.linalg.norm((later.centre - cap.centre)[:2]))
         raised = later.bottom - cap.bottom
@@ -283,16 +307,14 @@ def twisted(case: Case) -> Score:
         if raised > 0 and case.holding:
             return Score(1.0, f"{cap.label} came off and is in the hand, {100 * raised:.1f} cm higher.")
         return Score(0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away.")
-    if bottle is None or body is None:
+    body = case.seen(cap.parent)
+    if body is None or case.later(body) is None:
         raise InconclusiveError(f"{cap.label} was not seen again.")
     there = [o for o in after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
-        if not case.holding or case.last_held is False:  # the cap itself is there, under another name
-            return Score(0.1, f"Something is still where {cap.label} was, and the hand is empty.")
-        return Score(0.3, f"Something is still where {cap.label} was.")
-    if case.holding and case.last_held is not False:
-        return Score(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")
-    return Score(0.6, f"{cap.label} is gone from {body.label}.")
+        return Score(0.3 if holding else 0.1, f"Something is still where {cap.label} was.")
+    score = 0.85 if holding else 0.6
+    return Score(score, f"{cap.label} is gone from {body.label}{', and the hand holds something' * holding}.")
 
 
 def inserted(case: Case) -> Score:
@@ -322,14 +344,10 @@ def drawn(case: Case) -> Score:
     if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
         return placed(case, theme, case.role("goal"))
     after, way = case.perceived(), case.way(theme.id)
-    length = float(np.linalg.norm(way))
-    later = case.later(theme)
+    length, later = float(np.linalg.norm(way)), case.later(theme)
+    if later is None and case.holding and not something_at(theme, after, case.config.same_place):
+        return Score(0.8, f"{theme.label} is gone from its place and the hand holds something.")
     if later is None or length < case.config.same_place:
-        if later is None and case.holding and not something_at(theme, after, case.config.same_place):
-            return Score(0.8, f"{theme.label} is gone from its place and the hand holds something.")
         raise InconclusiveError(f"{theme.label} was not seen again.")
     along = float((later.centre - theme.centre) @ way) / length
-    travel = f"{theme.label} came out by {100 * along:.1f} of {100 * length:.1f} cm"
-    if along >= 0.7 * length:
-        return Score(1.0, f"{travel}.")
-    return Score(_short(along, 0.7 * length), f"{travel} only.")
+    return _travelled(theme, along, length, SHARE_DRAWN * length)

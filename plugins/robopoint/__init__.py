@@ -11,25 +11,37 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.component import check_ranges
-from gvla2.planning.pictures import PictureOptions
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
     from gvla2.planning.contracts import Planner
 
+RANGES = {
+    "longest": (64, 4096, "pixels"),  # below, details are lost; above, servers refuse
+    "scale": (0.001, 1_000_000, ""),
+    "tries": (1, 1000, ""),
+    "agreement": (0.001, 1, ""),
+}
+
 
 @dataclass(kw_only=True)
-class RoboPointConfig(PictureOptions, ComponentConfig):
-    """Options of the ``robopoint`` planner: those of :class:`~gvla2.planning.pictures.PictureOptions`.
+class RoboPointConfig(ComponentConfig):
+    """Options of the ``robopoint`` planner; the run's ``language`` must accept images.
 
-    And ``agreement``, the share of points that must lie on one object to select it.
+    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is the range of the model's coordinates: 1
+    as published, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels. After an
+    unusable answer the model is asked again, with the reason, ``tries`` times in all. ``agreement`` is the share of
+    points that must lie on one object to select it.
     """
 
+    camera: str = ""
+    scale: float = 1.0
+    longest: int = 1024
+    tries: int = 3
     agreement: float = 0.5
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, "planner", {"agreement": (0.001, 1, "")})
+        check_ranges(self, "planner", RANGES)
 
 
 def _build(config: RoboPointConfig, language: LanguageModel) -> Planner:

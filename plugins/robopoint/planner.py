@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from gvla2.errors import PlanningError
-from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in
+from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in, picture
 from gvla2.planning.calls import RELATIONS, Relation, SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.pictures import read_points
-from gvla2.planning.pixels import Sighting, pixel_at, sight
 from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.model_planning import context, instruction_in, nothing_to_ask
 from gvla2.skills.table import STANDARD
+from gvla2_plugins.robopoint.pointing import Sighting, encoded, read_points, sight, view_of
 
 if TYPE_CHECKING:
     from gvla2_plugins.robopoint import RoboPointConfig
@@ -126,14 +125,16 @@ class _Asking:
     def _point(self, words: str) -> list[Sighting]:
         """The object or place where the model points."""
         config, request = self._config, self._request
-        view = config.view(request)
-        asked = config.question(view, [*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        view = view_of(request.observation, config.camera)
+        text = "\n\n".join([*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        shown = [picture(encoded(view, config.longest)), {"type": "text", "text": text}]
+        asked: list[Message] = [{"role": "user", "content": shown}]
 
         def parse(text: str) -> list[Sighting]:
             seen, why = [], ""
             for u, v in read_points(text, config.scale):
                 try:
-                    seen.append(sight(pixel_at(view, u, v), request.observation, request.scene))
+                    seen.append(sight(view, u, v, request.scene))
                 except PlanningError as error:
                     why = str(error)
             if not seen:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
-from gvla2.geometry.view_formats import write_plain
+from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_whole
 from gvla2.reconstruction.contracts import Reconstruction

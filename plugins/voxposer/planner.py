@@ -13,7 +13,6 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Plan, PlanRequest
-from gvla2.planning.pixels import object_at
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.scene_brief import LEGEND, scene_brief
 from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
@@ -43,7 +42,7 @@ def stops(
         goal = np.clip(peak, box.low, box.high)
         # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
-        ends = {held, *(object_at(point, scene) for point in line)}
+        ends = {held, *map(scene.object_at, line)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=c.margin)
         costs = 1.0 + c.obstacles * np.exp(-clear / c.margin) + c.avoidance * avoided
         # A number for the hand applies at the end of the move, a map with several values at their places.
@@ -56,7 +55,7 @@ def stops(
             x, y, z = map(float, point)
             found.append(PathPoint((x, y, z), hand))
         if found[-1].gripper >= 0.5 or gripper >= 0.5:
-            held = "" if found[-1].gripper >= 0.5 else object_at(goal, scene)
+            held = "" if found[-1].gripper >= 0.5 else scene.object_at(goal)
         at, gripper = goal, found[-1].gripper
     return found
 

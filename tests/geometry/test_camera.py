@@ -57,15 +57,6 @@ def test_points_behind_the_camera_have_no_pixel() -> None:
     assert camera.inside(uv).tolist() == [False, False, True]
 
 
-@given(st.floats(0.1, 2.5), st.integers(1, 500), st.integers(1, 500))
-def test_field_of_view_spans_the_image_height(fov: float, width: int, height: int) -> None:
-    camera = Camera.from_fov(fov, np.eye(4), width, height)
-    edge = np.tan(fov / 2)
-    uv, _ = camera.project(np.array([[0, -edge, 1], [0, edge, 1], [0, 0, 1]]))
-    assert np.allclose(uv[:, 1], [0, height, height / 2], atol=1e-6)
-    assert camera.K[0, 0] == camera.K[1, 1]
-
-
 @given(seeds)
 @settings(max_examples=30, deadline=None)
 def test_look_along_points_the_axis_and_keeps_up_on_top(seed: int) -> None:

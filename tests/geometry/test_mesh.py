@@ -44,15 +44,6 @@ def test_samples_are_spread_by_area() -> None:
     assert np.array_equal(points, again)
 
 
-def test_a_mesh_without_area_has_no_samples() -> None:
-    with pytest.raises(GeometryError, match="area"):
-        TriangleMesh(SQUARE, np.array([[0, 0, 1]])).sample(3, np.random.default_rng(0))
-    with pytest.raises(GeometryError, match="area"):
-        TriangleMesh(SQUARE, np.zeros((0, 3), int)).sample(3, np.random.default_rng(0))
-    with pytest.raises(GeometryError, match="bounds"):
-        _ = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int)).bounds
-
-
 @pytest.mark.parametrize(
     ("vertices", "faces", "colours", "words"),
     [

@@ -1,6 +1,5 @@
 """Banks as they open by default, a clock that tests set, and episodes."""
 
-import random
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
@@ -99,26 +98,3 @@ def hint(
     effect = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
               "skill": "pick", "source": ""}  # fmt: skip
     return Lesson("procedural_hint", content, effect)
-
-
-@pytest.fixture
-def many_lessons() -> Callable[..., list[tuple[Lesson, str]]]:
-    """Random lessons about many tasks, each with its task; the same seed gives the same."""
-
-    def make(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
-        rng = random.Random(seed)
-        sounds = [
-            a + b
-            for a in ["ba", "de", "fi", "go", "lu", "mer", "nis", "pol", "ra", "su", "tev", "wo", "xi", "za"]
-            for b in ["kon", "lim", "dra", "set"]
-        ]
-
-        def words(n: int) -> str:
-            return " ".join("".join(rng.sample(sounds, 2)) for _ in range(n))
-
-        return [
-            (Lesson("procedural_hint", f"{words(7)} {rng.randint(10, 99)} cm."), words(4))
-            for _ in range(count)
-        ]
-
-    return make

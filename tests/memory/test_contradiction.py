@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import Judgement, Lesson, LessonPair, MemoryTask
+from gvla2.memory.contracts import Judgement, Lesson, LessonPair
 from gvla2.memory.contradiction import BATCH, Judged, effects_conflict, same_lesson
 from gvla2.memory.records import Record
 from tests.memory.looking import look
@@ -132,23 +132,6 @@ def test_programs_never_contradict_each_other_nor_merge(open_bank: Open, verdict
         bank.admit(lesson, verdicts["success"], task="tidy up", trusted=True)
     assert [(r.state, r.count) for r in bank.records()] == [("active", 1)] * 2
     assert not look(bank.store, bank.bank).links()
-
-
-def test_each_failure_is_found_on_its_own(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    causes = (
-        "it slipped out of the fingers",
-        "the arm hit the lamp",
-        "the lid was stuck",
-        "the cable was too short",
-    )
-    for i, cause in enumerate(causes):
-        lesson = Lesson("failure_avoidance", f"Moving the jar {i}: failed because {cause}.")
-        task = f"move the jar, {cause.split()[-1]}"
-        bank.admit(lesson, verdicts["fail"], task=task, source=f"run/{i}", trusted=True)
-    for cause in causes:
-        items = bank.recall(MemoryTask(f"move the jar, {cause}")).items
-        assert any(cause in item.content and item.binding for item in items)
 
 
 # By a judge

@@ -9,9 +9,15 @@ import pytest
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.governance import PROGRAMS, retention
 from gvla2.memory.records import Record
+from tests.memory.corpus import lessons as records
 from tests.memory.looking import look
 
 Open = Callable[..., Any]
+
+
+def many_lessons(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
+    """Random lessons about many tasks, each with its task."""
+    return [(Lesson("procedural_hint", one.content), one.query) for one in records(count, seed)]
 
 
 def test_retention_is_the_sum_of_the_released_terms() -> None:
@@ -52,7 +58,7 @@ def test_stale_failures_that_nobody_used_retire(
     assert [e.action for e in look(bank.store, bank.bank).history(gone.id)][-1] == "RETIRE"
 
 
-def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, many_lessons: Any) -> None:
+def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank(active_budget=40, provisional_budget=15)
     items = [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(150)]
     items += [(lesson, verdicts["uncertain"], task, "") for lesson, task in many_lessons(60, seed=1)]
@@ -65,9 +71,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
     assert bank.verify() == []
 
 
-def test_the_same_history_gives_the_same_bank(
-    open_bank: Open, verdicts: Any, many_lessons: Any, clock: Any
-) -> None:
+def test_the_same_history_gives_the_same_bank(open_bank: Open, verdicts: Any, clock: Any) -> None:
     rng = random.Random(3)
     lessons = many_lessons(40) + [
         (Lesson("procedural_hint", f"Lift the cup {n} cm."), "cup") for n in (5, 15, 30)

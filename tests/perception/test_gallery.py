@@ -86,13 +86,6 @@ def test_what_is_not_in_the_gallery_is_unknown(world, folder, change):
     assert any("unknown to the gallery" in note for note in scene.notes)
 
 
-def test_same_shape_other_colour_is_told_apart(world, folder):
-    bottle = world.bottle((0.8, 0.1, 0.1))
-    seen = world.Seen([(bottle, world.standing(bottle, 0.25, 0.0))], noise=0.0008)
-    (obj,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery.read(folder)]).objects
-    assert obj.label == "ketchup"
-
-
 def test_a_camera_without_depth_and_an_object_of_few_points_do_not_stop_it(world, folder, two):
     views = list(two.observation.views)
     views[0] = replace(views[0], depth=None)

@@ -3,7 +3,7 @@ import pytest
 
 from gvla2.perception.clusters import MaskCandidate, clusters, fuse, objects_of
 from gvla2.perception.frames import frames_of, raised
-from gvla2.perception.objects import coarse_shape, numbered, object_of
+from gvla2.perception.objects import numbered, object_of
 
 
 def test_two_objects_are_two_clusters_in_all_views(world, two):
@@ -51,12 +51,6 @@ def test_a_part_stays_a_part_and_is_not_merged_with_its_whole(two, frames):
     assert objects[1].extents[:2].prod() < 0.5 * objects[0].extents[:2].prod()
 
 
-def test_the_same_mask_twice_counts_once_and_the_surer_is_kept(two, frames):
-    mask = two.truth[0] == 1
-    (obj,) = fuse(frames[0], [MaskCandidate(0, mask, 0.6), MaskCandidate(0, mask, 0.8)])
-    assert obj.score == pytest.approx(0.8)
-
-
 def test_a_leak_onto_the_table_does_not_widen_an_object(two, frames):
     leaky = []
     for v, truth in enumerate(two.truth):
@@ -88,14 +82,6 @@ def test_a_box_is_measured_whatever_its_turn():
     assert obj.centre == pytest.approx([0.3, 0.1, 0.525], abs=0.003)
     assert (obj.colour, obj.shape) == ("red", "box")
     assert obj.label == "red box"
-
-
-@pytest.mark.parametrize(("height", "shape"), [(0.1, "cylinder"), (0.02, "disc")])
-def test_round_objects_are_reported(height, shape):
-    angles = np.linspace(0, 2 * np.pi, 400)
-    ring = np.stack([0.04 * np.cos(angles), 0.04 * np.sin(angles)], axis=1)
-    points = np.concatenate([np.column_stack([ring, np.full(400, z)]) for z in (0.0, height)])
-    assert coarse_shape(points, np.array([0.08, 0.08, height]), np.zeros(2)) == shape
 
 
 def test_numbers_follow_places_not_the_order_found():

@@ -11,7 +11,7 @@ from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.testing import inputs
 from gvla2.testing.language import LocalModel, refused, said
-from gvla2_plugins import agent3d, code_policies, hamster, robopoint, voxposer
+from gvla2_plugins import agent3d, code_policies, robopoint, voxposer
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner
 
 NAMING = {
@@ -21,7 +21,6 @@ NAMING = {
 }
 """Those that get the objects' names."""
 SEEING = {
-    "hamster": ScriptedPlanner(hamster.gvla2_planners, hamster.HamsterConfig),
     "robopoint": ScriptedPlanner(robopoint.gvla2_planners, robopoint.RoboPointConfig),
 }
 PLANNERS = {**NAMING, **SEEING}
@@ -91,8 +90,7 @@ def test_a_server_that_fails_is_a_failure_of_the_model(name, answering):
             (code_policies.CodePoliciesConfig, o)
             for o in ({"agreement": 2.0}, {"programs": -1}, {"calls": 0})
         ),
-        *((hamster.HamsterConfig, o) for o in ({"longest": 3}, {"scale": 0.0}, {"travel": 2.0})),
-        *((robopoint.RoboPointConfig, o) for o in ({"tries": 0}, {"agreement": 0.0})),
+        *((robopoint.RoboPointConfig, o) for o in ({"longest": 3}, {"scale": 0.0}, {"agreement": 0.0})),
         *((voxposer.VoxPoserConfig, o) for o in ({"margin": 0.0}, {"obstacles": float("nan")})),
     ],
 )

@@ -1,15 +1,19 @@
 """RoboPoint over real HTTP: the server in the model's place sees the picture that was sent, and nothing else."""
 
 import json
+import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from gvla2.errors import PlanningError
 from gvla2.skills.table import STANDARD
 from gvla2.testing import check_component, check_planner, inputs
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.robopoint import RoboPointConfig, gvla2_planners
 from gvla2_plugins.robopoint.planner import PointingTask, read_task
+from gvla2_plugins.robopoint.pointing import MAX_CHARACTERS, MAX_POINTS, depth_at, read_points, sight, view_of
 from tests.plugins import scripted_planners
 from tests.plugins.scripted_planners import ScriptedPlanner, passes
 
@@ -140,3 +144,101 @@ def test_the_answer_about_the_task_is_read_or_refused_with_its_reason():
     ):
         with pytest.raises(ValueError, match=why):
             read_task(answer, STANDARD)
+
+
+# Points of an answer
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[(0.25, 0.5), (1, .5)]",
+        "Sure! Here you go:\n[(0.25, 0.5), (1.0, 0.5)]\nAnything else?",
+        "The cube at (0.9, 0.9) is first. [(0.25,0.5),(1.,0.5),]",
+        "[(0.25, 0.5), (1, 0.5)] and once more [(0.25, 0.5), (1, 0.5)]",
+    ],
+)
+def test_points_are_found_in_what_surrounds_them(text):
+    assert read_points(text) == ((0.25, 0.5), (1.0, 0.5))
+    assert read_points("[(250, 500)]", scale=1000) == ((0.25, 0.5),)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "no list of points"),
+        ("[(x1, y1), (x2, y2)]", "no list of points"),
+        ("[(0.2, 0.3), (1.2, 0.3)]", r"outside the picture; coordinates are 0 to 1"),
+        ("[(nan, 0.3)]", "outside the picture"),
+        ("[(0.2,)]", "1 numbers; a point has two"),
+        ("[(0.2, 0.3)] or [(0.4, 0.3)]", "several lists"),
+        (f"[{', '.join(['(0.5, 0.5)'] * (MAX_POINTS + 1))}]", f"more than {MAX_POINTS} points"),
+        (f"[{', '.join(['(0.5, 0.5)'] * 10_000)}]", "characters; give the list alone"),
+    ],
+)
+def test_everything_else_is_refused_with_its_reason(text, why):
+    with pytest.raises(ValueError, match=why):
+        read_points(text)
+
+
+@pytest.mark.parametrize("piece", ["[", "(", "[(1,1)" + " " * 50, "(0.1, 0.1), "])
+def test_no_answer_takes_long_to_read(piece):
+    began = time.perf_counter()
+    with pytest.raises(ValueError, match=r"."):
+        read_points((piece * MAX_CHARACTERS)[:MAX_CHARACTERS])
+    assert time.perf_counter() - began < 1.0
+
+
+# What pixels show
+
+VIEWS, SCENE = REQUEST.observation, REQUEST.scene
+TOP = inputs.RED.world_from_block[:3] @ [0, 0, 0.5 * inputs.RED.side, 1]
+
+
+def share_of(view, point):
+    (u, v), _ = view.camera.project(np.asarray(point))
+    return u / view.camera.width, v / view.camera.height
+
+
+@pytest.mark.parametrize("camera", ["camera_0", "camera_2"])
+def test_a_pixel_shows_an_object_or_the_table(camera):
+    view = view_of(VIEWS, camera)
+    seen = sight(view, *share_of(view, TOP), SCENE)
+    assert seen.object == "red_cube"
+    assert np.linalg.norm(seen.point - TOP) < 0.006
+    place = np.array([0.32, 0.02, inputs.TABLE])
+    bare = sight(view, *share_of(view, place), SCENE)
+    assert bare.object == ""
+    assert np.linalg.norm(bare.point - place) < 0.005
+
+
+def test_holes_are_filled_flying_pixels_outvoted_and_thin_objects_kept():
+    view = VIEWS.views[0]
+    (u, v), _ = view.camera.project(TOP)
+    row, column = int(v), int(u)
+    true = float(view.depth[row, column])
+    hole, flying, wire = view.depth.copy(), view.depth.copy(), view.depth.copy()
+    hole[row - 1 : row + 2, column - 1 : column + 2] = np.nan
+    assert depth_at(replace(view, depth=hole), u, v) == pytest.approx(true, abs=0.015)
+    flying[row, column] = 0.2
+    assert depth_at(replace(view, depth=flying), u, v) == pytest.approx(true, abs=0.01)
+    wire[row - 4 : row + 5, column] = true - 0.1
+    assert depth_at(replace(view, depth=wire), u, v) == pytest.approx(true - 0.1)
+
+
+def test_what_is_missing_is_named():
+    view = VIEWS.views[0]
+    with pytest.raises(PlanningError, match="no camera 'wrist'; the observation has camera_0"):
+        view_of(VIEWS, "wrist")
+    with pytest.raises(PlanningError, match="measures no depth"):
+        sight(replace(view, depth=None), 0.1, 0.1, SCENE)
+    with pytest.raises(PlanningError, match="No depth was measured within 12 pixels"):
+        sight(replace(view, depth=np.full_like(view.depth, np.nan)), 0.1, 0.1, SCENE)
+
+
+def test_a_part_is_meant_rather_than_its_whole():
+    cube = SCENE["red_cube"]
+    knob = replace(cube, id="knob", label="knob", parent="red_cube", extents=0.3 * cube.extents)
+    both = replace(SCENE, objects=(*SCENE.objects, knob))
+    assert both.object_at(cube.centre) == "knob"
+    assert both.object_at(cube.centre + np.array([0.0, 0.0, 0.2])) == ""

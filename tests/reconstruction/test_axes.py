@@ -3,10 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.support import object_centre
 from gvla2_plugins.axes import ContoursConfig
@@ -47,16 +45,6 @@ def test_recovers_a_planted_drift(points, views):
     assert displacement(wrong, points) > 0.02
     assert displacement(fit.apply(wrong), points) < 1.5e-3
     np.testing.assert_allclose(fit.scale * PLANTED[0], 1, atol=5e-3)
-
-
-@settings(max_examples=6, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_any_drift_within_bounds_is_undone(points, views, seed):
-    rng = np.random.default_rng(seed)
-    wrong = drifted(points, rng.uniform(0.95, 1.05, 3), rng.uniform(-0.02, 0.02, 3))
-    fit = compensate(wrong, views, object_centre(wrong))
-    left = displacement(fit.apply(wrong), points)
-    assert left < max(2.5e-3, 0.15 * displacement(wrong, points))
 
 
 def test_identity_in_identity_out(points, views):
@@ -109,8 +97,3 @@ def test_falls_back_with_a_reason(points, views):
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(ConfigurationError, match="scale_bound"):
         Contours(ContoursConfig(name="contours", **options))
-
-
-def test_a_centre_that_is_no_point_is_refused(points, views):
-    with pytest.raises(GeometryError, match="centre"):
-        compensate(points, views, [0.0, 0.0])

@@ -85,13 +85,6 @@ def test_without_a_prior_only_positions_change(g0, views):
     np.testing.assert_array_equal(out.mesh.colours, start.mesh.colours)
 
 
-def test_all_switched_off_is_the_identity(g0, views):
-    off = dict.fromkeys(("prior", "appearance", "soft_hull", "axis", "fusion"), False)
-    out = refine(g0, views, Depth(), **off).out
-    np.testing.assert_array_equal(out.gaussians.centres, g0.gaussians.centres)
-    np.testing.assert_array_equal(out.mesh.vertices, g0.mesh.vertices)
-
-
 def test_a_prior_for_other_views_is_a_typed_fallback(g0, views):
     result = refine(g0, views, Wrong(), axis=False, fusion=False)
     assert status(result)["prior"] in ("fallback", "rejected")

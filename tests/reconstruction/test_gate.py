@@ -18,13 +18,6 @@ def views(jug, masked_views) -> Views:
     return masked_views(jug)
 
 
-def test_no_change_is_kept(points, views):
-    gate = judged("soft_hull", points, points, views)
-    assert gate.status == "applied"
-    assert gate.before == gate.after
-    assert set(gate.before) == {"support", "symmetric_iou"}
-
-
 @pytest.mark.parametrize("scale", [0.9, 1.1, (1, 1, 0.93)])
 def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale):
     worse = points * scale

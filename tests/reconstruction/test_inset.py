@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -45,13 +43,6 @@ def test_nothing_but_the_centres_changes(carved, views):
     np.testing.assert_array_equal(placed.mesh.vertices, carved.mesh.vertices)
     for name in ("log_scales", "rotations", "opacity_logits", "sh_dc"):
         np.testing.assert_array_equal(getattr(placed.gaussians, name), getattr(carved.gaussians, name))
-
-
-def test_without_a_mesh_inside_and_outside_are_unknown(carved, views):
-    bare = replace(carved, mesh=None)
-    same, report = inset(bare, views, Rasteriser())
-    assert same is bare
-    assert report.status == "skipped"
 
 
 @pytest.mark.parametrize("pixels", [-0.8, 0.8])

@@ -176,18 +176,6 @@ def test_threads_change_no_bit(count: int, monkeypatch: pytest.MonkeyPatch) -> N
             assert np.array_equal(getattr(gradient, name), getattr(gradients[0], name))
 
 
-def test_nothing_and_what_is_behind_are_the_background() -> None:
-    empty = Gaussians(*(np.zeros((0, *shape)) for shape in ((3,), (3,), (4,), (), (3,))))
-    scene = cloud(5, spread=0.1)
-    behind = scene.with_centres(scene.centres + 5 * (CAMERA.position / np.linalg.norm(CAMERA.position)))
-    for nothing in (empty, behind):
-        frame = forward(nothing, CAMERA, (0.2, 0.4, 0.6))
-        assert np.allclose(frame.image, [0.2, 0.4, 0.6])
-        assert (frame.alpha == 0).all()
-        assert (frame.boxes[:, 1] <= frame.boxes[:, 0]).all()  # no tile has any
-        assert not backward(frame, np.ones_like(frame.image)).centres.any()
-
-
 def test_extreme_but_legal_parameters_stay_finite() -> None:
     scene = cloud(8)
     scales, logits = scene.log_scales.copy(), scene.opacity_logits.copy()

@@ -6,11 +6,9 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import rigid, transform_points
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 
@@ -64,36 +62,11 @@ def test_points_behind_outside_and_not_finite_have_none():
     assert mask_support(points, one_view(np.ones((8, 8)))).tolist() == [0, 0, 0, 0, 1]
 
 
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_a_rigid_motion_of_points_and_cameras_together_changes_nothing(views, seed):
-    rng = np.random.default_rng(seed)
-    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-3, 3, 3))
-    points = rng.uniform(-0.7, 0.7, (200, 3))
-    moved = Views(
-        tuple(
-            replace(v, camera=replace(v.camera, world_from_camera=motion @ v.camera.world_from_camera))
-            for v in views
-        )
-    )
-    here, there = mask_support(points, views), mask_support(transform_points(motion, points), moved)
-    # A point may cross the image's edge by rounding, no more.
-    assert (np.abs(here - there) > 1e-6).sum() <= 1
-    assert here.min() >= 0
-    assert here.max() <= 1
-
-
 def test_surface_of_the_true_shape_is_supported(masked_views):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
     views = masked_views(ball)
     assert mask_support(0.95 * ball.vertices, views).min() == 1.0
     assert mask_support(1.5 * ball.vertices, views).mean() < 0.8
-
-
-def test_many_points_on_several_threads_equal_few_on_one(views):
-    points = np.random.default_rng(2).uniform(-1, 1, (90_000, 3))
-    whole = mask_support(points, views)
-    np.testing.assert_array_equal(whole[::30], mask_support(points[::30], views))
 
 
 def test_errors_name_the_view_and_the_fault(views):
@@ -154,13 +127,3 @@ def test_one_centre_for_uneven_samplings_of_one_object():
 def test_what_cannot_be_shrunk(arguments, words):
     with pytest.raises(GeometryError, match=words):
         soft_hull(**{"points": np.ones((4, 3)), "support": np.ones(4), **arguments})
-
-
-@pytest.mark.parametrize("lost", [np.nan, np.inf])
-def test_points_that_are_not_finite_are_refused(lost):
-    points = np.ones((4, 3))
-    points[2, 1] = lost
-    with pytest.raises(GeometryError, match="not finite"):
-        object_centre(points)
-    with pytest.raises(GeometryError, match="not finite"):
-        soft_hull(points, np.ones(4), [0, 0, 0])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2 import Component, ComponentConfig, hookimpl, register, unregister
-from gvla2.commands import plugins
+from gvla2.commands import tasks
 from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
 from gvla2.errors import UnknownComponentError
@@ -73,7 +73,7 @@ def test_a_run_takes_the_robots_own_task_by_name(tmp_path: Path):
         (
             "kitchen",
             "pick_and_lift",
-            "Available: kitchen/0, kitchen/1. `gvla2 plugins task robot=kitchen` lists",
+            "Available: kitchen/0, kitchen/1. `gvla2 tasks robot=kitchen` lists",
         ),
         (
             "sapien_panda",
@@ -90,7 +90,7 @@ def test_other_tasks_are_refused(robot: str, task: str, message: str):
 
 
 def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]):
-    assert plugins.main(["task", "robot=kitchen"]) == 0
+    assert tasks.main(["robot=kitchen"]) == 0
     listing = capsys.readouterr().out
     assert all(name in listing and sentence in listing for name, sentence in SENTENCES.items())
 

@@ -30,6 +30,13 @@ FLOOR = 0.01
 """Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
 """An object whose sides differ by less than this factor may lie either way."""
+SIDES = {
+    "left_of": np.array([0.0, 1.0, 0.0]),
+    "right_of": np.array([0.0, -1.0, 0.0]),
+    "behind": np.array([1.0, 0.0, 0.0]),
+    "front_of": np.array([-1.0, 0.0, 0.0]),
+}
+"""Unit vectors from the goal, by relation, as the robot sees it."""
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
 
@@ -154,17 +161,13 @@ def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
     if job.relation in ("on", "in", "to"):
         support = table if goal.shape == "region" else goal.top
         return [(np.array([*(goal.centre + _share(job, goal))[:2], support]), "onto it")]
-    sides = {
-        "left_of": ("left",), "right_of": ("right",), "behind": ("far",), "front_of": ("near",),
-    }.get(job.relation, ("left", "right", "near", "far"))  # fmt: skip
-    ways = {"left": (0.0, 1.0), "right": (0.0, -1.0), "far": (1.0, 0.0), "near": (-1.0, 0.0)}
     spots = []
-    for side in sides:
-        way = np.array([*ways[side], 0.0])
-        # Half the diagonal of the theme, since it may be turned.
-        reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
-        spot = goal.centre + way * (reach + SIDE_GAP)
-        spots.append((np.array([*spot[:2], table]), f"at its {side} side"))
+    for side, way in SIDES.items():
+        if job.relation in (side, "beside", ""):
+            # Half the diagonal of the theme, since it may be turned.
+            reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
+            spot = goal.centre + way * (reach + SIDE_GAP)
+            spots.append((np.array([*spot[:2], table]), side.replace("_", " ")))
     return spots
 
 

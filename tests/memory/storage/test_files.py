@@ -194,17 +194,6 @@ def test_a_damaged_vector_is_named_and_left_out(
         assert str(problem).startswith(found)
 
 
-def test_a_vector_of_no_record_is_named(
-    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray
-) -> None:
-    with Store.open(sqlite_url) as store:
-        with store.writing("b", actor="a", now=NOW) as t:
-            t.put(record("1"), "add", vector=vector, model="m")
-        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
-            other.execute("INSERT INTO memory_vector VALUES ('b', 'nobody', 'm', 1, X'0000803f')")
-        assert [str(p) for p in look(store, "b").verify()] == ["vector nobody: it belongs to no record."]
-
-
 def test_threads_share_a_store(sqlite_url: str, record: Make) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
@@ -277,11 +266,3 @@ def test_a_file_that_is_taken_away_takes_nothing_in(
             with pytest.raises(MemoryStoreError, match=r"was deleted or replaced while it was open"):
                 bank.admit("Close the lid.", task="close the lid", trusted=True)
     assert filled.exists() == (how == "replaced")
-
-
-def test_a_connection_never_brings_a_deleted_file_back(filled: Path, sqlite_url: str) -> None:
-    with Store.open(sqlite_url) as store:
-        filled.unlink()
-        with pytest.raises(MemoryStoreError, match="unable to open database file"):
-            look(store, "default").records()
-    assert not filled.exists()

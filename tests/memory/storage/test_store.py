@@ -8,19 +8,14 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.events import EVENT, EVENT_COLUMNS, RECORD, StoredEpisode
-from gvla2.memory.records import COLUMNS, Record
+from gvla2.memory.events import StoredEpisode
+from gvla2.memory.records import Record
 from gvla2.memory.store import Store
 from gvla2.memory.transaction import StaleRecordError
 from tests.memory.looking import look
 
 NOW = 1.8e9
 Make = Callable[..., Record]
-
-
-def test_the_tables_are_the_records_column_for_column() -> None:
-    assert tuple(RECORD.columns.keys()) == COLUMNS
-    assert tuple(EVENT.columns.keys()) == EVENT_COLUMNS
 
 
 def test_a_record_comes_back_as_it_was_stored(
@@ -80,16 +75,6 @@ def interrupted(store: Store, record: Record, interruption: type[BaseException])
         raise interruption
 
 
-def test_a_refused_put_leaves_its_transaction_usable(store: Store, record: Make) -> None:
-    with store.writing("b", actor="a", now=NOW) as t:
-        t.put(record("1"), action="add")
-        with pytest.raises(MemoryStoreError):
-            t.put(record("3", confidence=float("nan")), "add")
-        t.put(record("4"), action="add")
-    assert [r.id for r in look(store, "b").records()] == ["1", "4"]
-    assert look(store, "b").verify() == []
-
-
 def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make) -> None:
     put(record("1", dedup_key="k"))
     with pytest.raises(MemoryStoreError, match="dedup_key"):
@@ -103,16 +88,6 @@ def test_a_dedup_key_that_is_given_up_is_free(store: Store, record: Make, put: M
     with store.writing("b", actor="a", now=NOW) as t:
         assert t.by_key("other") == moved
         assert t.by_key("nobody's") is None
-
-
-def test_records_by_state_and_id(store: Store, record: Make, put: Make) -> None:
-    for i, state in enumerate(["active", "archive", "provisional", "active"]):
-        put(record(f"r{i}", state=state))
-    assert [r.id for r in look(store, "b").records(["active"])] == ["r0", "r3"]
-    assert [r.id for r in look(store, "b").records(["active", "archive"], ["r1", "r3", "r9"])] == ["r1", "r3"]
-    assert look(store, "b").records([]) == []
-    assert look(store, "b").records(ids=[]) == []
-    assert look(store, "other").records() == []
 
 
 def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: Make) -> None:
