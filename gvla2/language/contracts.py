@@ -78,13 +78,13 @@ def picture(png: bytes) -> dict[str, Any]:
 class Token:
     """One token of an answer.
 
-    ``spelt`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
+    ``raw`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
     byte of the answer's UTF-8 where it begins, negative when it begins before the answer does. ``alternatives`` are
     (text, natural log-probability) of what the model might have said here, the token itself included, most likely first
     as the server sent them; values may be -inf or NaN if the server sent them.
     """
 
-    spelt: bytes
+    raw: bytes
     start: int
     logprob: float
     alternatives: tuple[tuple[str, float], ...] = ()
@@ -92,7 +92,7 @@ class Token:
     @property
     def text(self) -> str:
         """The token in characters."""
-        return self.spelt.decode(errors="replace")
+        return self.raw.decode(errors="replace")
 
 
 @dataclass(frozen=True)

@@ -66,10 +66,10 @@ def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
 
 def _letters(tokens: Sequence[Token], at: int) -> dict[str, float]:
     """Probabilities of the valid letters in the token that holds byte ``at``; variants of one letter are summed."""
-    token = next((t for t in tokens if t.start <= at < t.start + len(t.spelt)), None)
+    token = next((t for t in tokens if t.start <= at < t.start + len(t.raw)), None)
     if token is None:
         return {}
-    before = token.spelt[: at - token.start].decode(errors="replace")
+    before = token.raw[: at - token.start].decode(errors="replace")
     found: dict[str, float] = {}
     for alternative, logprob in token.alternatives:
         letter = _letter(alternative, before.strip(_AROUND))

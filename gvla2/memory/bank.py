@@ -192,16 +192,16 @@ class KnowledgeBank(OpenBank, Closing):
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
-        from gvla2.memory.learning import Brought, admit
+        from gvla2.memory.learning import JudgedEpisode, admit
 
         if self.options.frozen:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        brought = [
-            Brought.lesson(lesson, verdict, _task(task), source, own=trusted)
+        judged = [
+            JudgedEpisode.lesson(lesson, verdict, _task(task), source, own=trusted)
             for lesson, verdict, task, source in items
         ]
         with self._lock:
-            return admit(self, brought)
+            return admit(self, judged)
 
     def judge(
         self, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.records import OUTCOMES, TYPES, Record
-from gvla2.memory.text import questions, terms
+from gvla2.memory.text import subqueries, terms
 
 Array = NDArray[np.float64]
 UNSEEN = 10
@@ -118,7 +118,7 @@ class Candidates:
         vectors; both divided by the query's maximum, so that scores of different queries are comparable).
         """
         if self._asked is None or self._asked[0] != query:
-            self._asked = query, self._lexical(questions(query))
+            self._asked = query, self._lexical(subqueries(query))
         return self._asked[1]
 
     def _lexical(self, asked: Sequence[frozenset[str]]) -> Array:

@@ -243,7 +243,7 @@ class LessonPair:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A judge's decision on two lessons: whether they contradict each other, None if it cannot tell.
+    """A judge's decision on two lessons: whether they contradict each other, None if it is undecided.
 
     ``probability`` in [0, 1] that they do; ``usage`` is the cost of asking by name (prompt_tokens, completion_tokens,
     calls, cached).

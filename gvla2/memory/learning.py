@@ -43,11 +43,11 @@ MAX_CONTENT = 2000
 MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
 MAX_TAUGHT = 256
-"""Most record ids in a stored episode; a record names its episodes too."""
+"""Maximum number of record ids in a stored episode; a record names its episodes too."""
 
 
 @dataclass(frozen=True)
-class Brought:
+class JudgedEpisode:
     """An episode, its verdict, whether it is ours, and why ``unsure`` texts of a model are not believed immediately."""
 
     episode: MemoryEpisode
@@ -56,7 +56,9 @@ class Brought:
     unsure: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def lesson(cls, lesson: Lesson, verdict: Verdict, task: MemoryTask, source: str, *, own: bool) -> Brought:
+    def lesson(
+        cls, lesson: Lesson, verdict: Verdict, task: MemoryTask, source: str, *, own: bool
+    ) -> JudgedEpisode:
         """One lesson without an episode."""
         return cls(
             MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE)), credible(verdict)[0], own
@@ -102,21 +104,21 @@ def learn(bank: OpenBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
     except Gvla2Error as error:
         tally.note(f"The inducer failed, so the episode's own lessons were taken: {error}")
     written = [lesson for lesson in episode.lessons if id(lesson) not in own_lessons]
-    brought = Brought(episode, verdict, True, _unsure(written, episode, verdict))
-    weighed = _weighed(bank, [brought], tally, bank.options.max_per_episode)
+    judged = JudgedEpisode(episode, verdict, True, _unsure(written, episode, verdict))
+    weighed = _weighed(bank, [judged], tally, bank.options.max_per_episode)
     with deciding(bank, "learn") as ledger:
         _credit(ledger, episode.recalled, verdict)
-        _bring_in(bank, ledger, weighed, tally)
+        _store_lessons(bank, ledger, weighed, tally)
     return tally.learned()
 
 
-def admit(bank: OpenBank, items: Sequence[Brought]) -> Learned:
+def admit(bank: OpenBank, items: Sequence[JudgedEpisode]) -> Learned:
     """Store lessons without an episode; some hundred share a transaction, so that an error keeps the ones before."""
     tally = LessonTally()
     for start in range(0, len(items), CHUNK):
         weighed = _weighed(bank, items[start : start + CHUNK], tally, 1)
         with deciding(bank, "admit") as ledger:
-            _bring_in(bank, ledger, weighed, tally)
+            _store_lessons(bank, ledger, weighed, tally)
     return tally.learned()
 
 
@@ -124,10 +126,10 @@ def admit(bank: OpenBank, items: Sequence[Brought]) -> Learned:
 
 
 def _weighed(
-    bank: OpenBank, brought: Sequence[Brought], tally: LessonTally, most: int
-) -> list[tuple[Brought, list[Weighed]]]:
+    bank: OpenBank, judged: Sequence[JudgedEpisode], tally: LessonTally, most: int
+) -> list[tuple[JudgedEpisode, list[Weighed]]]:
     """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
-    weighed = [(one, _admitted(bank, one, tally, most)) for one in brought]
+    weighed = [(one, _admitted(bank, one, tally, most)) for one in judged]
     texts = [
         (phrasings("", one.episode.task.query), candidate.lesson.content)
         for one, some in weighed
@@ -137,7 +139,7 @@ def _weighed(
     return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 
-def _admitted(bank: OpenBank, one: Brought, tally: LessonTally, most: int) -> list[Weighed]:
+def _admitted(bank: OpenBank, one: JudgedEpisode, tally: LessonTally, most: int) -> list[Weighed]:
     episode, admitted = one.episode, dict[str, Weighed]()
     for given in episode.lessons:
         lesson = replace(given, content=clean(given.content, MAX_CONTENT))
@@ -176,8 +178,8 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
 # Within it ----------------------------------------------------------------------------------------------------------
 
 
-def _bring_in(
-    bank: OpenBank, ledger: Ledger, weighed: Sequence[tuple[Brought, list[Weighed]]], tally: LessonTally
+def _store_lessons(
+    bank: OpenBank, ledger: Ledger, weighed: Sequence[tuple[JudgedEpisode, list[Weighed]]], tally: LessonTally
 ) -> None:
     for one, some in weighed:
         learning = Learning(ledger, one, tally)
@@ -206,7 +208,9 @@ def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
         ledger.put(credited, "CREDIT" if success else "RECALLED", why)
 
 
-def _kept(known: StoredEpisode | None, one: Brought, touched: Sequence[str], now: float) -> StoredEpisode:
+def _kept(
+    known: StoredEpisode | None, one: JudgedEpisode, touched: Sequence[str], now: float
+) -> StoredEpisode:
     """The episode as replay needs it; each source has one, with its latest records."""
     episode, task = one.episode, one.episode.task
     known = known or StoredEpisode(episode.source, now, task)
@@ -225,9 +229,9 @@ def _kept(known: StoredEpisode | None, one: Brought, touched: Sequence[str], now
 class Learning:
     """Adds the lessons of one episode to a bank, within one transaction."""
 
-    def __init__(self, ledger: Ledger, brought: Brought, tally: LessonTally) -> None:
-        self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
-        self._origin, self._tally = brought.origin, tally
+    def __init__(self, ledger: Ledger, judged: JudgedEpisode, tally: LessonTally) -> None:
+        self._ledger, self._episode, self._verdict = ledger, judged.episode, judged.verdict
+        self._origin, self._tally = judged.origin, tally
         self.touched: list[str] = []
 
     def add(self, candidate: Weighed) -> None:

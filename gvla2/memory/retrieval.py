@@ -18,7 +18,7 @@ from gvla2.memory.candidates import Array, Candidates
 from gvla2.memory.contracts import MemoryTask, Ranked
 from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
 from gvla2.memory.records import OUTCOMES, TYPES, Record, dump
-from gvla2.memory.text import questions, words
+from gvla2.memory.text import subqueries, words
 
 _CONSTRAINT = TYPES.index("failure_avoidance")
 _FAIL = OUTCOMES.index("verified_fail")
@@ -44,7 +44,7 @@ class HybridRetriever:
         options = self._options
         if not len(candidates):
             return (), "The bank is empty."
-        if not questions(task.query):
+        if not subqueries(task.query):
             return (), "The query has no word to search by."
         lexical = candidates.lexical(task.query)
         cosine = np.clip(candidates.cosine(query_embedding), 0.0, 1.0)

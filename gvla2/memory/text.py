@@ -59,12 +59,12 @@ def words(text: str) -> list[str]:
 
 
 def numbers(text: str) -> list[str]:
-    """The numbers of a text in reading order, as they are spelt."""
+    """The numbers of a text in reading order, as they are written."""
     return _NUMBER.findall(text)
 
 
 @lru_cache(maxsize=16)
-def questions(query: str) -> tuple[frozenset[str], ...]:
+def subqueries(query: str) -> tuple[frozenset[str], ...]:
     """The terms of a query, then those of the sentences of a longer one that have two or more.
 
     Instructions mention circumstances too ("The guests come at seven; set the table."), which useful records do not

@@ -45,7 +45,7 @@ from gvla2.memory.records import (
     dump,
     load_object,
 )
-from gvla2.memory.view import BankView, batches, sound
+from gvla2.memory.view import BankView, batches, valid_record
 
 MAX_WHY = 2000
 MAX_TEXT = 2_000_000
@@ -101,7 +101,7 @@ class Transaction(BankView):
         what :func:`checked` and :func:`vector_row` refuse, before anything is written.
         """
         row = next(self.rows(ids=[record.id]), None)
-        old = sound(row) if row is not None else None
+        old = valid_record(row) if row is not None else None
         if record.version != (expected := old.version if old else 0):
             now = f"is of version {expected} by now, not {record.version}: read it again"
             raise StaleRecordError(f"Record '{record.id}' of bank '{self.bank}' {now}.")

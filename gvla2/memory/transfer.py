@@ -15,7 +15,7 @@ from gvla2.errors import Gvla2Error, MemoryStoreError, OutputError
 from gvla2.io.files import write_whole
 from gvla2.memory.admission import invalid
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
-from gvla2.memory.learning import Brought, admit
+from gvla2.memory.learning import JudgedEpisode, admit
 from gvla2.memory.ledger import OpenBank
 from gvla2.memory.records import OUTCOMES, TYPES, Record, finite, load_object
 from gvla2.memory.store import Store
@@ -88,7 +88,7 @@ def import_jsonl(bank: OpenBank, path: Path, *, trusted: bool = False, source: s
     yours become active. Archived records are left out; evidence counts as one episode. Raises
     :class:`MemoryStoreError` when the file or the store cannot be read.
     """
-    brought: list[Brought] = []
+    judged: list[JudgedEpisode] = []
     broken: list[str] = []
     left_out = 0
     for number, raw in _lines(path):
@@ -98,12 +98,12 @@ def import_jsonl(bank: OpenBank, path: Path, *, trusted: bool = False, source: s
                 left_out += 1
                 continue
             own = trusted and line.get("state", "active") == "active" and line.get("trust", "own") == "own"
-            brought.append(Brought.lesson(*_lesson(line), source, own=own))
+            judged.append(JudgedEpisode.lesson(*_lesson(line), source, own=own))
         except (LineError, ValueError, TypeError, RecursionError) as error:
             broken.append(f"{path.name}, line {number}: {error}")
-    if broken and not brought:
+    if broken and not judged:
         raise MemoryStoreError(f"{path} is not an export of a memory: {broken[0]}.")
-    done = admit(bank, brought)
+    done = admit(bank, judged)
     known = len(done.merged) + done.discarded
     return Imported(done.added, done.provisional, known, left_out, tuple(broken))
 

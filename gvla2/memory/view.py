@@ -74,11 +74,11 @@ class BankView:
     def by_key(self, key: str) -> Record | None:
         """The record of a dedup key."""
         row = self.sql.execute(self._of(RECORD).where(RECORD.c.dedup_key == key)).one_or_none()
-        return None if row is None else sound(row)
+        return None if row is None else valid_record(row)
 
     def records(self, states: Wanted = None, ids: Wanted = None) -> list[Record]:
         """The records in these states, with these ids (all by default; never forgotten ones), by id."""
-        found = [record for row in self.rows(states, ids) if (record := sound(row)) is not None]
+        found = [record for row in self.rows(states, ids) if (record := valid_record(row)) is not None]
         return sorted(found, key=lambda record: record.id)
 
     def rows(self, states: Wanted = None, ids: Wanted = None) -> Iterator[Row[Any]]:
@@ -92,7 +92,7 @@ class BankView:
         columns = (VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
         query, found = select(*columns).select_from(RECORD.outerjoin(VECTOR, _PAIRED)), []
         for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
-            record = sound(row[3:], forgotten=True)
+            record = valid_record(row[3:], forgotten=True)
             if record is not None:
                 found.append((record, vector_of(row[1], row[2]), row[0] or ""))
         against = self.conflicts({record.id for record, _, _ in found})
@@ -197,7 +197,7 @@ def batches(values: Iterable[Any]) -> Iterator[list[Any]]:
     return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
 
-def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
+def valid_record(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
     """The record of a stored row; None for a damaged row, and for a tombstone unless ``forgotten``."""
     if (row[_STATE] == FORGOTTEN and not forgotten) or damage_of(tuple(row)):
         return None

@@ -2,27 +2,37 @@
 
 import asyncio
 import importlib.util
+import json
+import logging
 import socket
 import subprocess
 import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
+import diskcache
 import pytest
+from omegaconf import OmegaConf
 
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
 from gvla2.language import (
     Completion,
     Endpoint,
     EndpointOptions,
+    LanguageModelError,
     MalformedAnswerError,
     ModelRefusedError,
     ModelUnavailableError,
     Request,
+    ask_typed,
+    picture,
 )
+from gvla2.language.wire import without_system
 from gvla2.testing.language import LocalModel, Reply, refused, said
+from gvla2_plugins.endpoint import EndpointConfig
 
 ASK = [{"role": "user", "content": "Well?"}]
 
@@ -218,3 +228,202 @@ def test_making_one_imports_no_package():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# Answers kept by what was asked
+
+
+def counting():
+    """Answers with how many questions came before, this one included."""
+    seen = []
+
+    def answering(request: dict[str, Any]) -> dict[str, Any]:
+        seen.append(request)
+        return said(str(len(seen)))
+
+    return answering
+
+
+def test_the_same_question_is_asked_once_and_costs_once(tmp_path: Path):
+    with LocalModel(counting()) as model:
+        first = ask(endpoint(model, cache=str(tmp_path)))
+        again = endpoint(model, cache=str(tmp_path))
+        second = ask(again)
+    assert (first.text, first.cached) == ("1", False)
+    assert (second.text, second.cached, second.latency) == ("1", True, 0.0)
+    counts = again.ledger.totals()["plan"]
+    assert (counts["cached"], counts["calls"], counts["prompt_tokens"], counts["seconds"]) == (1, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "change", [{"model": "n"}, {"temperature": 0.7}, {"max_tokens": 9}, {"extra": {"top_k": 1}}], ids=str
+)
+def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, Any]):
+    with LocalModel(counting()) as model:
+        ask(endpoint(model, cache=str(tmp_path)))
+        assert not ask(endpoint(model, cache=str(tmp_path), **change)).cached
+        for request in (
+            Request(ASK, seed=1, temperature=0.1),
+            Request(ASK, logprobs=True),
+            Request(ASK, schema={"type": "object"}),
+            Request(ASK, schema={"type": "array"}),
+            Request(ASK, grammar='root ::= "a"'),
+            Request([{"role": "user", "content": "?"}]),
+        ):
+            (answer,) = endpoint(model, cache=str(tmp_path)).complete_all([request], purpose="plan")
+            assert not answer.cached
+
+
+@pytest.mark.parametrize(
+    "damage",
+    ["", "{", "[]", "[" * 100_000, '{"choices": []}', '{"choices": 3}', 7, b"\xff"],
+    ids=range(8),
+)  # fmt: skip
+def test_damaged_entries_are_asked_for_anew_and_rewritten(tmp_path: Path, damage: object):
+    with LocalModel(counting()) as model:
+        ask(endpoint(model, cache=str(tmp_path)))
+        with diskcache.Cache(str(tmp_path)) as cache:
+            for key in list(cache):
+                cache[key] = damage
+        assert ask(endpoint(model, cache=str(tmp_path))).text == "2"
+        assert ask(endpoint(model, cache=str(tmp_path))).cached
+
+
+def test_a_destroyed_cache_loses_no_answer_and_is_reported_once(tmp_path: Path, caplog):
+    with LocalModel(counting()) as model:
+        ask(endpoint(model, cache=str(tmp_path)))
+        (tmp_path / "cache.db").write_bytes(b"no database at all" * 100)
+        language = endpoint(model, cache=str(tmp_path))
+        assert [ask(language).text, ask(language).text] == ["2", "3"]
+    assert [r.levelname for r in caplog.records if "not cached" in r.getMessage()] == ["WARNING"]
+
+
+def test_answers_without_words_are_not_kept(tmp_path: Path):
+    with LocalModel(lambda _: said("<think>too long", finish="length")) as model:
+        for _ in range(2):
+            assert not ask(endpoint(model, cache=str(tmp_path))).cached
+
+
+# What a server does not take is left out, and not asked for again
+
+
+SYSTEM = [{"role": "system", "content": "Be brief."}, {"role": "user", "content": "Well?"}]
+
+
+SCHEMA = {"type": "object", "properties": {"a": {"type": "number"}}}
+
+
+ALL = Request(SYSTEM, logprobs=True, schema=SCHEMA)
+
+
+def server(
+    *, most: int | None = 20, system: bool = True, schema: bool = True, gives: bool = True, status: int = 400
+):
+    """A server that refuses what it does not know, or (``gives`` False) takes log-probs in silence and gives none."""
+
+    def answering(request: dict[str, Any]) -> Any:
+        if not system and any(m["role"] == "system" for m in request["messages"]):
+            return refused(status, "System role not supported")
+        if not schema and "response_format" in request:
+            return refused(422, "response_format")
+        if request.get("logprobs") and (most is None or request.get("top_logprobs", 0) > most):
+            return refused(400, "logprobs")
+        return said("yes", [("yes", {"yes": 0.8, "no": 0.1})] if request.get("logprobs") and gives else ())
+
+    return answering
+
+
+def asked(answering, request: Request = ALL, **options: Any) -> tuple[Completion, LocalModel]:
+    with LocalModel(answering) as model:
+        answer = endpoint(model, retries=0, **options).complete(request, purpose="plan")
+    return answer, model
+
+
+@pytest.mark.parametrize(
+    ("answering", "calls"),
+    [
+        (server(), 1),
+        (server(schema=False), 2),
+        (server(most=5), 3),
+        (server(most=None), 4),
+        (server(system=False), 5),
+        (server(most=None, schema=False, system=False), 6),
+        (server(gives=False), 1),
+        (server(system=False, status=500), 2),
+    ],
+)
+def test_what_is_refused_is_left_out_then_and_later(answering, calls: int):
+    with LocalModel(answering) as model:
+        language = endpoint(model, retries=0)
+        for asked_before in (0, calls):
+            assert language.complete(ALL, purpose="plan").text == "yes"
+            assert len(model.requests) == asked_before + (1 if asked_before else calls)
+
+
+def test_a_schema_and_a_grammar_are_sent_by_request():
+    _, model = asked(server(), Request(SYSTEM, schema=SCHEMA))
+    assert model.requests[0]["response_format"] == {
+        "type": "json_schema",
+        "json_schema": {"name": "answer", "schema": SCHEMA, "strict": True},
+    }
+    both = Request(SYSTEM, schema=SCHEMA, grammar='root ::= "a"')
+    _, model = asked(server(), both, grammars=True)
+    assert (model.requests[0]["grammar"], "response_format" in model.requests[0]) == ('root ::= "a"', False)
+    _, model = asked(server(), both)
+    assert ("grammar" in model.requests[0], "response_format" in model.requests[0]) == (False, True)
+
+
+def test_orders_without_a_system_role():
+    user = {"role": "user", "content": "u"}
+    order = {"role": "system", "content": "s"}
+    assert without_system([order]) == [{"role": "user", "content": "s"}]
+    before = {"role": "assistant", "content": "a"}
+    assert without_system([before, order, user]) == [before, {"role": "user", "content": "s\n\nu"}]
+    seen = {"role": "user", "content": [picture(b"png")]}
+    assert without_system([order, seen]) == [
+        {"role": "user", "content": [{"type": "text", "text": "s"}, picture(b"png")]}
+    ]
+
+
+def test_a_picture_is_sent():
+    shown = [{"role": "user", "content": [{"type": "text", "text": "Where?\ud800"}, picture(b"\x89PNG")]}]
+    _, model = asked(server(), Request(shown))
+    text, image = model.requests[0]["messages"][0]["content"]
+    assert text["text"] == "Where??"
+    assert image["image_url"]["url"] == "data:image/png;base64,iVBORw=="
+
+
+# A key goes to its server and nowhere else
+
+
+KEY = "sk-t0p-s3cret"
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [said(f"It is {KEY}."), refused(401, f"Bearer {KEY} is wrong"), refused(503, f"busy with {KEY}"),
+     Reply(f"<html>{KEY}</html>".encode(), 500), Reply(f"{KEY} is no JSON".encode()),
+     Reply({"error": {"message": f"{KEY}?"}}), Reply({"choices": KEY})],
+    ids=range(7),
+)  # fmt: skip
+def test_a_key_in_a_response_is_redacted_everywhere(reply: Any, tmp_path: Path, monkeypatch, caplog):
+    monkeypatch.setenv("MY_KEY", KEY)
+    caplog.set_level(logging.DEBUG)
+    with LocalModel(lambda _: reply) as model:
+        config = EndpointConfig(
+            base_url=model.url, model="m", api_key_env="MY_KEY", retries=1, cache=str(tmp_path)
+        )
+        with pytest.raises(LanguageModelError) as caught:
+            ask_typed(Endpoint(config), ASK, int, purpose="plan", tries=2)
+        assert {h["Authorization"] for h in model.headers} == {f"Bearer {KEY}"}
+    assert KEY not in str(caught.value)
+    assert KEY not in json.dumps(caught.value.transcript)
+    assert KEY not in caplog.text
+    assert all(KEY.encode() not in file.read_bytes() for file in tmp_path.rglob("*") if file.is_file())
+    assert KEY not in OmegaConf.to_yaml(OmegaConf.structured(config))
+
+
+def test_a_missing_key_names_its_variable_alone(monkeypatch):
+    monkeypatch.delenv("MY_KEY", raising=False)
+    with pytest.raises(Gvla2Error, match=r"'MY_KEY'.*is not set"):
+        Endpoint(EndpointConfig(api_key_env="MY_KEY"))

@@ -94,13 +94,6 @@ def one(text: str, *alternatives: tuple[str, float], start: int = 7) -> TokenSco
     return score_answer("<score>B</score>", [token])
 
 
-def test_variants_are_one_letter_and_words_are_none():
-    score = one("B", ("B", math.log(0.3)), (" B", math.log(0.2)), ("b", math.log(0.1)), ("Bad", math.log(0.2)),
-                ("A+", math.log(0.05)), ("B</sc", math.log(0.05)))  # fmt: skip
-    assert score.mass == pytest.approx(0.65)
-    assert score.value == pytest.approx(phi("B"))
-
-
 def test_below_half_the_mass_the_letter_counts_as_written():
     score = one("B", ("B", math.log(0.2)), ("T", math.log(0.25)), ("because", math.log(0.5)))
     assert score.source == "tag"

@@ -1,17 +1,36 @@
-"""Admission, merging, credit and recall of the KnowledgeBank, on a real database."""
+"""The KnowledgeBank on a real database: admission, merging, credit, recall; interrupts, odd text, mistakes."""
 
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from gvla2.memory.contracts import Lesson, MemoryTask
-from tests.memory.picking_lessons import AVOID, BOUND, TOOL, lesson
+from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.memory import KnowledgeBank, Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.admission import pooled_effects
+from gvla2.memory.transaction import Transaction
 
 Open = Callable[..., Any]
+BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
+         "skill": "pick", "source": ""}  # fmt: skip
+AVOID = Lesson("failure_avoidance", "Pick up a small box: failed because the object slipped.", BOUND)
+TOOL = Lesson("tool_usage", "Pick up a small box: ask for the wrist camera first.")
+
+
+def prior(value: float, count: int = 1, sd: float = 0.0) -> dict[str, Any]:
+    return {"kind": "prior", "parameter": "grasp_depth", "value": value, "sd": sd, "count": count, "op": ">="}
+
+
+def lesson(value: float = 0.02) -> Lesson:
+    return Lesson("procedural_hint", "Pick up a small box: this grasp depth succeeded.", prior(value))
 
 
 def test_an_empty_bank_abstains(open_bank: Open) -> None:
@@ -41,18 +60,12 @@ def test_a_verified_hint_is_recalled_with_its_effect(open_bank: Open, episode: O
     [
         "What is the capital of France?",
         "Bake a chocolate cake for the party",
-        "Book a flight to Tokyo",
         "Wie wird das Wetter morgen in Berlin?",
-        "Quelle heure est-il à Paris ?",
-        "¿Dónde está la biblioteca?",
         "Сколько сейчас времени в Москве?",
         "今天天气怎么样",
-        "明日の天気はどうですか",
         "Recommend a small restaurant near the station",
-        "Which red wine goes with roasted venison?",
         "the of and to it",
         "",
-        "!!! ???",
     ],
 )
 def test_an_irrelevant_query_recalls_nothing_and_says_why(
@@ -68,7 +81,7 @@ def test_an_irrelevant_query_recalls_nothing_and_says_why(
 
 
 @pytest.mark.parametrize(
-    ("learnt", "asked"),
+    ("learned", "asked"),
     [
         ("Nimm den roten Würfel hoch", "Heb den roten Würfel an"),
         ("拿起红色方块", "请拿起红色方块"),
@@ -78,10 +91,10 @@ def test_an_irrelevant_query_recalls_nothing_and_says_why(
     ],
 )
 def test_recall_works_in_any_language(
-    open_bank: Open, episode: Open, verdicts: Any, learnt: str, asked: str
+    open_bank: Open, episode: Open, verdicts: Any, learned: str, asked: str
 ) -> None:
     bank = open_bank()
-    bank.learn(episode(learnt, Lesson("procedural_hint", "θ")), verdicts["success"])
+    bank.learn(episode(learned, Lesson("procedural_hint", "θ")), verdicts["success"])
     bank.learn(
         episode("Push the tray", Lesson("procedural_hint", "slide it"), skill="push"), verdicts["success"]
     )
@@ -193,3 +206,139 @@ def test_usage_is_credited_after_a_verified_success_alone(
         assert (record.usage, record.recalled) == (usage, recalled)
     credited = bank.recall(MemoryTask("Pick up the red cube")).items
     assert credited[0].terms["usage"] == pytest.approx(math.log(2) / 8)
+
+
+def test_banks_in_one_database_do_not_meet(open_bank: Open, episode: Open, verdicts: Any) -> None:
+    open_bank("a").learn(episode("Pick up the red cube", lesson()), verdicts["success"])
+    assert not open_bank("b").recall(MemoryTask("Pick up the red cube")).items
+    open_bank("b").learn(episode("Pick up the red cube", lesson()), verdicts["success"])
+    assert open_bank("a").records()[0].id != open_bank("b").records()[0].id
+
+
+def test_switches(open_bank: Open, episode: Open, verdicts: Any) -> None:
+    frozen = open_bank(frozen=True)
+    assert "frozen" in frozen.learn(episode(), verdicts["success"]).notes[0]
+    assert not frozen.records()
+    assert not open_bank(failures=False).learn(episode("q", AVOID), verdicts["fail"]).added
+    assert open_bank(admission=False).learn(episode("q", lesson()), verdicts["uncertain"]).added
+    many = [Lesson("tool_usage", f"lesson {i}") for i in range(9)]
+    capped = open_bank(max_per_episode=4).learn(episode("q", *many), verdicts["success"])
+    assert (len(capped.added), capped.discarded) == (4, 5)
+
+
+def test_interrupting_a_transaction_stores_nothing_of_it(
+    open_bank: Open, episode: Open, verdicts: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bank = open_bank()
+    bank.learn(episode("Pick up the red cube", lesson()), verdicts["success"])
+    context = bank.recall(MemoryTask("Pick up the red cube"))
+    before = bank.records()
+    calls = []
+    finish = Transaction.finish
+
+    def stop_when_written(self: Transaction) -> None:
+        finish(self)
+        calls.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Transaction, "finish", stop_when_written)
+    with pytest.raises(KeyboardInterrupt):
+        bank.learn(
+            episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]
+        )
+    assert calls
+    assert bank.records() == before
+
+
+def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    odd = [
+        Lesson("tool_usage", "nan", {"kind": "bound", "value": math.nan}),
+        Lesson("tool_usage", "object", {"kind": object()}),
+        Lesson("tool_usage", "   "),
+        Lesson("tool_usage", "lone \ud800 surrogate and a \x00 byte"),
+    ]
+    learned = bank.learn(episode("lone \udfff surrogate\x00", *odd), verdicts["success"])
+    assert (len(learned.added), learned.discarded) == (1, 3)
+    assert bank.recall(MemoryTask("lone \ud800 surrogate")).items
+
+
+@given(st.lists(st.floats(-10, 10), min_size=2, max_size=12), st.integers(1, 11))
+@settings(max_examples=50, deadline=None)
+def test_pooling_does_not_depend_on_the_grouping(values: list[float], cut: int) -> None:
+    cut = min(cut, len(values) - 1)
+
+    def pooled(part: list[float]) -> dict[str, Any]:
+        effect: dict[str, Any] | None = None
+        for value in part:
+            effect = pooled_effects(effect, prior(value))
+        assert effect is not None
+        return effect
+
+    whole, parts = pooled(values), pooled_effects(pooled(values[:cut]), pooled(values[cut:]))
+    assert parts is not None
+    assert parts["count"] == whole["count"] == len(values)
+    assert parts["value"] == pytest.approx(np.mean(values), abs=1e-9)
+    assert parts["sd"] == pytest.approx(np.std(values, ddof=1), abs=1e-6)
+    assert whole["sd"] == pytest.approx(np.std(values, ddof=1), abs=1e-6)
+
+
+WAY = "$ sort -o names.txt names.txt"
+
+
+def test_the_package_loads_nothing_until_it_is_used(tmp_path: Path) -> None:
+    heavy = "{'numpy', 'sqlalchemy', 'hydra', 'torch', 'scipy', 'trimesh', 'numba'}"
+    code = f"import sys, gvla2.memory; print({heavy} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+    bank = "from gvla2.memory import KnowledgeBank; KnowledgeBank(sys.argv[1]).recall('x')"
+    heavy = "{'hydra', 'torch', 'scipy', 'trimesh', 'numba', 'sqlmodel', 'pydantic'}"
+    code = f"import sys; {bank}; print({heavy} & set(sys.modules))"
+    path = str(tmp_path / "m.db")
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_recall_learn_and_credit(tmp_path: Path) -> None:
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        assert bank.recall("sort a file").text == ""
+        (id,) = bank.learn("sort a file", WAY, success=True).added
+        context = bank.recall("sort the lines of a file")
+        assert "sort -o names.txt" in context.text
+        again = bank.learn("sort the lines of a file", WAY, success=True, recalled=context)
+        assert not again.degraded
+        assert next(record.usage for record in bank.records() if record.id == id) == 1
+    with KnowledgeBank(str(tmp_path / "memory.db")) as bank:
+        assert bank.recall("sort a file").items
+
+
+def test_a_failure_teaches_a_constraint_and_an_open_end_nothing_sure(tmp_path: Path) -> None:
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        (id,) = bank.learn("open the jar", "- turned the lid\nerror: the lid is stuck", success=False).added
+        assert id.startswith("avoid-")
+        assert bank.learn("fold the towel", "- took a corner", lessons=["Fold it twice."]).provisional
+        assert bank.recall("fold the towel").items == ()
+
+
+def test_what_is_admitted_without_trust_waits(tmp_path: Path) -> None:
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        assert bank.admit("Salt the soup at the end.", task="cook a soup", source="a colleague").provisional
+        assert bank.admit("Stir the soup slowly.", task="cook a soup", trusted=True).added
+        assert [r.content for r in bank.records(["active"])] == ["Stir the soup slowly."]
+        (item,) = bank.recall("cook a soup").items
+        assert item.trust == "own"
+
+
+def test_mistakes_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="Not a database address"):
+        KnowledgeBank(":memory:")
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        episode = MemoryEpisode(MemoryTask("x"), (Lesson("tool_usage", "Hold it."),))
+        with pytest.raises(TypeError, match="needs its Verdict"):
+            bank.learn(episode)  # type: ignore[call-overload]
+        assert bank.learn(episode, Verdict.from_criteria({"done": 1.0})).added
+        for odd in (None, 5):
+            with pytest.raises(Gvla2Error, match="A lesson is a sentence or a Lesson, not"):
+                bank.admit(odd)  # type: ignore[arg-type]
+            with pytest.raises(Gvla2Error, match="A task is a sentence or a MemoryTask, not"):
+                bank.recall(odd)  # type: ignore[arg-type]

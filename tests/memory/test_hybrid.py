@@ -14,7 +14,7 @@ from gvla2.memory.contracts import Lesson, MemoryTask, Ranked
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
-from gvla2.memory.text import questions, terms
+from gvla2.memory.text import subqueries, terms
 from gvla2.testing.memory import candidates
 from tests.memory.corpus import lessons, tasks
 
@@ -50,7 +50,7 @@ def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> lis
     vector = EMBEDDER.embed([task.query])[0]
     found = []
     for i, record in enumerate(records):
-        lexical = max(share(asked, texts[i]) for asked in questions(task.query))
+        lexical = max(share(asked, texts[i]) for asked in subqueries(task.query))
         cosine = min(max(float(EMBEDDER.embed([record.text])[0] @ vector), 0.0), 1.0)
         known = record.signature_json()
         if task.skill and record.skill and record.skill != task.skill:

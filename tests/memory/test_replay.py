@@ -27,7 +27,7 @@ class Judge:
         return self.verdicts[min(len(self.seen), len(self.verdicts)) - 1]
 
 
-def learnt(source: str = "run/1", *lessons: Lesson) -> MemoryEpisode:
+def learned(source: str = "run/1", *lessons: Lesson) -> MemoryEpisode:
     return MemoryEpisode(
         MemoryTask("Open the drawer"),
         lessons or (HINT,),
@@ -39,7 +39,7 @@ def learnt(source: str = "run/1", *lessons: Lesson) -> MemoryEpisode:
 
 def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     judge = Judge(verdicts["success"])
     replayed = bank.replay(judge)
     assert replayed.promoted == [id]
@@ -54,7 +54,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
 
 def test_a_recipe_of_an_episode_that_failed_after_all_is_archived(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     assert bank.replay(Judge(verdicts["fail"])).demoted == [id]
     assert [r.state for r in bank.records()] == ["archive"]
 
@@ -68,7 +68,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
             return verdicts["unavailable"]
 
     bank = open_bank()
-    bank.learn(learnt(), verdicts["uncertain"])
+    bank.learn(learned(), verdicts["uncertain"])
     before, events = bank.records(), bank.stats()["events"]
     replayed = bank.replay(Broken())
     assert (replayed.episodes, replayed.unavailable) == (1, 1)
@@ -79,8 +79,8 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
 
 def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    bank.learn(learnt("run/1", PULLED), verdicts["success"])
-    bank.learn(learnt("run/2", NEVER), verdicts["fail"])
+    bank.learn(learned("run/1", PULLED), verdicts["success"])
+    bank.learn(learned("run/2", NEVER), verdicts["fail"])
     assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
     replayed = bank.replay(Judge(verdicts["fail"]))
     assert replayed.episodes == 2
@@ -91,7 +91,7 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
 
 def test_sure_records_are_left_alone(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    bank.learn(learnt(), verdicts["success"])
+    bank.learn(learned(), verdicts["success"])
     judge = Judge(verdicts["fail"])
     assert bank.replay(judge).episodes == 0
     assert judge.seen == []
@@ -100,8 +100,8 @@ def test_sure_records_are_left_alone(open_bank: Open, verdicts: Any) -> None:
 def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     for i in range(9):
-        bank.learn(learnt(f"run/{i}", PULLED), verdicts["success"])
-    bank.learn(learnt("other", NEVER), verdicts["fail"])
+        bank.learn(learned(f"run/{i}", PULLED), verdicts["success"])
+    bank.learn(learned("other", NEVER), verdicts["fail"])
     replayed = bank.replay(Judge(verdicts["fail"]), limit=2)
     assert replayed.episodes == 2
     assert replayed.demoted == []
@@ -121,7 +121,7 @@ def test_a_verifier_that_is_fooled_promotes_nothing_from_outside(open_bank: Open
 def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: Any) -> None:
     judge = Judge(verdicts["success"])
     bank = open_bank(verifier=judge)
-    bank.learn(learnt("run/1"), verdicts["uncertain"])
+    bank.learn(learned("run/1"), verdicts["uncertain"])
     assert judge.seen == []  # its own episode has just been judged
     bank.learn(MemoryEpisode(MemoryTask("Water the fern"), (AVOID,), source="run/2"), verdicts["fail"])
     assert len(judge.seen) == 1
@@ -131,8 +131,8 @@ def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: 
 def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
     judge = Judge(verdicts["success"])
     bank = open_bank(verifier=judge, replay=False)
-    bank.learn(learnt("run/1"), verdicts["uncertain"])
-    bank.learn(learnt("run/2", AVOID), verdicts["fail"])
+    bank.learn(learned("run/1"), verdicts["uncertain"])
+    bank.learn(learned("run/2", AVOID), verdicts["fail"])
     assert bank.replay(judge).episodes == 0
     assert judge.seen == []
 
@@ -140,8 +140,8 @@ def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
 def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
-    (first,) = bank.learn(learnt("run/1", PULLED), verdicts["success"]).added
-    (second,) = bank.learn(learnt("run/2", other), verdicts["uncertain"]).provisional
+    (first,) = bank.learn(learned("run/1", PULLED), verdicts["success"]).added
+    (second,) = bank.learn(learned("run/2", other), verdicts["uncertain"]).provisional
     bank.replay(Judge(verdicts["success"]))
     assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [
         (True, "active"),
@@ -152,7 +152,7 @@ def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: O
 
 def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    (id,) = bank.learn(learnt(), verdicts["uncertain"]).provisional
+    (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     assert bank.forget(id)
     assert not bank.forget(id)
     judge = Judge(verdicts["success"])

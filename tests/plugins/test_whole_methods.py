@@ -66,7 +66,7 @@ def test_it_conforms(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_what_was_learnt_survives_a_restart_in_a_bank_of_its_own(name: str, build: Callable, url: str):
+def test_what_was_learned_survives_a_restart_in_a_bank_of_its_own(name: str, build: Callable, url: str):
     memory = build(name)
     learned = memory.learn(episode(), GOOD)
     assert len(learned.added) == 1
