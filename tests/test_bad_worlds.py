@@ -116,7 +116,7 @@ def test_what_is_out_of_reach_or_view_is_declined_before_any_motion(parts, place
     assert record.report is None
 
 
-def test_two_alike_are_told_apart_by_nobody(parts):
+def test_two_alike_are_distinguished_by_nobody(parts):
     asked_for = []  # the colour's solids; every other cube gets the same
 
     def note(asked, body):
@@ -179,7 +179,7 @@ def test_a_simulation_that_explodes_is_marked_and_the_next_episode_is_clean(part
     assert (record.failure.stage, record.failure.kind) == ("execute", "simulation")
     assert "blown up" in record.failure.message
     assert record.report.abort is not None
-    # What happened in such a world is neither judged nor learnt from.
+    # What happened in such a world is neither judged nor learned from.
     assert record.verdict is None
     assert record.learned is None
     assert record.success_check is None
@@ -202,11 +202,11 @@ def test_a_run_of_several_goes_on_after_an_explosion(registry, compose_run, tmp_
     monkeypatch.setattr(SapienDriver, "follow", explosive)
     out = tmp_path / "out"
     share = success_rate(run_episodes(compose_run("memory=none", "episodes=2", *QUICK), registry, out))
-    told = json.loads((out / "result.json").read_text())
-    first, second = told["rows"]
+    shown = json.loads((out / "result.json").read_text())
+    first, second = shown["rows"]
     assert first["failure"]["kind"] == "simulation"
     assert first["success"] is None
     assert second["success"] is True
-    assert (told["episodes"], share) == (2, 0.5)
+    assert (shown["episodes"], share) == (2, 0.5)
     page = (out / "episode_000" / "index.html").read_text()
     assert "blown up" in page

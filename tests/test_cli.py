@@ -117,7 +117,7 @@ def test_plugins_refuses_what_it_does_not_know(
     assert message in capsys.readouterr().err
 
 
-def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
+def test_plugins_lists_the_broken_and_exits_well(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     info = tmp_path / "bad-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad\nVersion: 1.0\n")

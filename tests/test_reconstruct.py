@@ -113,7 +113,7 @@ def test_the_command_leaves_geometry_numbers_and_a_page(run: Path):
     assert "http" not in page.replace("http-equiv", ""), "the page loads nothing"
 
 
-def test_the_result_tells_choices_stages_and_measures(run: Path):
+def test_the_result_has_choices_stages_and_measures(run: Path):
     reported = json.loads((run / "result.json").read_text())
     assert reported["command"] == "reconstruct"
     assert reported["object"] == "mallet"

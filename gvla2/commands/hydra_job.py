@@ -106,10 +106,10 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
 
 
-def launch(command: str, own: Mapping[str, type], function: JobFunction, argv: Sequence[str]) -> int:
+def launch(command: str, configs: Mapping[str, type], function: JobFunction, argv: Sequence[str]) -> int:
     """Run ``function`` as the Hydra application ``gvla2 <command>`` with overrides and Hydra's own flags.
 
-    ``own`` has the command's dataclass by its name, and those of its groups. Returns the exit status: 0; 1 after an
+    ``configs`` has the command's dataclass by its name, and those of its groups. Returns the exit status: 0; 1 after an
     error; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
     """
     for word in argv:  # Hydra would merge the options of several components into one
@@ -118,10 +118,10 @@ def launch(command: str, own: Mapping[str, type], function: JobFunction, argv: S
             print(f"gvla2: {kind} takes one name; a sweep: -m {kind}={value.strip('[]')}", file=sys.stderr)
             return 2
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
-    registry = _register(own, own[command])
+    registry = _register(configs, configs[command])
     if {"-h", "--help"} & set(argv):
         suite = next((word.partition("=")[2] for word in argv if word.startswith("bench_suite=")), "")
-        schema = own[f"bench_suite_schema/{suite}" if suite else command]
+        schema = configs[f"bench_suite_schema/{suite}" if suite else command]
         print_help(command, schema, registry, f"bench_suite/{suite}" if suite else command)
         return 0
     task = HydraTask(function, registry)
@@ -184,19 +184,19 @@ def composed(
     command: str, overrides: Sequence[str] = (), registry: Registry | None = None
 ) -> tuple[Any, Registry]:
     """A command's typed configuration, without Hydra's folders and logs, and the plugins."""
-    own = schemas()[command]
-    registry = _register({command: own}, own, registry)
+    schema = schemas()[command]
+    registry = _register({command: schema}, schema, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         return OmegaConf.to_object(hydra.compose(command, list(overrides))), registry
 
 
-def _register(own: Mapping[str, type], schema: type, registry: Registry | None = None) -> Registry:
+def _register(configs: Mapping[str, type], schema: type, registry: Registry | None = None) -> Registry:
     """Load the plugins that a command may choose from, and offer them to Hydra."""
     # Presets of runs and benches name any group; the other commands have none, and should start fast.
-    everything = issubclass(schema, EveryKind) or "bench" in own
+    everything = issubclass(schema, EveryKind) or "bench" in configs
     groups = None if everything else {field.name for field in fields(schema)} & {*KINDS, *SLOTS}
     registry = registry or load_plugins(groups)
-    register(registry, own, groups)
+    register(registry, configs, groups)
     return registry
 
 

@@ -37,8 +37,8 @@ CHECKED = 40
 """Starts of a scan that are checked in reverse."""
 POSES = 4
 """Starts of a scan that are refined."""
-REFINED, THOROUGH = 10, 3
-"""Scans of which the best start is refined; and of these, the likeliest, of which all starts are."""
+REFINED, THOROUGH = 8, 2
+"""Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
 ROUNDS = 14
 """Iterations of closest points."""
 TRUNCATED = 0.02
@@ -124,11 +124,11 @@ def _truncated(tree: cKDTree, points: FloatArray) -> FloatArray:
 def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
     """The pose (4, 4) after iterated closest points, point to plane, the farthest fifth of the pairs left out."""
     points = seen.points[:: max(1, len(seen.points) // FINE)]
-    reach = TRUNCATED
+    reach, most = TRUNCATED, int(0.8 * (len(points) - 1))
     for _ in range(ROUNDS):
         local = transform_points(invert_rigid(pose), points)
         gaps, nearest = scan.tree.query(local)
-        used = gaps <= max(min(reach, float(np.percentile(gaps, 80))), 0.002)
+        used = gaps <= max(min(reach, float(np.partition(gaps, most)[most])), 0.002)
         if used.sum() < 12:
             break
         target, normal = scan.points[nearest[used]], scan.normals[nearest[used]]

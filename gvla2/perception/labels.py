@@ -162,4 +162,4 @@ def _parse(text: str) -> tuple[str, float]:
     if isinstance(sure, bool) or not isinstance(sure, int | float) or not 0 <= sure <= 1:
         raise ValueError("sure must be a number from 0 to 1.")
     name = " ".join(re.findall(r"[a-z0-9]+", found["name"].casefold()))[:LONGEST_NAME].strip()
-    return ("" if name in ("", "unknown", "object", "object") else name), float(sure)
+    return ("" if name in ("", "unknown", "object") else name), float(sure)

@@ -18,7 +18,7 @@ RESTS = 0.02
 ONE_HUE = 18.0
 """Largest look difference of points of one hue: print on an object is not its colour."""
 CUBE = 1.2
-"""A box whose longest side is less than so many of its shortest is called a cube."""
+"""Largest ratio of the longest to the shortest side of a cube."""
 SURE = 12.0
 """Margin by which the second nearest colour word must be further away to be ruled out."""
 

@@ -24,7 +24,7 @@ TABLE = 0.75
 RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "gray": (0.5, 0.5, 0.5)}
 
 
-def thing(
+def an_object(
     id_: str, xyz: Sequence[float], size: Sequence[float], colour: str = "red", shape: Any = "box", *,
     turn: Any = None, parent: str = "",
 ) -> SceneObject:  # fmt: skip
@@ -58,7 +58,7 @@ def episode(
                          report=ExecutionReport(tuple(reports), 4.0), after_scene=seen)  # fmt: skip
 
 
-def told(record: EpisodeRecord) -> list[tuple[Any, ...]]:
+def signals_of(record: EpisodeRecord) -> list[tuple[Any, ...]]:
     """Kind, and parameter, op and value of the effect, of each signal."""
     return [
         (s.kind, s.effect.parameter, s.effect.op, pytest.approx(s.effect.value, abs=1e-9))
@@ -68,7 +68,7 @@ def told(record: EpisodeRecord) -> list[tuple[Any, ...]]:
     ]
 
 
-CUBE = (thing("a", (0.3, 0, 0.025), (0.05, 0.05, 0.05)),)
+CUBE = (an_object("a", (0.3, 0, 0.025), (0.05, 0.05, 0.05)),)
 PLACE = (
     move("grasp", (0.3, 0, 0.02), 1.0),
     move("close", (0.3, 0, 0.02)),
@@ -80,9 +80,9 @@ PLACE = (
 
 
 def test_opening_the_hand_where_it_is_to_be_opened_is_no_slip() -> None:
-    assert told(episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02})) == []
+    assert signals_of(episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02})) == []
     slipped = episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02}, changes={3: {"held": False}})
-    assert told(slipped) == [("slip", "grasp_depth", ">=", 0.025)]
+    assert signals_of(slipped) == [("slip", "grasp_depth", ">=", 0.025)]
 
 
 def test_a_bound_goes_with_the_objects_size_where_the_plan_says_so() -> None:
@@ -98,17 +98,17 @@ def test_letting_go_before_putting_down_teaches_the_order() -> None:
     (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
     assert signal.kind == "opened_early"
     assert signal.effect == Order("lower before drop", skill="place", object="red")
-    assert told(episode("place", CUBE, None, PLACE, {})) == []
+    assert signals_of(episode("place", CUBE, None, PLACE, {})) == []
     elsewhere = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.2, 0, 0.02), 1.0))
-    assert told(episode("place", CUBE, None, elsewhere, {})) == []
+    assert signals_of(episode("place", CUBE, None, elsewhere, {})) == []
 
 
 def box(angle: float) -> tuple[SceneObject, SceneObject]:
     """A box whose lid, hinged at +x, is open by ``angle``."""
     turn = Rotation.from_euler("y", angle).as_matrix()
     centre = np.array([0.425, 0.0, 0.155]) - 0.134 * turn[:, 0]
-    lid = thing("l", centre, (0.268, 0.35, 0.01), "blue", "plate", turn=turn, parent="b")
-    return thing("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15)), lid
+    lid = an_object("l", centre, (0.268, 0.35, 0.01), "blue", "plate", turn=turn, parent="b")
+    return an_object("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15)), lid
 
 
 SWING = (
@@ -136,7 +136,7 @@ def test_a_lid_that_fell_shut_is_swung_further(
     record = episode(
         "open", box(0.0), box(angle), SWING, theta, width=width, held=False, roles={"theme": role}
     )
-    assert told(record) == expected
+    assert signals_of(record) == expected
 
 
 PULL = (
@@ -156,10 +156,10 @@ PULL = (
     ],
 )
 def test_a_drawer_that_came_short_is_pulled_further(out: float, width: float, expected: list[Any]) -> None:
-    before, after = ((thing("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
+    before, after = ((an_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
     theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
     record = episode("pull", before, after, PULL, theta, width=width, held=None, roles={"theme": "d"})
-    assert told(record) == expected
+    assert signals_of(record) == expected
 
 
 TWIST = (
@@ -178,15 +178,15 @@ TWIST = (
     ],
 )
 def test_a_cap_that_stayed_on_is_turned_further(z: float, width: float, expected: list[Any]) -> None:
-    before, after = ((thing("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, z))
+    before, after = ((an_object("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, z))
     record = episode(
         "twist", before, after, TWIST, {"turn": 1.5}, width=width, held=None, roles={"theme": "k"}
     )
-    assert told(record) == expected
+    assert signals_of(record) == expected
 
 
-def test_what_was_turned_of_a_cap_that_stayed_on_is_told_to_the_next_attempt() -> None:
-    caps = {h: (thing("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, 0.4)}
+def test_what_was_turned_of_a_cap_that_stayed_on_reaches_the_next_attempt() -> None:
+    caps = {h: (an_object("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, 0.4)}
     for after, done in ((0.285, [Done("twist", "turn", 1.5, (0.3, 0.0, TABLE + 0.285))]), (0.4, [])):
         tried = episode("twist", caps[0.285], caps[after], TWIST, {"turn": 1.5}, width=0.026, held=None,
                         roles={"theme": "k"})  # fmt: skip
@@ -212,25 +212,27 @@ def test_an_approach_is_forbidden_when_another_one_is_left() -> None:
 
 def test_what_the_mechanism_held_back_is_no_slip() -> None:
     lost = {"held": False, "gripper_width": 0.0, "abort": "slipped"}
-    cap = (thing("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
+    cap = (an_object("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
     theta = {"turn": 1.5, "grasp_depth": 0.005}
     for after, expected in (
         (cap, [("undershoot", "turn", ">=", 2.285)]),
         (
-            (thing("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
+            (an_object("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
             [("slip", "grasp_depth", ">=", 0.01)],
         ),
     ):
         record = episode("twist", cap, after, TWIST, theta, changes={2: lost}, roles={"theme": "k"})
-        assert told(record) == expected
+        assert signals_of(record) == expected
     for out, expected in (
         (0.12, [("overshoot", "pull_distance", "<=", 0.12)]),
         (0.03, [("slip", "grasp_depth", ">=", 0.018)]),
     ):
-        before, after = ((thing("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
+        before, after = (
+            (an_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out)
+        )
         theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
         record = episode("pull", before, after, PULL, theta, changes={1: lost}, roles={"theme": "d"})
-        assert told(record) == expected
+        assert signals_of(record) == expected
 
 
 PRESS = (move("approach", (0, 0, 0.1)), move("press", (0, 0, 0.02)), move("retreat", (0, 0, 0.1)))
@@ -256,16 +258,18 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_less_deep_or_longer(
     shade: Any, status: str, error: float, depth: float, seconds: float, expected: list[Any]
 ) -> None:
     def lamp(rgb: Any) -> tuple[SceneObject, ...]:
-        base = replace(thing("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base")
-        top = replace(thing("s", (0.1, 0, 0.08), (0.06, 0.06, 0.03), "gray", parent="l"), rgb=np.array(rgb))
-        return base, top, thing("b", (0, 0, 0.02), (0.03, 0.03, 0.03), "red", "cylinder", parent="l")
+        base = replace(an_object("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base")
+        top = replace(
+            an_object("s", (0.1, 0, 0.08), (0.06, 0.06, 0.03), "gray", parent="l"), rgb=np.array(rgb)
+        )
+        return base, top, an_object("b", (0, 0, 0.02), (0.03, 0.03, 0.03), "red", "cylinder", parent="l")
 
     changes = {1: {"status": status, "error": error}}
     record = episode(
         "press", lamp(DARK), lamp(shade), PRESS, {"press_depth": depth, "press_seconds": seconds},
         changes=changes, roles={"theme": "b", "part": "b"},
     )  # fmt: skip
-    assert told(record) == expected
+    assert signals_of(record) == expected
 
 
 @pytest.mark.parametrize(
@@ -281,8 +285,8 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_less_deep_or_longer(
 def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
     widths: tuple[float, float], turn: float, expected: tuple[Any, ...]
 ) -> None:
-    bottle = thing("g", (0, 0, 0.1), (0.07, 0.07, 0.2), "blue", "cylinder")
-    cap = thing("k", (0, 0, 0.21), (0.028, 0.028, 0.008), "gray", "disc", parent="g")
+    bottle = an_object("g", (0, 0, 0.1), (0.07, 0.07, 0.2), "blue", "cylinder")
+    cap = an_object("k", (0, 0, 0.21), (0.028, 0.028, 0.008), "gray", "disc", parent="g")
     way = (
         move("close", (0, 0, 0.21)), move("turn", (0, 0, 0.21)), move("turn", (0, 0, 0.21)),
         move("lift", (0, 0, 0.33), carries="k"),
@@ -299,7 +303,7 @@ def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
         changes=changes,
         roles={"theme": "k"},
     )
-    (found,) = told(record)
+    (found,) = signals_of(record)
     assert found == (*expected[:3], pytest.approx(expected[3]))
 
 
@@ -308,8 +312,8 @@ def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
     [(0.0, ("held_fast", "unlatch_lift", ">=", 0.018)), (0.004, ("overshoot", "unlatch_lift", "<=", 0.002))],
 )
 def test_a_drawer_that_a_catch_holds_is_lifted_first(error: float, expected: tuple[Any, ...]) -> None:
-    cabinet = thing("c", (0.5, 0, 0.1), (0.2, 0.3, 0.2), "blue")
-    front = thing("a", (0.38, 0, 0.1), (0.02, 0.25, 0.1), "red", parent="c")
+    cabinet = an_object("c", (0.5, 0, 0.1), (0.2, 0.3, 0.2), "blue")
+    front = an_object("a", (0.38, 0, 0.1), (0.02, 0.25, 0.1), "red", parent="c")
     way = (
         move("close", (0.35, 0, 0.1)), move("unlatch", (0.35, 0, 0.11), carries="a"),
         move("pull", (0.2, 0, 0.11), carries="a"),
@@ -323,5 +327,5 @@ def test_a_drawer_that_a_catch_holds_is_lifted_first(error: float, expected: tup
         {"pull_distance": 0.15, "unlatch_lift": 0.01},
         changes=changes,
     )
-    (found,) = told(record)
+    (found,) = signals_of(record)
     assert found == (*expected[:3], pytest.approx(expected[3]))

@@ -77,7 +77,7 @@ def test_the_fallback_steps_in_and_says_so(parts, answers):
     (note,) = [n for n in record.notes if "fallback planner 'skill' stepped in" in n]
     assert not planner.answers
     if isinstance(answers[0], Plan):
-        assert record.plan.transcript[:1] == TALK, "what the first planner was told and said is kept"
+        assert record.plan.transcript[:1] == TALK, "the first planner's conversation is kept"
         assert answers[0].abstention.kind in note
 
 

@@ -52,8 +52,8 @@ def test_success_gives_priors_whose_words_repeat() -> None:
         ("prior", "approach_tilt", 0.0, 1, "pick"),
         ("prior", "standoff", 0.05, 1, "pick"),
     }
-    told = [[x.content for x in one.lessons] for one in (first, second)]
-    assert [text.replace("red", "blue") for text in told[0]] == told[1], "alike but for the look"
+    shown = [[x.content for x in one.lessons] for one in (first, second)]
+    assert [text.replace("red", "blue") for text in shown[0]] == shown[1], "alike but for the look"
     assert {e.object for e in effects} == {"red"}
     assert "small red box from the top" in first.lessons[0].content
     assert first.source == "run/1"
@@ -126,7 +126,7 @@ def test_an_undiagnosed_failure_teaches_words_alone() -> None:
     assert "stopped at 'grasp' (tracking)" in lesson.content
 
 
-def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
+def test_a_transcript_describes_the_episode_and_is_bounded() -> None:
     record = episode({4: {"abort": "slipped", "message": "lost", "contacts": ("panda_hand",)}},
                      failure=Failure("execute", "slipped", "lost"), after_scene=SCENE)  # fmt: skip
     text = transcript(record)

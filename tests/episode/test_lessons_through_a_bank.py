@@ -1,4 +1,4 @@
-"""Lessons through a real bank, back to a planner's effects; and what is learnt as a share of an object's size."""
+"""Lessons through a real bank, back to a planner's effects; and what is learned as a share of an object's size."""
 
 from dataclasses import replace
 from pathlib import Path

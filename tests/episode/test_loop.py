@@ -80,9 +80,9 @@ def test_an_episode_goes_through_every_stage_and_learns(parts_of):
     assert record.learned.added
     assert listener.frames > 5
     assert listener.records["learn"].success_check is None, (
-        "success must be checked after everything is learnt"
+        "success must be checked after everything is learned"
     )
-    # What was learnt is recalled next time, and shapes the plan's parameters as typed effects.
+    # What was learned is recalled next time, and shapes the plan's parameters as typed effects.
     again = run_episode(parts, EpisodeRequest(seed=3))
     assert {item.id for item in again.recalled.items} & set(record.learned.added)
 
@@ -178,25 +178,25 @@ def leave(self, request):
 
 
 @pytest.mark.parametrize(
-    ("crash", "error", "told"),
+    ("crash", "error", "shown"),
     [
         (lost, KeyError, "KeyError: 'nowhere'"),
         (leave, RuntimeError, "RuntimeError: SystemExit(7) would have ended the process"),
     ],
 )
-def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, told):
+def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, shown):
     from gvla2_plugins.skill.planner import SkillPlanner
 
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(error) as caught:
         run_episodes(compose_run(*QUICK), registry, tmp_path / "out")
-    assert explain(caught.value) == f"{told}. The planner 'skill' of plugin 'skill' crashed."
+    assert explain(caught.value) == f"{shown}. The planner 'skill' of plugin 'skill' crashed."
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
-    assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {told}"
+    assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {shown}"
 
 
-def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
+def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of):
     class Impatient(Listener):
         moments = 0
 
@@ -246,13 +246,13 @@ def test_nobody_writes_into_what_others_see(parts_of):
 
     run_episode(replace(parts, planner=Wrapped(parts.planner, plan=plan)), EpisodeRequest(seed=1))
     (request,) = seen
-    thing, view = request.scene.objects[0], request.observation.views[0]
-    arrays = (thing.world_from_object, thing.extents, thing.points, view.image, view.depth, request.joints)
+    obj, view = request.scene.objects[0], request.observation.views[0]
+    arrays = (obj.world_from_object, obj.extents, obj.points, view.image, view.depth, request.joints)
     assert not any(array.flags.writeable for array in (*arrays, request.start, request.scene.workspace.low))
 
 
 @pytest.mark.parametrize(
-    ("verify", "told"),
+    ("verify", "shown"),
     [
         (crash, "The verifier 'geometric' of plugin 'geometric' crashed: RuntimeError: a mistake of its own"),
         (
@@ -267,30 +267,30 @@ def test_nobody_writes_into_what_others_see(parts_of):
     ],
     ids=["crash", "nan", "none", "exit"],
 )
-def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, told):
+def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, shown):
     parts, listener = parts_of(), Listener()
     broken = replace(parts, verifier=Wrapped(parts.verifier, verify=verify))
     record = run_episode(broken, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
     assert record.verdict.outcome == "unavailable"
-    assert told in record.verdict.reasons[0]
+    assert shown in record.verdict.reasons[0]
     assert record.failure is None
     assert record.success_check.relaxed
     assert not record.learned.added, "what nobody judged is no knowledge"
 
 
 @pytest.mark.parametrize(
-    ("method", "told"),
+    ("method", "shown"),
     [(crash, "crashed: RuntimeError: a mistake"), (lambda *_: None, "returned NoneType, not a ")],
     ids=["crash", "none"],
 )
-def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, told):
+def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, shown):
     parts = parts_of()
     broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
     record = run_episode(broken, EpisodeRequest(seed=1))
     assert record.success_check.relaxed
     for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learned: "), strict=True):
-        assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {told}")
+        assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {shown}")
 
 
 def test_the_same_seed_twice_is_the_same_episode(parts_of):

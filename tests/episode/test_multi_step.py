@@ -44,8 +44,8 @@ class Programmer:
         cubes = [o.id for o in request.scene.objects if o.shape == "box"]
         calls = tuple(self.program(cubes))
         plan = carry_out(calls, request, SkillOptions(lift_height=0.12))
-        told = Program("calls", ("pick({theme})",), {"theme": "cube box"})
-        return replace(plan, program=told, transcript=({"role": "assistant", "content": "my program"},))
+        shown = Program("calls", ("pick({theme})",), {"theme": "cube box"})
+        return replace(plan, program=shown, transcript=({"role": "assistant", "content": "my program"},))
 
 
 @pytest.fixture
@@ -67,26 +67,26 @@ def push_then_pick(cubes):
     return SkillCall("push", cubes[1], direction=LEFT, amount=0.06), SkillCall("pick", cubes[0])
 
 
-class Teller:
-    """A memory that keeps what it is told."""
+class Listening:
+    """A memory that keeps what it hears."""
 
     def __init__(self, memory):
-        self._memory, self.told = memory, []
+        self._memory, self.heard = memory, []
 
     def recall(self, task):
         return self._memory.recall(task)
 
     def learn(self, episode, verdict):
-        self.told.append((episode, verdict))
+        self.heard.append((episode, verdict))
         return self._memory.learn(episode, verdict)
 
     def close(self):
         pass
 
 
-def test_a_program_is_carried_out_part_by_part_and_each_part_is_judged_told_and_kept(parts_of, tmp_path):
+def test_a_program_is_carried_out_part_by_part_and_each_part_is_judged_reported_and_kept(parts_of, tmp_path):
     parts = parts_of(push_then_pick)
-    memory = Teller(parts.memory)
+    memory = Listening(parts.memory)
     listener = Listener(RunRecorder(tmp_path, "seed: 3\n"))
     request = EpisodeRequest(
         seed=3, source="mine", instruction="push the other cube aside, then lift the red one"
@@ -106,16 +106,16 @@ def test_a_program_is_carried_out_part_by_part_and_each_part_is_judged_told_and_
     np.testing.assert_allclose(last.observation.world_from_tcp[:3, 3], rest[:3, 3], atol=0.02)
     assert last.observation.gripper > 0.95
     # Memory hears of both, each with its own verdict; the whole program goes with the last.
-    assert [e.source for e, _ in memory.told] == ["mine#1.1", "mine"]
-    assert [v for _, v in memory.told] == [p.verdict for p in record.whole]
-    texts = [e.transcript for e, _ in memory.told]
+    assert [e.source for e, _ in memory.heard] == ["mine#1.1", "mine"]
+    assert [v for _, v in memory.heard] == [p.verdict for p in record.whole]
+    texts = [e.transcript for e, _ in memory.heard]
     assert texts[0].startswith("Part 1 of a program: push(")
     assert "Still to come: pick(" in texts[0]
     assert "my program" in texts[0], "the planner's conversation is part of the story"
     # The folder.
-    told = json.loads((tmp_path / "result.json").read_text())
-    assert [p["skill"] for p in told["parts"]] == ["push", "pick"]
-    assert [p["verdict"] for p in told["parts"]] == ["verified_success"] * 2
+    shown = json.loads((tmp_path / "result.json").read_text())
+    assert [p["skill"] for p in shown["parts"]] == ["push", "pick"]
+    assert [p["verdict"] for p in shown["parts"]] == ["verified_success"] * 2
     (kept,) = json.loads((tmp_path / "parts.json").read_text())
     assert kept["report"]["waypoints"]
     assert kept["plan"]["remaining"][0]["skill"] == "pick"
@@ -125,7 +125,7 @@ def test_a_program_is_carried_out_part_by_part_and_each_part_is_judged_told_and_
 
 
 def test_ids_are_those_of_the_scene_as_it_is_now(parts_of):
-    """The perceiver numbers things anew at each look; the program means the same things."""
+    """The perceiver numbers objects anew at each look; the program means the same ones."""
     parts = parts_of(push_then_pick, "memory=none")
     looks = []
 
@@ -134,11 +134,11 @@ def test_ids_are_those_of_the_scene_as_it_is_now(parts_of):
             scene = parts.perceiver.perceive(observation, instruction, workspace)
             looks.append(scene)
             renamed = {o.id: f"look{len(looks)}-{k}" for k, o in enumerate(reversed(scene.objects))}
-            things = tuple(
+            objects = tuple(
                 replace(o, id=renamed[o.id], parent=renamed.get(o.parent, ""))
                 for o in reversed(scene.objects)
             )
-            return replace(scene, objects=things)
+            return replace(scene, objects=objects)
 
     record = run_episode(replace(parts, perceiver=Renumbering()), EpisodeRequest(seed=3))
     assert [p.verdict.outcome for p in record.whole] == ["verified_success"] * 2
@@ -167,7 +167,7 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
     class Sure:
         def verify(self, evidence):
             outcome = next(verdicts)
-            return Verdict(outcome, float(outcome.endswith("success")), 1.0, {}, ("as told",), "sure")
+            return Verdict(outcome, float(outcome.endswith("success")), 1.0, {}, ("as given",), "sure")
 
     # Pushes by a direction are not repeated; two picks are.
     parts.planner.program = lambda cubes: (SkillCall("pick", cubes[0]), SkillCall("pick", cubes[1]))

@@ -29,8 +29,8 @@ def placed() -> EpisodeRecord:
 
 
 def programs_of(record: EpisodeRecord) -> dict[str, Program]:
-    told = [x.effect for x in memory_episode(record, SUCCESS).lessons if x.effect]
-    found = [Program.from_json(e) for e in told if e["kind"] == "program"]
+    shown = [x.effect for x in memory_episode(record, SUCCESS).lessons if x.effect]
+    found = [Program.from_json(e) for e in shown if e["kind"] == "program"]
     return {program.language: program for program in found}
 
 

@@ -115,7 +115,7 @@ def test_the_objects_of_interest_are_those_that_are_named():
     )
     scene = Scene((red, green), 0.0, Box(np.full(3, -2.0), np.full(3, 2.0)))
     for sentence, named in (("Lift the RED cube", ["o0"]), ("the cup, please", ["o1"]), ("go", ["o0", "o1"])):
-        assert [thing.id for thing in objects_of_interest(scene, sentence)] == named
+        assert [obj.id for obj in objects_of_interest(scene, sentence)] == named
 
 
 def test_a_run_keeps_the_views_of_the_named_object(observation, tmp_path):

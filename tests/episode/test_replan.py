@@ -82,7 +82,7 @@ def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
     np.testing.assert_allclose(record.observation.world_from_tcp, home, atol=0.02)
     assert record.observation.gripper > 0.95
     assert "Earlier in this episode, attempt 1 (pick) failed" in clumsy.requests[1].advice.text
-    # Both were learnt: the failure's lesson beside those of the success.
+    # Both were learned: the failure's lesson beside those of the success.
     types = {item.type for item in parts.memory.recall(_task_of(record)).items}
     assert "procedural_hint" in types
     assert len(record.learned.added) > len(run_episode(parts, EpisodeRequest(seed=4)).learned.added)
