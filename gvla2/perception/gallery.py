@@ -218,7 +218,9 @@ def seen_surface(
         columns, rows = np.floor(uv[index]).astype(int).T
         own = np.abs(depth[rows, columns] - z[index]) < NEAR
         looks[index[own]] = image[rows[own], columns[own]]
-    return Seen(points, looks, NearestPoints(points, TRUNCATED), tuple(cameras), tuple(depths), tuple(images), table)
+    return Seen(
+        points, looks, NearestPoints(points, TRUNCATED), tuple(cameras), tuple(depths), tuple(images), table
+    )
 
 
 def without_strays(points: FloatArray, reach: float = 0.007, least: int = 4) -> FloatArray:
@@ -282,7 +284,9 @@ class Gallery:
             answers.append(self.name(seen_surface(obj.points, *sights, scene.table_height)))
         return answers
 
-    def recognise(self, points: FloatArray, rgb: FloatArray, sights: Sights, table: float) -> Recognised | None:
+    def recognise(
+        self, points: FloatArray, rgb: FloatArray, sights: Sights, table: float
+    ) -> Recognised | None:
         """The known object whose surface points (N, 3), world metres, with colours (N, 3) are; None if unsure.
 
         The object is as large as its scan, unseen sides included.

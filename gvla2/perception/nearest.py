@@ -111,9 +111,7 @@ def closest_points(
 
 @compiled
 def _distance(one: FloatArray, other: FloatArray) -> float:
-    return float(
-        np.sqrt((one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2)
-    )
+    return float(np.sqrt((one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2))
 
 
 @compiled

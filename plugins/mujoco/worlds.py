@@ -74,7 +74,9 @@ class MjcfWorld:
             raise RobotError(f"The model has no {kind} '{name}': {error.args[0]}") from error
 
     def _actuator_of(self, joint: int) -> int:
-        found = np.flatnonzero((self.model.actuator_trntype == 0) & (self.model.actuator_trnid[:, 0] == joint))
+        found = np.flatnonzero(
+            (self.model.actuator_trntype == 0) & (self.model.actuator_trnid[:, 0] == joint)
+        )
         if len(found) != 1:
             raise RobotError(
                 f"The joint {self.model.joint(joint).name} has {len(found)} actuators; each joint of the arm needs one."

@@ -91,6 +91,8 @@ class RobosuiteWorld(EnvWorld):
 
     def begin(self, seed: int) -> None:
         """The state that robosuite draws for the seed."""
-        self.env.rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state  # shared with its samplers
+        self.env.rng.bit_generator.state = np.random.default_rng(
+            seed
+        ).bit_generator.state  # shared with its samplers
         self.reset(seed)
         self.settle(self._settle_steps)
