@@ -115,16 +115,16 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
             "reconstructor hull, prior depth, axis contours, fusion residual, renderer numba",
         ),
         ("max_parts=2", "max_parts", "2"),
-        ("exploration_seeds=[5,6,7,9]", "learning", "seeds 5-7, 9"),
+        ("exploration_seeds=[5,6]", "learning", "exploration_seeds=[5, 6]"),
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
     ],
 )
 def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: str, factor: str, shown: str):
-    def stories_of(*given: str) -> tuple[str, str]:
+    def shown_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
-        return str(design.plan[0].factors.get(factor, "")), design.plan[0].by_profile["strict"]
+        return str(design.plan[0].factors.get(factor, "")), design.plan[0].keys[1]
 
-    usual, changed = stories_of(), stories_of(override)
+    usual, changed = shown_of(), shown_of(override)
     assert changed[0] == shown != usual[0]
     assert changed[1] != usual[1]
 
@@ -132,9 +132,7 @@ def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: 
 def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     def places(*given: str) -> dict[str, tuple[object, object]]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[off]", *given), registry)
-        return {
-            one.by_profile["strict"]: (one.factors["seed"], one.factors["episode"]) for one in design.plan
-        }
+        return {one.keys[1]: (one.factors["seed"], one.factors["episode"]) for one in design.plan}
 
     named = places("layouts=[20001,203]")
     assert list(named.values()) == [(1, 1), ("layouts", 203)]
@@ -144,10 +142,10 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["arms=[off]", "arms.z={memory: off, explored: 3}"], "learns from nothing"),
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
-        (["arms=[off]", "families=5"], "world=learnable only"),
+        (["arms=[on]", "layouts=[1]", "exploration_seeds=[0,1]"], "explored layout cannot be a test"),
+        (["arms=[off,shuffled]"], "name two tasks or more"),
         (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )

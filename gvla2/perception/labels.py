@@ -54,7 +54,7 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     Painted regions and parts keep their labels: a lid is the lid of the named object. An object unknown to all keeps
     its colour and shape; the notes say so.
     """
-    left = [o for o in scene.objects if o.shape != "region" and not o.parent]
+    left = [o for o in scene.objects if o.shape != "region" and not o.parent and not o.named_by]
     notes = list(scene.notes)
     for labeller in labellers:
         if not left:
@@ -162,4 +162,4 @@ def _parse(text: str) -> tuple[str, float]:
     if isinstance(sure, bool) or not isinstance(sure, int | float) or not 0 <= sure <= 1:
         raise ValueError("sure must be a number from 0 to 1.")
     name = " ".join(re.findall(r"[a-z0-9]+", found["name"].casefold()))[:LONGEST_NAME].strip()
-    return ("" if name in ("", "unknown", "object", "object") else name), float(sure)
+    return ("" if name in ("", "unknown", "object") else name), float(sure)

@@ -191,7 +191,7 @@ class _Branch:
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
             now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
-            if now >= 1 - MUCH:  # no G0 can be so much better
+            if now >= 1 - MUCH:  # no G0 can be better by that
                 return out, None
             was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
         else:
@@ -219,7 +219,7 @@ class _Branch:
 
 
 NO_PRIOR = "There is no geometry prior."
-"""What is said where none was chosen, or the chosen one has nothing to say of any view."""
+"""The reason where none was chosen, or the chosen one has no depth for any view."""
 THIN = 0.75
 """Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
 MENDED = 0.5

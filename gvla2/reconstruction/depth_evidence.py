@@ -266,7 +266,7 @@ views, and one view alone, whose hull is deep."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
-"""Standard deviations behind a cap that refute a pixel; relative errors above are no noise; caps that tell at least."""
+"""Standard deviations behind a cap that refute a pixel; relative errors above are no noise; least number of caps."""
 _NODES = np.linspace(-3.0, 3.0, 25)
 
 
@@ -276,7 +276,7 @@ class DepthEvidence:
 
     ``depth`` (S, H, W) metres along each camera's z, NaN where nothing is known; ``std`` (S, H, W) its relative
     standard deviation; ``weight`` (S, H, W) > 0 where known: confidence over variance; ``normals`` (S, H, W, 3) world,
-    unit, towards the camera, 0 where there is none; ``summary`` what was found, as a sentence.
+    unit, towards the camera, 0 where there is none; ``summary`` is a sentence for the report.
     """
 
     depth: FloatArray
@@ -287,7 +287,7 @@ class DepthEvidence:
 
 
 def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None = None) -> DepthEvidence:
-    """What a prior says of the object within its masks' visual hull.
+    """A prior's depth of the object, corrected within its masks' visual hull.
 
     ``needed`` (N, 3): points that belong to the object because some mask shows nothing else there.
 
@@ -439,7 +439,7 @@ def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
 
 
 def _first_scale(depth: FloatArray, front: FloatArray) -> float:
-    """The factor that puts a depth map near the hull's front; NaN when too few pixels tell."""
+    """The factor that puts a depth map near the hull's front; NaN for too few pixels."""
     both = np.isfinite(depth) & np.isfinite(front)
     return float(np.median(front[both] / depth[both])) if both.sum() >= 30 else float("nan")
 

@@ -1,4 +1,4 @@
-"""What the joint solve of depth maps sees of each view: samples, smooth error terms, and pairs with other views."""
+"""The terms of the joint solve of depth maps: each view's samples, smooth error terms, and pairs with other views."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FEWEST = 30
 
 @dataclass(frozen=True)
 class Design:
-    """N rows of a matrix over all unknowns, of which few are not 0: ``values`` (N, K) in ``columns`` (N, K)."""
+    """N rows of a sparse matrix over all unknowns: ``values`` (N, K) in ``columns`` (N, K)."""
 
     columns: NDArray[np.intp]
     values: FloatArray

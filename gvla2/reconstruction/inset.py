@@ -58,7 +58,7 @@ def inset(obj: Reconstruction, views: Views, renderer: Renderer) -> tuple[Recons
     """The object with its Gaussians where they paint the masks best; nothing but their centres changes.
 
     The report's measures are ``alpha_iou``: sum of min(alpha, mask) over sum of max, mean over the three views that
-    show most. Skipped without Gaussians and without a mesh, whose normals tell inside from outside.
+    show most. Skipped without Gaussians and without a mesh, whose normals separate inside from outside.
     """
     gaussians, mesh = obj.gaussians, obj.mesh
     if gaussians is None or len(gaussians) == 0 or mesh is None or len(mesh.faces) == 0:
@@ -104,14 +104,14 @@ def alpha_iou(gaussians: Gaussians, views: Views, renderer: Renderer) -> float:
 
 
 def largest(views: Views, count: int = 3) -> Views:
-    """The views whose masks are largest, in their order: what they tell, the others hardly change."""
+    """The views whose masks are largest, in their order: the others hardly change the result."""
     areas = [float(mask_of(view).sum()) for view in views]
     chosen = sorted(sorted(range(len(views)), key=lambda n: -areas[n])[:count])
     return Views(tuple(views[n] for n in chosen))
 
 
 def pixel_sizes(points: FloatArray, views: Views) -> FloatArray:
-    """(N,) metres that a pixel spans at each point, mean over the views in front of which it lies."""
+    """(N,) metres that a pixel spans at each point, mean over the views that have it in front of them."""
     total, seen = np.zeros(len(points)), np.zeros(len(points))
     for view in views:
         camera = view.camera

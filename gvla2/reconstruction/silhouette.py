@@ -95,7 +95,7 @@ def signed_distance(mask: NDArray[np.floating]) -> NDArray[np.float32]:
     down, across = np.abs(np.diff(padded[:, 1:-1], axis=0)), np.abs(np.diff(padded[1:-1], axis=1))
     steepest = np.maximum.reduce([down[:-1], down[1:], across[:, :-1], across[:, 1:]])
     contour = binary_dilation(inside) & ~binary_erosion(inside, border_value=1)
-    # At a pixel beside the contour the mask itself tells where between two centres the contour runs.
+    # At a pixel beside the contour the mask's value says where between two centres the contour runs.
     own = np.clip((mask - 0.5) / np.maximum(steepest, 0.05), -1.0, 1.0)
     far, nearest = distance_transform_edt(~contour, return_indices=True)
     return np.asarray(np.where(inside, far, -far) + own[nearest[0], nearest[1]], dtype=np.float32)

@@ -125,7 +125,7 @@ def _throw(
                 cz = 2 * int(r + 0.5) - 1 - rz if n & 4 else rz
                 place = (cx * 73856093 ^ cy * 19349663 ^ cz * 83492791) & last
                 own = place if n == 0 else own
-                # Two cells may share a place; the distance tells their points apart.
+                # Two cells may share a place; the distance separates their points.
                 j = table[place]
                 while j >= 0 and free:
                     across, along, up = x - points[j, 0], y - points[j, 1], z - points[j, 2]

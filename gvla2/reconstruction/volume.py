@@ -1,4 +1,4 @@
-"""One volume for all that is known: masks, free space and surface from each depth map, and G0 where nobody looked.
+"""One volume for all evidence: masks, free space and surface from each depth map, and G0 where nobody looked.
 
 Each depth map says of a voxel how far it lies behind the surface. Maps that see one surface, by their normals, are
 averaged; what different surfaces say is cut: solid is what lies behind all of them (a directional TSDF, Splietker and
@@ -79,7 +79,7 @@ def _cross(vertices: FloatArray, faces: NDArray[np.int64], crossings: NDArray[np
 
 
 BAND = 3.0
-"""Voxels on either side of a depth map's surface of which it can tell how far away it is."""
+"""Voxels on either side of a depth map's surface within which it measures their distance."""
 SURE = 3.0
 """Standard deviations of depth that this band is wide at least."""
 SOLID = 0.75
@@ -101,7 +101,7 @@ class Posterior:
 def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None) -> Posterior:
     """The object within its masks' visual hull as the depth maps see it.
 
-    Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
+    Voxels that no map measures are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
     left without anything on its ray, the likeliest voxel of the ray is filled: thin objects stay whole.
     """
     hull, views = seen.hull, seen.views

@@ -29,7 +29,7 @@ class ContoursConfig(ComponentConfig):
 
 @dataclass
 class MaskEnergyConfig(ComponentConfig):
-    """Options of ``mask_energy``: ``iterations``, of which L-BFGS-B takes up to five times as many."""
+    """Options of ``mask_energy``: ``iterations``; L-BFGS-B takes up to five times as many."""
 
     iterations: int = 10
 

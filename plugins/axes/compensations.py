@@ -212,13 +212,13 @@ class _Search:
         return step
 
     def gated(self, x: FloatArray, iterations: int, least_gain: float) -> AxisFit:
-        """The fit x where it moves the shape by more than its points can tell, and its symmetric IoU rises."""
+        """The fit x where it moves the shape by more than its points resolve, and its symmetric IoU rises."""
         before, after = self.iou(IDENTITY), self.iou(x)
         shift = np.linalg.norm(self.moved(x) - self.points, axis=1).mean() / self.side
         pixels = shift * float(np.mean([self._pixels_a_side(view) for view in self.views]))
         radius = float(np.mean([r for r in self.radii if r is not None]))
         if pixels < _RESOLUTION * radius:
-            reason = f"the shape fits already: {pixels:.2f} px of motion is less than its points can tell"
+            reason = f"the shape fits already: {pixels:.2f} px of motion is less than its points resolve"
             return self.rejected(reason, before, after, iterations)
         if not after >= before + least_gain:
             reason = f"symmetric IoU does not rise ({before:.4f} to {after:.4f})"

@@ -19,7 +19,7 @@ from gvla2_plugins.classical.shaping import GOOD, shape_object
 from gvla2_plugins.classical.solids import THIN, SeenObject
 
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
-IN_HAND = 0.05  # metres from the fingertips to what they may hold
+IN_HAND = 0.05  # metres from the fingertips to an object that they may hold
 TOUCH = 0.008  # metres between an object and what carries it
 
 
@@ -164,7 +164,7 @@ SHARED = 0.5  # of the smaller solid that is within the other, where both cannot
 FLUSH = 0.003  # metres: paint stands off by less
 ON_IT = 0.9  # share of a piece's points that are on another's solid, where it is paint
 SCRAP = 0.01  # of another piece's pixels: fewer that hang in the air are of it
-SEAM = 0.003  # metres: a point that is so much higher than another piece is above it
+SEAM = 0.003  # metres: a point that is higher than another piece by this is above it
 ABOVE = 0.6  # share of a piece's points above another, which is under it then
 STEPS = np.linspace(-0.4, 0.4, 5)  # of a solid's extents, where it is looked at
 

@@ -1,4 +1,4 @@
-"""What several solids are together: a bottle with its neck, a box with its lid, a drawer with its handle."""
+"""Objects of several solids: a bottle with its neck, a box with its lid, a drawer with its handle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gvla2_plugins.classical.solids import THIN, SeenObject, upright_rectangle
 
 
 class SceneDraft:
-    """The objects of a scene while they are put together; what was taken into another is gone."""
+    """The objects of a scene while they are put together; an object that was taken into another is gone."""
 
     def __init__(self, pixels: Pixels, objects: Sequence[SeenObject]) -> None:
         self.objects = list(objects)
@@ -27,24 +27,24 @@ class SceneDraft:
         return [k for k, into in enumerate(self._into) if into == k and not self.objects[k].textured]
 
     def now(self, k: int) -> int:
-        """Where an object has gone to: itself while it is there."""
+        """The object that this one was taken into: itself while it is there."""
         while k >= 0 and self._into[k] != k:
             k = self._into[k]
         return k
 
     def carrier(self, k: int) -> int:
-        """What carries an object now, -1 for the table."""
+        """The object that carries this one now, -1 for the table."""
         return self.now(self.objects[k].on)
 
     def take_in(self, k: int, others: Sequence[int]) -> None:
-        """Make other objects part of an object's points; its own pixels still tell its colour."""
+        """Make other objects part of an object's points; its own pixels still determine its colour."""
         for j in others:
             self._into[j] = k
         points = np.concatenate([self.objects[k].points, *(self.objects[j].points for j in others)])
         self.objects[k] = replace(self.objects[k], points=points)
 
     def finished(self) -> list[SeenObject]:
-        """What is left, with its places among what is left."""
+        """The objects that are left, with indices among themselves."""
         left = [k for k, into in enumerate(self._into) if into == k]
         place = {k: i for i, k in enumerate(left)} | {-1: -1}
         done = []
@@ -108,7 +108,7 @@ def _hinged(box: SeenObject, foot: FloatArray) -> bool:
 
 
 def _close(draft: SceneDraft, k: int) -> None:
-    """Make what is under the flat object ``k`` a box, and ``k`` its lid; the lid's outline tells how large it is."""
+    """Make what is under the flat object ``k`` a box, and ``k`` its lid; the lid's outline gives its size."""
     top = draft.objects[k]
     sides = [
         j
@@ -228,7 +228,7 @@ AXIS = 0.25  # of a carrier's width: how far off its axis a part of it may be
 TALL = 1.15  # a vessel is taller, in its widths
 HOVER = 0.05  # metres between a vessel and a head on a neck that is not seen
 SLIM = 0.045  # metres: what is no wider can be a stick, a grip, a neck
-WITHIN = 0.006  # metres inside a wall where a seen point tells that the object is hollow
+WITHIN = 0.006  # metres inside a wall where a seen point shows that the object is hollow
 LONG = 1.6  # what is longer, in its breadths, closes nothing round
 FAR_SIDE = 0.008  # metres beside a neck where a piece of it may seem to be
 SEAM = 0.003  # metres: a gap that is no greater is none
@@ -273,7 +273,7 @@ def join_bottles(draft: SceneDraft) -> None:
             top = max(draft.objects[j].top for j in body)
             top = top if cover < 0 else max(top, _as_seen(closed).bottom)
             head = draft.objects[max(body, key=lambda j: draft.objects[j].spans[:2].max())]
-            # How a round one is turned, its head tells.
+            # A round one has the yaw of its head.
             if vessel.kind == "cylinder" and head.kind != "cylinder":
                 vessel = replace(vessel, yaw=head.yaw)
             whole = _grown(vessel, [draft.objects[j] for j in body], top)

@@ -1,4 +1,4 @@
-"""Parts of what no single solid explains: split by height, or what leans as the smallest box about its points."""
+"""Objects that no single solid explains: split by height, or leaning, as the smallest box about their points."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ LIKE = 0.45  # intersection over union of the outlines of two neighbouring slice
 
 
 def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
-    """Indices of each part's points (N, 3), lowest part first; one entry when nothing tells parts apart.
+    """Indices of each part's points (N, 3), lowest part first; one entry when nothing separates parts.
 
     The points are cut into slices; where the outline changes much from one to the next, a part ends. A part of fewer
     than ``least`` points goes to the one below.

@@ -76,7 +76,7 @@ def parents(objects: Sequence[SeenObject]) -> list[int]:
     """Index of the object that each is a part of, or -1.
 
     A button belongs to what it stands on, a post on a foot to the foot, what is held up to what the post belongs
-    to, and what a split by height made to the lowest of its parts. What is already known to be a part, or to be a
+    to, and what a split by height made to the lowest of its parts. What is already known to be a part, or to be an
     object of its own, stays that. Parts of parts belong to the whole, save a button's own housing.
     """
     found = [_parent(objects, k) for k in range(len(objects))]

@@ -1,4 +1,4 @@
-"""What the views say beside the points: where an object ends, what is free under and behind it, whether it is open."""
+"""Evidence of the views beside the points: where an object ends, free space under and behind it, its opening."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FLAT = 0.03  # metres: a ring is no higher
 NARROWEST = 0.008  # metres: a smaller hole is no hole that is seen
 THICK, FLOOR = 0.016, 0.02  # metres: no wall and no floor is thicker
 STRAY = 0.05  # share of the points that need not be where they should
-FEWEST = 20  # points that tell where a wall is
+FEWEST = 20  # points that determine where a wall is
 
 
 def silhouette(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What the outline says: points (M, 3) within ``low``, ``high`` (3,) that are free, since rays just beside the
+    """Evidence of the outline: points (M, 3) within ``low``, ``high`` (3,) that are free, since rays just beside the
     object passed them before they hit anything; and points (R, S, 3) along the outermost rays that hit it.
     """
     free, rim = [np.zeros((0, 3))], [np.zeros((0, len(ALONG), 3))]
@@ -61,7 +61,7 @@ def silhouette(
 def hangs(frames: Sequence[TableFrame], points: FloatArray, lowest: float, gap: float) -> bool:
     """Whether cameras looked through the space between the object and the table, near the table.
 
-    Most cameras look down, past the object's own edges: a few rays through tell more than many that it hides.
+    Most cameras look down, past the object's own edges: a few rays through count more than many that it hides.
     """
     if lowest < gap:
         return False

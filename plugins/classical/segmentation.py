@@ -92,7 +92,7 @@ def piece_looks(pixels: Pixels, pieces: IntArray) -> FloatArray:
 
 
 def alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
-    """(...,) bool: looks (..., 3) that light alone may tell apart: one hue, lightness within what slope can do."""
+    """(...,) bool: looks (..., 3) that differ by light alone: one hue, lightness within what slope can do."""
     hue = np.linalg.norm(one[..., :2] - other[..., :2], axis=-1)
     lightness = [look[..., 2] / LIGHTNESS_WEIGHT + 16.0 for look in (one, other)]
     return np.asarray((hue < LIKE) & (np.minimum(*lightness) > SHADED * np.maximum(*lightness)))
@@ -136,10 +136,10 @@ def groups(labels: IntArray, least: int) -> list[IntArray]:
 
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
 NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; the latter where nothing else carries it
-APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
+APART = 0.006  # metres behind a gap's middle where free space separates two bodies
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
-FEWEST = 100  # pairs of neighbours that tell how a body is painted
+FEWEST = 100  # least pairs of neighbours to judge how a body is painted
 
 
 def bodies_of(

@@ -55,9 +55,11 @@ DISTANCES: dict[Kind, Distance] = {
 
 @dataclass(frozen=True)
 class FitEvidence:
-    """What one object's fit goes by, in the table's frame: ``seen`` (N, 3), ``free`` (M, 3), ``rays`` (R, S, 3) (see
-    :func:`fit_solid`); heights of its ``lowest`` and ``highest`` points and of its ``bottom``, which is the table's
-    unless it is ``floating``; the smallest rectangle about it: ``yaw``, ``middle`` (2,), ``lengths`` (2,).
+    """The evidence for one object's fit, in the table's frame.
+
+    ``seen`` (N, 3), ``free`` (M, 3), ``rays`` (R, S, 3) as in :func:`fit_solid`; heights of its ``lowest`` and
+    ``highest`` points and of its ``bottom``, which is the table's unless it is ``floating``; the smallest rectangle
+    about it: ``yaw``, ``middle`` (2,), ``lengths`` (2,).
     """
 
     seen: FloatArray
@@ -123,7 +125,7 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
 def _sheet(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, evidence: FitEvidence, top: float
 ) -> SeenObject:
-    """The object as one so flat, ``top`` metres, that no free point beside it tells its outline: the table does."""
+    """The object as one so flat, ``top`` metres, that free points beside it do not show its outline: the table does."""
     table = [at < 0 for at in pixels.maps]
     outline = footprint_of(frames, pixels, members, table, 0.5 * top)
     nowhere = np.zeros(3)
@@ -148,7 +150,7 @@ def _hollow(
 ) -> SeenObject | None:
     """The object as a hollow one, where one sees into it; None where one does not.
 
-    The inner wall is seen too: only the outline tells where the outer one is. Where a view shows it in pieces, rays
+    The inner wall is seen too: only the outline shows where the outer one is. Where a view shows it in pieces, rays
     beside a piece pass through the hollow; they say nothing against the walls.
     """
     if fit.intrusion < INTRUDED and sees_into(frames, obj) and not crowded(obj):

@@ -31,9 +31,9 @@ class SeenObject:
     ``members`` (N,) its pixels in the list; ``points`` (N, 3); ``centre``, ``yaw``, ``extents`` its upright box;
     ``agreement`` in [0, 1] how well the solid explains the points; ``hollow``: one sees into it; ``floating``: free
     space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
-    ``group`` tells which objects were one before a split by height; ``on`` is the index of the object that carries
+    objects of one ``group`` were one before a split by height; ``on`` is the index of the object that carries
     it, -1 for the table; ``part_of`` that of the object that it is known to be a part of, and ``noun`` what it is known
-    to be, "" where only its shape tells; ``textured``: paint tells nothing of its parts; ``opening`` its inner width,
+    to be, "" if it is named by its shape; ``textured``: its paint separates no parts; ``opening`` its inner width,
     0 where it is closed; ``turn`` (3, 3) the axes of an object that leans, in place of ``yaw``.
     """
 
@@ -77,7 +77,7 @@ class SeenObject:
 
     @property
     def pose(self) -> FloatArray:
-        """(4, 4) table_from_thing."""
+        """(4, 4) table_from_object."""
         if self.turn is not None:
             return rigid(self.turn, self.centre)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
@@ -98,7 +98,7 @@ class SeenObject:
         return np.asarray((np.abs(local) <= 0.5 * self.spans[:2] + margin).all(axis=1))
 
     def grid(self, *shares: FloatArray) -> FloatArray:
-        """(N, 3) all points at so many of its extents from its centre, along each of its three axes."""
+        """(N, 3) all points at these shares of its extents from its centre, along its three axes."""
         steps = np.stack(np.meshgrid(*shares, indexing="ij"), axis=-1).reshape(-1, 3)
         return np.asarray(self.centre + (steps * self.extents) @ self.pose[:3, :3].T)
 
@@ -190,8 +190,8 @@ def fit_solid(
     slack: float = 0.0,
     tolerance: float = 0.005,
 ) -> SolidFit:
-    """Robust least squares from ``start`` (P,), where a parameter stays of which no point tells anything: how far a
-    box reaches behind a side that another object hides.
+    """Robust least squares from ``start`` (P,); a parameter that no point determines stays, such as how far a box
+    reaches behind a side that another object hides.
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
     that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of

@@ -64,7 +64,7 @@ def test_pairs_that_have_no_change(before, after):
 def test_mean_and_deviation():
     assert mean_and_deviation([1.0, 3.0]) == (2.0, pytest.approx(2**0.5))
     assert mean_and_deviation([4.0]) == (4.0, 0.0)
-    with pytest.raises(ValueError, match="No values"):
+    with pytest.raises(ValueError, match="at least one"):
         mean_and_deviation([])
 
 

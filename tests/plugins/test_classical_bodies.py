@@ -1,9 +1,6 @@
 """Textured bodies on ray cast tables: geometry decides, paint does not; cameras that err are set right."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,18 +15,8 @@ from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 from gvla2_plugins.connected import ConnectedConfig, gvla2_perceivers
 from gvla2_plugins.connected.perceiver import ConnectedPerceiver
+from tests.benchmarks import perception as bench
 
-
-def _bench():
-    path = Path(__file__).parents[1] / "benchmarks" / "perception.py"
-    spec = importlib.util.spec_from_file_location("perception_benchmark", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["perception_benchmark"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-bench = _bench()
 WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP
 
 
@@ -123,3 +110,46 @@ def test_the_plainest_perceiver_finds_what_stands_apart(three):
     scene = ConnectedPerceiver(ConnectedConfig()).perceive(three, "", WORKSPACE)
     assert sorted(o.colour for o in scene.objects) == ["blue", "lime", "red"]
     assert scene.perceiver == "connected"
+
+
+@pytest.mark.parametrize("height", [0.003, 0.0045])
+def test_a_thin_board_is_one_object_as_large_as_it_is(height: float):
+    """About the least height that counts noise puts each pixel on either side of it."""
+    board = bench.put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")
+    cube = bench.put("box", (0.05, 0.05, 0.05), (0.32, -0.11), 0.7, "red", bottom=height)
+    coaster = bench.put("cylinder", (0.1, 0.1, height), (0.3, 0.2), 0.0, "blue")
+    scene = perceive((), bench.render([board, cube, coaster], noise=0.001, robot=[]))
+    assert sorted(o.colour for o in scene.objects) == ["blue", "green", "red"]
+    for truth in (board, cube, coaster):
+        found = next(o for o in scene.objects if o.colour == truth.colour)
+        assert np.linalg.norm(found.centre - truth.centre) < 0.003
+        assert np.abs(found.extents - truth.size).max() < 0.004
+
+
+def test_solids_in_the_same_space_are_one_object_of_two_colours():
+    """A red box whose edges are painted black: the frame's solid and the box's are the same."""
+    size = np.array([0.12, 0.08, 0.06])
+    mesh = trimesh.creation.box(size)
+    for _ in range(4):
+        mesh = mesh.subdivide()
+    near_sides = (np.abs(mesh.triangles_center) > 0.32 * size).sum(axis=1)
+    rgb = np.where((near_sides >= 2)[:, None], (0.05, 0.05, 0.05), (0.8, 0.1, 0.1))
+    place = rigid([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], (0.3, 0.0, TABLE_TOP + 0.03))
+    surface = Surface(trimesh.transform_points(mesh.vertices, place), np.asarray(mesh.faces), rgb, 7)
+    beside = bench.put("box", (0.05, 0.05, 0.05), (0.3, 0.25), 0.2, "blue")
+    scene = perceive((), bench.render([beside], robot=[surface], noise=0.0005))
+    assert len(scene.objects) == 2
+    found = next(o for o in scene.objects if o.colour != "blue")
+    assert np.linalg.norm(found.centre - place[:3, 3]) < 0.003
+    assert np.abs(np.sort(found.extents) - np.sort(size)).max() < 0.004
+
+
+def test_objects_of_one_colour_that_touch_come_apart_where_one_is_higher():
+    low = bench.put("box", (0.06, 0.06, 0.06), (0.3, 0.0), 0.0, "red")
+    high = bench.put("box", (0.06, 0.06, 0.12), (0.3, 0.0605), 0.0, "red")
+    scene = perceive((), bench.render([low, high], noise=0.0005, robot=[]))
+    assert len(scene.objects) == 2
+    for truth, found in zip((low, high), sorted(scene.objects, key=lambda o: o.top), strict=True):
+        assert np.linalg.norm(found.centre - truth.centre) < 0.003
+        assert np.abs(found.extents - truth.size).max() < 0.004
+        assert not found.parent

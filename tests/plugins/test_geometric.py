@@ -118,10 +118,6 @@ def test_pick_with_an_empty_hand_is_a_failure_however_tidy_the_motion(width: flo
     assert verdict.criteria["execution_validity"] == 1.0
 
 
-def test_pick_of_the_wrong_object_is_a_failure() -> None:
-    assert pick(moved(BEFORE, "b", 0.3, 0.1, 0.98), 0.05).outcome == "verified_fail"
-
-
 def test_an_object_that_moved_without_rising_was_not_picked() -> None:
     assert pick(moved(BEFORE, "a", 0.34, 0.1), 0.05).outcome == "verified_fail"
 
@@ -205,12 +201,6 @@ def push(x: float, y: float, **changes: Any) -> Verdict:
 )
 def test_push(x: float, y: float, outcome: str) -> None:
     assert push(x, y).outcome == outcome
-
-
-def test_push_of_an_object_that_is_gone_is_unknown() -> None:
-    after = without(PUSHED, "a")
-    shown = evidence(PUSHED, after, "push", {"theme": "a", "goal": "goal"}, PUSH)
-    assert judge(shown).outcome == "uncertain"
 
 
 @pytest.mark.parametrize(

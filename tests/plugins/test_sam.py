@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, PerceptionError
+from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.views import Views
 from gvla2.perception.clicks import Segments
 from gvla2.perception.options import VisionOptions
@@ -67,18 +67,6 @@ def test_a_table_without_anything_is_an_empty_scene_and_costs_no_encode(perceive
     scene = perceiver.perceive(replace(seen, views=Views(tuple(views))), "", inputs.WORKSPACE)
     assert scene.objects == ()
     assert perceiver._segmenter.encodes == 0
-
-
-def test_all_depth_missing_from_one_camera_leaves_the_others(perceiver):
-    seen = inputs.observation()
-    views = [replace(v, depth=None) if i == 1 else v for i, v in enumerate(seen.views)]
-    scene = perceiver.perceive(replace(seen, views=Views(tuple(views))), "", inputs.WORKSPACE)
-    assert len(scene.objects) == 2
-    assert "camera_1" in scene.notes[0]
-    with pytest.raises(PerceptionError, match="No view"):
-        perceiver.perceive(
-            replace(seen, views=Views(tuple(replace(v, depth=None) for v in views))), "", inputs.WORKSPACE
-        )
 
 
 def test_where_the_model_is_unsure_geometry_draws_the_outline():
@@ -167,14 +155,6 @@ def test_an_answer_goes_back_to_where_it_was_asked():
     assert (sheet.back(1, answer).masks()[0, 0] == (marks[1] == 1)).all()
     assert sheet.back(1, answer).scores.tolist() == [[0.9]]
     assert not sheet.back(0, answer).masks().any()
-
-
-def test_where_sheets_save_nothing_pictures_stay_whole():
-    full = marked((5, 5, 250, 250), (252, 5, 255, 9))
-    images = [picture(0), picture(1)]
-    sheets = sheets_of(images, [full, np.where(full >= 0, full + 2, -1)])
-    assert [sorted(tile.mark for tile in sheet.tiles) for sheet in sheets] == [[0, 1], [2, 3]]
-    assert [(s.image == i).all() for s, i in zip(sheets, images, strict=True)] == [True, True]
 
 
 def test_pictures_of_two_sizes_have_sheets_of_their_own_and_empty_ones_none():
