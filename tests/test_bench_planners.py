@@ -1,6 +1,6 @@
-"""Planners side by side in the robot suite: what is run, under which keys, who teaches whom, and what it costs.
+"""Planners side by side in the robot suite: the episodes, their keys, the teachers and the costs.
 
-Most episodes are made up here, since what is tested is the design; the last test moves a robot.
+Most episodes are made up, since the design is tested; the last test moves a robot.
 """
 
 import json

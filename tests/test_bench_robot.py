@@ -79,13 +79,13 @@ def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
     def shown(_signal: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
-    def tell() -> None:
+    def terminate() -> None:
         while len(list(tmp_path.iterdir())) < 2:
             time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGTERM)
 
     before = signal.signal(signal.SIGTERM, shown)
-    threading.Thread(target=tell, daemon=True).start()
+    threading.Thread(target=terminate, daemon=True).start()
     try:
         with pytest.raises(KeyboardInterrupt):
             list(in_processes(sleeps, [str(tmp_path)] * 4, 2))
