@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import arm_named, chosen_arms
+from gvla2.evaluation.arms import chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects
 from tests.composing import bench_config
 
@@ -23,12 +23,6 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
     assert mine.variant == "governed, admission=False, replan=1"
     usual = config_of(registry, "arms.mine={memory: semantic}")
     assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "best_theta", "mine"]
-
-
-def test_options_of_a_plain_arm_are_in_its_name(registry):
-    config = config_of(registry, "arms=[off,on]", "arms.on.admission=false")
-    assert [arm.name for arm in chosen_arms(config, registry)] == ["off", "on"]
-    assert arm_named(config, "on").variant == "admission=False"
 
 
 @pytest.mark.parametrize(
