@@ -84,7 +84,13 @@ def as_overrides(argv: Sequence[str]) -> list[str]:
     return [_plain(one, list(own)) for one in argv]
 
 
+def _counted(span: re.Match[str]) -> str:
+    return ",".join(map(str, range(int(span[1]), int(span[2]) + 1)))
+
+
 def _plain(override: str, own: list[str]) -> str:
+    """A single override; ``layouts=[10..19]`` names each layout from 10 to 19."""
+    override = re.sub(r"(?<=[\[,])(\d+)\.\.(\d+)(?=[\],])", _counted, override)
     if re.match(r"(planner|baseline|task)_options\.", override):
         return f"++{override}"
     if override.startswith("arms."):

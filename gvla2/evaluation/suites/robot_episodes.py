@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
-from gvla2.episode.record import EpisodeRecord, Stage
+from gvla2.episode.record import VOID, EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
     BenchArm,
@@ -30,8 +30,9 @@ from gvla2.plugins.registry import Registry
 
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
-NOT_MEASURED = ("timeout", "unavailable")
-"""Kinds of failure that do not count against an arm: its planner timed out, or its model was unavailable."""
+NOT_MEASURED = ("timeout", "unavailable", VOID)
+"""Kinds of failure that do not count against an arm: its planner timed out, its model was unavailable, or the simulated
+world blew up."""
 UNSEEN = ("nothing_matches", "ambiguous", "perception")
 
 
@@ -155,7 +156,7 @@ def failure_class(record: EpisodeRecord) -> str:
         return ""
     if failure.kind in NOT_MEASURED:
         return failure.kind
-    if failure.kind in ("crashed", "error", "interrupted", "simulation"):
+    if failure.kind in ("crashed", "error", "interrupted"):
         return "error"
     if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
         return "perception"
