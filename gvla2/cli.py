@@ -16,6 +16,7 @@ COMMANDS = {
     "memory": "search and list a memory bank, verify it, import, export, forget",
     "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
     "export": "write runs as a data set for training: LeRobot",
+    "data": "write the gallery of known objects that comes with a robot's world",
     "tasks": "list the tasks that a robot can be given",
     "plugins": "list robots, planners, memories and everything else to choose from, with options",
     "doctor": "check this installation, list data sets, and say how to get what is missing",
@@ -42,6 +43,8 @@ def run_command(command: str, argv: list[str]) -> int:
             from gvla2.commands.calibrate import main
         case "export":
             from gvla2.commands.export import main
+        case "data":
+            from gvla2.commands.data import main
         case "tasks":
             from gvla2.commands.tasks import main
         case "plugins":

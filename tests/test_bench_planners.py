@@ -1,21 +1,20 @@
-"""Planners side by side in the robot suite: what is run, under which keys, who teaches whom, and what it costs.
+"""Planners side by side in the robot suite: the episodes, their keys, the teachers and the costs.
 
-Most episodes are made up here, since what is tested is the design; the last test moves a robot.
+Most episodes are made up, since the design is tested; the last test moves a robot.
 """
 
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
-from omegaconf import OmegaConf
 
-from gvla2.commands.bench import as_overrides, run_bench
+from gvla2.commands.bench import run_bench
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.arms import Experience
 from gvla2.evaluation.suites import robot
-from gvla2.evaluation.suites.robot_design import designs
 from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
@@ -61,8 +60,8 @@ def units(monkeypatch):
             success_check=SuccessCheck(won, strict=False),
             failure=None if won else Failure("execute", "slipped", "It slipped."),
         )
-        learnt = [experience(unit.subject, name, unit.layout)] if unit.arm.name == "exploration" else []
-        return cells_of(unit, record, 1.0, learnt)
+        learned = [experience(unit.subject, name, unit.layout)] if unit.arm.name == "exploration" else []
+        return cells_of(unit, record, 1.0, learned)
 
     monkeypatch.setattr(robot, "run_unit", pretend)
     return ran
@@ -78,27 +77,19 @@ def test_every_planner_meets_the_same_layouts_and_one_table_shows_them(registry,
     config = config_of(registry, tmp_path, BOTH, "tasks=[lamp_on,put_block]", "layouts=[200,201,203]")
     assert run_bench(config, registry, tmp_path / "out") == 1
     ran = [(unit.config.planner.name, unit.subject, unit.arm.name, unit.layout) for unit in units]
-    assert ran == [
-        (planner, task, "off", layout)
-        for planner in ("skill", "code_policies")
-        for task in ("put_block", "lamp_on")
-        for layout in (200, 201, 203)
-    ], "memory is off unless arms are named"
+    places = product(("skill", "code_policies"), ("put_block", "lamp_on"), ("off",), (200, 201, 203))
+    assert ran == list(places), "memory is off unless arms are named"
     rows = rows_of(tmp_path / "out")
-    assert [row["layout"] for row in rows] == [200, 201, 203] * 4
     asked = [row for row in rows if row["planner"] == "code_policies"]
     assert {(row["calls"], row["prompt_tokens"], row["completion_tokens"]) for row in asked} == {(2, 300, 12)}
-    assert {row["model"] for row in asked} == {"http://127.0.0.1:8000/v1"}
-    assert {row["model"] for row in rows if row not in asked} == {""}
+    assert {row["model"] for row in rows} == {"http://127.0.0.1:8000/v1", ""}
     report = (tmp_path / "out" / "report.md").read_text()
     assert "|  | skill | code_policies |" in report
-    assert "300 + 12 tokens" in report
+    assert "300 + 12" in report
     assert "33.3" in report
-    for name in ("index.html", "report.tex"):
-        assert "300 + 12" in (tmp_path / "out" / name).read_text()
 
 
-def test_what_one_planner_did_alone_is_not_done_again_beside_others(registry, tmp_path, units):
+def test_a_planners_episodes_are_not_run_again_beside_other_planners(registry, tmp_path, units):
     place = ["tasks=[lamp_on]", "layouts=[200]"]
     run_bench(
         config_of(registry, tmp_path, "planner=skill", "arms=['off']", *place), registry, tmp_path / "alone"
@@ -115,15 +106,11 @@ def test_each_planner_teaches_itself_unless_a_teacher_is_named(registry, tmp_pat
     given = [BOTH, "arms=['off','on']", "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[0,1]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "own")
     explored = [unit for unit in units if unit.arm.name == "exploration"]
-    assert [(unit.config.planner.name, unit.layout) for unit in explored] == [
-        ("skill", 0),
-        ("skill", 1),
-        ("code_policies", 0),
-        ("code_policies", 1),
-    ]
+    ran = [(unit.config.planner.name, unit.layout) for unit in explored]
+    assert ran == list(product(("skill", "code_policies"), (0, 1)))
     for name in ("skill", "code_policies"):
-        (learnt,) = [u for u in units if u.arm.name == "on" and u.config.planner.name == name]
-        assert lessons_in(learnt) == {f"{name} did lamp_on well."}
+        (learned,) = [u for u in units if u.arm.name == "on" and u.config.planner.name == name]
+        assert lessons_in(learned) == {f"{name} did lamp_on well."}
     done = len(units)
     run_bench(config_of(registry, tmp_path, *given, "teacher=skill"), registry, tmp_path / "taught")
     again = [(unit.config.planner.name, unit.arm.name) for unit in units[done:]]
@@ -150,7 +137,7 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
     shown = {unit.subject: unit for unit in units if unit.arm.name == "shuffled"}
     assert shown["put_block"].lessons.asked.query == "do lamp_on"
     assert lessons_in(shown["put_block"]) == {"skill did lamp_on well."}
-    assert shown["lamp_on"].lessons.asked is None, "nothing was learnt elsewhere"
+    assert shown["lamp_on"].lessons.asked is None, "nothing was learned elsewhere"
     assert not lessons_in(shown["lamp_on"])
 
 
@@ -161,43 +148,16 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
         ([BOTH, "+planner_options.voxposer.tries=2"], "'voxposer' is not among the planners"),
         ([BOTH, "+planner_options.code_policies.sample=2"], "no such option. Did you mean 'samples'"),
         ([BOTH, "+planner_options.code_policies.samples=few"], "configured wrongly"),
-        ([BOTH, "+planner_options.code_policies=3"], "give options: planner_options.code_policies.OPTION"),
         ([BOTH, "arms=['on']", "layouts=[3,200]"], r"layouts \[3\] are among the exploration_seeds"),
-        (["planners=[agent3d]", "+planner_options.agent3d.tries=0"], "tries is 0"),
     ],
 )
-def test_what_cannot_be_compared_is_said_before_anything_runs(registry, tmp_path, units, overrides, message):
+def test_an_impossible_comparison_is_an_error_before_anything_runs(
+    registry, tmp_path, units, overrides, message
+):
     config = config_of(registry, tmp_path, "tasks=[lamp_on]", *overrides)
     with pytest.raises(Gvla2Error, match=message):
         run_bench(config, registry, tmp_path / "out")
     assert not units
-
-
-def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
-    config = config_of(registry, tmp_path, BOTH, "fallback=skill", "tasks=[lamp_on]", "layouts=[200]")
-    shown = [design.plan[0].factors["planner"] for design in designs(config, registry)]
-    assert shown == ["skill", "code_policies, then skill"]
-
-
-def test_a_leading_word_is_the_suite():
-    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["bench_suite=robot", "tasks=[lamp_on]"]
-    assert as_overrides(["--help"]) == ["--help"]
-    assert as_overrides(["suite=agents"]) == ["bench_suite=agents"]
-    assert as_overrides([]) == []
-
-
-def test_options_by_name_need_no_plus(capsys):
-    from gvla2.commands.bench import main
-
-    given = [
-        "planner_options.code_policies.samples=3",
-        "arms.on.admission=false",
-        "arms.on.top_k=2",
-    ]
-    assert main(["robot", BOTH, *given, "--cfg", "job"]) == 0
-    shown = OmegaConf.create(capsys.readouterr().out)
-    assert (shown.suite, shown.planner_options) == ("robot", {"code_policies": {"samples": 3}})
-    assert shown.own_arms == {"on": {"admission": False, "top_k": 2}}
 
 
 def test_what_an_episode_cost_is_counted_over_attempts_and_parts():

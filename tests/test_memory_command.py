@@ -226,20 +226,6 @@ def test_what_is_missing_is_named(run: Run, argv: list[str], message: str):
     assert message in data(run, *argv, status=1)["error"]
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"),
-    [
-        (["list", "limti=3"], "Did you mean 'limit'?"),
-        (["list", "states=[actve]"], "States: active"),
-        (["search", "x", "retriever=nothing"], "No retriever named 'nothing'"),
-    ],
-)
-def test_wrong_options_are_explained_as_in_other_commands(run: Run, argv: list[str], message: str):
-    found, out, err = run(*argv)
-    assert (found, out) == (1, "")
-    assert message in err
-
-
 def test_options_choose_states_and_retrievers(run: Run, tmp_path: Path):
     status, out, err = run("list", "--json", "states=[active]")
     assert (status, err, len(json.loads(out))) == (0, "", 2)
@@ -269,21 +255,6 @@ def test_looking_makes_no_database_and_compiles_nothing(tmp_path: Path):
     assert done.returncode == 1
     assert done.stderr.startswith("gvla2: There is no memory at")
     assert not (tmp_path / "home").exists()
-
-
-def test_a_corrupt_file_and_a_locked_one_are_explained(tmp_path: Path, run: Run, path: Path, capsys):
-    hint = ids(run)["procedural_hint"]
-    holder = sqlite3.connect(path, isolation_level=None)
-    holder.execute("BEGIN IMMEDIATE")
-    status, _, err = run("forget", hint, "--yes", "busy_seconds=0.2")
-    holder.execute("ROLLBACK")
-    holder.close()
-    assert status == 1
-    assert "locked" in err or "busy" in err
-    bad = tmp_path / "bad.db"
-    bad.write_bytes(b"not a database, but long enough to be read as one" * 40)
-    assert cli.main(["memory", "list", f"url=sqlite:///{bad}"]) == 1
-    assert "corrupt" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["", *VERBS])

@@ -1,4 +1,4 @@
-"""What an agent is given, and what it hands back."""
+"""The contracts of software agents: task, sandbox, agent, run."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class AgentTask:
     """One task: what is asked, where its files are, and how its tests are run.
 
     ``environment`` is the folder with the Dockerfile. ``files`` holds the initial contents of the working folder, if
-    the task needs nothing else and hence no image; None if it needs one. When the agent has finished, the script
-    ``tests_entry`` is run beside the files of ``tests``; the agent never sees them. ``family`` names the technique that
-    tasks share ("" for none). Times in seconds.
+    the task needs nothing else and hence no image; None if it needs one. When the agent has finished, ``test.sh`` in
+    ``tests`` is run; the agent never sees that folder. ``family`` names the technique that tasks share ("" for none).
+    Times in seconds; the task's files may take ``disk_mb``, each process ``memory_mb``.
     """
 
     name: str
@@ -26,11 +26,12 @@ class AgentTask:
     folder: Path
     environment: Path
     tests: Path
-    tests_entry: Path
     files: Path | None = None
     family: str = ""
     agent_seconds: float = 600.0
     test_seconds: float = 120.0
+    disk_mb: int = 512
+    memory_mb: int = 4096
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,8 @@ class Output:
 class Sandbox(Protocol):
     """Where an agent's commands are run: its own files, no network, no access to the host."""
 
-    @property
-    def folder(self) -> str:
-        """The working folder as commands see it."""
-        ...
+    folder: str
+    """The working folder as commands see it."""
 
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None

@@ -1,18 +1,13 @@
-"""Tasks in folders, as Terminal-Bench lays them out."""
+"""Folders of tasks in the layout of Terminal-Bench 2: ``task.toml``, ``instruction.md``, ``tests``, ``environment``."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from gvla2.agents.contracts import AgentTask
 from gvla2.errors import ConfigurationError
-
-MARKERS = ("task.toml", "task.yaml")
 
 
 def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
@@ -21,114 +16,68 @@ def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
     Raises :class:`ConfigurationError` for a folder without tasks, a missing or duplicate name, and a task without tests
     or instruction.
     """
-    place = Path(root).expanduser()
-    if not place.is_dir():
-        raise ConfigurationError(
-            f"agents.tasks is '{root}', which is not a folder. Give a folder of task folders."
-        )
-    folders = sorted({file.parent for marker in MARKERS for file in place.rglob(marker)})
-    if not folders:
-        raise ConfigurationError(
-            f"No task lies below '{root}'. A task is a folder with {' or '.join(MARKERS)}, as Terminal-Bench has them."
-        )
     found: dict[str, Path] = {}
-    for folder in folders:
+    for folder in sorted(file.parent for file in Path(root).expanduser().rglob("task.toml")):
         if folder.name in found:
             raise ConfigurationError(
                 f"Two tasks are called '{folder.name}': {found[folder.name]} and {folder}. Rename one."
             )
         found[folder.name] = folder
+    if not found:
+        raise ConfigurationError(
+            f"No task lies below agents.tasks={root}. A task is a folder with a task.toml, as in Terminal-Bench 2."
+        )
     wanted = list(names) or list(found)
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        raise ConfigurationError(f"No task '{missing[0]}' below '{root}'. Available: {', '.join(found)}.")
+    for name in wanted:
+        if name not in found:
+            raise ConfigurationError(f"No task '{name}' below '{root}'. Available: {', '.join(found)}.")
     return [read_task(found[name]) for name in wanted]
 
 
 def read_task(folder: Path) -> AgentTask:
     """One task; raises :class:`ConfigurationError` naming what is missing or cannot be read."""
-    for name in ("task.toml", "task.yaml", "instruction.md", "tests", "environment", "run-tests.sh"):
+    for name in ("task.toml", "instruction.md", "tests", "environment"):
         if (folder / name).is_symlink():
             # A downloaded task could otherwise show the agent any file of this machine.
             raise ConfigurationError(f"{folder / name} is a link; a task holds its own files.")
-    return _of_version_2(folder) if (folder / "task.toml").is_file() else _of_version_1(folder)
-
-
-def _of_version_2(folder: Path) -> AgentTask:
     try:
         settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
-        instruction = (folder / "instruction.md").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        instruction = (folder / "instruction.md").read_text(encoding="utf-8").strip()
+        metadata = settings.get("metadata", {})
+        limits = {
+            field: type(usual)(settings.get(section, {}).get(name, usual))
+            for field, section, name, usual in (
+                ("agent_seconds", "agent", "timeout_sec", 600.0),
+                ("test_seconds", "verifier", "timeout_sec", 120.0),
+                ("disk_mb", "environment", "storage_mb", 512),
+                ("memory_mb", "environment", "memory_mb", 4096),
+            )
+        }
+    except (OSError, ValueError, TypeError, AttributeError) as error:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
-    metadata = _section(settings, "metadata")
-    return _checked(
-        AgentTask(
-            name=folder.name,
-            instruction=instruction.strip(),
-            folder=folder,
-            environment=folder / "environment",
-            tests=folder / "tests",
-            tests_entry=folder / "tests" / "test.sh",
-            files=folder / str(files) if (files := metadata.get("files")) else None,
-            family=str(metadata.get("family", "")),
-            agent_seconds=_seconds(_section(settings, "agent").get("timeout_sec", 600), folder),
-            test_seconds=_seconds(_section(settings, "verifier").get("timeout_sec", 120), folder),
-        )
-    )
-
-
-def _of_version_1(folder: Path) -> AgentTask:
-    try:
-        settings = yaml.safe_load((folder / "task.yaml").read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
-    if not isinstance(settings, Mapping):
-        raise ConfigurationError(f"{folder / 'task.yaml'} does not hold a mapping.")
-    entries = (folder / "tests" / "run-tests.sh", folder / "run-tests.sh")
-    return _checked(
-        AgentTask(
-            name=folder.name,
-            instruction=str(settings.get("instruction", "")).strip(),
-            folder=folder,
-            environment=folder,
-            tests=folder / "tests",
-            tests_entry=next((entry for entry in entries if entry.is_file()), entries[0]),
-            family=str(settings.get("category", "")),
-            agent_seconds=_seconds(settings.get("max_agent_timeout_sec", 600), folder),
-            test_seconds=_seconds(settings.get("max_test_timeout_sec", 120), folder),
-        )
-    )
-
-
-def _checked(task: AgentTask) -> AgentTask:
-    if not task.instruction:
-        raise ConfigurationError(f"The task {task.folder} has no instruction.")
-    if not task.tests_entry.is_file():
+    files = folder / str(metadata["files"]) if metadata.get("files") else None
+    entry = folder / "tests" / "test.sh"
+    if not instruction:
+        raise ConfigurationError(f"The task {folder} has no instruction.")
+    if not all(0 < limit < float("inf") for limit in limits.values()):
+        raise ConfigurationError(f"The task {folder} has a limit that is not above 0: {limits}.")
+    if not entry.is_file():
         raise ConfigurationError(
-            f"The task {task.folder} has no tests: {task.tests_entry} is missing. Without tests its result is unknown."
+            f"The task {folder} has no tests: {entry} is missing. Without tests its result is unknown."
         )
-    root = task.folder.resolve()
-    if task.files is not None and not (
-        task.files.is_dir()
-        and task.files.is_relative_to(task.folder)
-        and task.files.resolve() == root / task.files.relative_to(task.folder)
+    if files is not None and not (
+        files.is_dir()
+        and files.is_relative_to(folder)
+        and files.resolve() == folder.resolve() / files.relative_to(folder)
     ):
-        raise ConfigurationError(
-            f"{task.files}, metadata.files of its task.toml, is not a folder of the task."
-        )
-    return task
-
-
-def _section(settings: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    section = settings.get(name, {})
-    return section if isinstance(section, Mapping) else {}
-
-
-def _seconds(value: object, folder: Path) -> float:
-    try:
-        seconds = float(str(value))
-    except ValueError:
-        seconds = -1.0
-    if not 0 < seconds < float("inf"):
-        raise ConfigurationError(f"The task {folder} allows '{value}' seconds; give a number above 0.")
-    return seconds
+        raise ConfigurationError(f"{files}, metadata.files of its task.toml, is not a folder of the task.")
+    return AgentTask(
+        name=folder.name,
+        instruction=instruction,
+        folder=folder,
+        environment=folder / "environment",
+        tests=folder / "tests",
+        files=files,
+        family=str(metadata.get("family", "")),
+        **limits,
+    )

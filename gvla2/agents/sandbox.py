@@ -1,6 +1,6 @@
 """Sandboxes for agents: mini-swe-agent's bubblewrap and Docker environments, with stricter arguments.
 
-The host never opens, follows or executes a file that an agent wrote: everything inside is done by commands inside.
+The host never opens, follows or executes a file that an agent wrote: commands inside the sandbox do it.
 """
 
 from __future__ import annotations
@@ -13,32 +13,21 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, Output
 from gvla2.errors import MissingDependencyError
 
-if TYPE_CHECKING:
-    from minisweagent.environments.docker import DockerEnvironment
-    from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
-
-APP = "/app"
-"""The working folder under bubblewrap, as in Terminal-Bench's images."""
 SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
 """mini-swe-agent's agents print this line when they are done."""
-_BUILD_SECONDS = 1800.0
-_WRITABLE = {"app": APP, "tmp": "/tmp", "home": "/home/agent", "logs": "/logs"}
-"""Folders of the host, and where commands see them."""
-_VARIABLES = {
-    "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
-    "HOME": "/home/agent",
-    "LANG": "C.UTF-8",
-    "TERM": "dumb",
-    "PAGER": "cat",
-}
+_WRITABLE = {"app": "/app", "tmp": "/tmp", "home": "/home/agent", "logs": "/logs"}
+"""Folders of the host, and where commands under bubblewrap see them; the first is the working folder."""
+_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+_VARIABLES = {"PATH": _PATH, "HOME": "/home/agent", "LANG": "C.UTF-8", "TERM": "dumb", "PAGER": "cat"}
 _READABLE_IN_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime.types")
+OUTPUT = 8000
+"""Bytes kept of a command's output."""
 _GUARDED = """\
 ulimit -c 0 -u 4096 -f {file_blocks} -v {memory_kb} 2>/dev/null
 cd {folder} 2>/dev/null || cd /
@@ -57,38 +46,19 @@ exit $status
 """Runs one command under the limits. Output goes through a file so that a process left behind cannot hold it open."""
 
 
-@dataclass(frozen=True)
-class SandboxLimits:
-    """Megabytes of files in total and of memory per process, and bytes of output kept per command."""
-
-    disk_mb: int = 512
-    memory_mb: int = 4096
-    output: int = 20_000
-
-
-DEFAULT_LIMITS = SandboxLimits()
-
-
 class MiniSweSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox` around an environment of mini-swe-agent.
+    """A :class:`~gvla2.agents.contracts.Sandbox` around an ``environment`` of mini-swe-agent.
 
-    ``writable`` are the folders whose size is limited.
+    ``folder`` is the working folder as commands see it. The files in ``writable`` may take ``disk_mb``, each process
+    ``memory_mb``.
     """
 
     def __init__(
-        self,
-        environment: BubblewrapEnvironment | DockerEnvironment,
-        folder: str,
-        limits: SandboxLimits,
-        writable: Sequence[str],
+        self, environment: Any, folder: str, writable: Sequence[str], disk_mb: int, memory_mb: int
     ) -> None:
-        self._environment, self._folder, self._limits = environment, folder, limits
-        self._writable = shlex.join(writable)
-
-    @property
-    def folder(self) -> str:
-        """The working folder as commands see it."""
-        return self._folder
+        self.folder = folder
+        self._environment, self._writable = environment, shlex.join(writable)
+        self._disk_mb, self._memory_mb = disk_mb, memory_mb
 
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
@@ -99,15 +69,14 @@ class MiniSweSandbox:
         """
         from minisweagent.exceptions import Submitted
 
-        limits = self._limits
         pairs = [f"{name}={value}" for name, value in (variables or {}).items()]
         guarded = _GUARDED.format(
-            file_blocks=limits.disk_mb * 1024,
-            memory_kb=limits.memory_mb * 1024,
-            disk_mb=limits.disk_mb,
-            output=limits.output,
-            half=limits.output // 2,
-            folder=shlex.quote(self._folder),
+            file_blocks=self._disk_mb * 1024,
+            memory_kb=self._memory_mb * 1024,
+            disk_mb=self._disk_mb,
+            output=OUTPUT,
+            half=OUTPUT // 2,
+            folder=shlex.quote(self.folder),
             writable=self._writable,
             seconds=seconds,
             words=shlex.join(["env", *pairs, "bash", "-c", command]),
@@ -115,8 +84,7 @@ class MiniSweSandbox:
         begun = time.monotonic()
         try:
             answer = self._environment.execute({"command": guarded}, timeout=int(seconds) + 10)
-        except Submitted as done:
-            # The environment consumed the first line, which says that the agent is done.
+        except Submitted as done:  # the environment consumed the line that says so
             text = f"{SUBMITTED}\n{done.messages[0].get('content', '')}"
             return Output(_printable(text), 0, time.monotonic() - begun)
         spent, status = time.monotonic() - begun, int(answer["returncode"])
@@ -124,8 +92,7 @@ class MiniSweSandbox:
             timed_out = failure["exception_type"] == "TimeoutExpired"
             why = "" if timed_out else f"The command cannot be run: {failure['exception']}"
             return Output(_printable(answer["output"] + why), 137 if timed_out else 126, spent, timed_out)
-        timed_out = status in (124, 137) and spent >= seconds
-        return Output(_printable(answer["output"]), status, spent, timed_out)
+        return Output(_printable(answer["output"]), status, spent, status in (124, 137) and spent >= seconds)
 
 
 class BubblewrapSandbox(MiniSweSandbox):
@@ -134,24 +101,23 @@ class BubblewrapSandbox(MiniSweSandbox):
     ``root`` is a folder of the host for what commands write: the working folder, ``/tmp``, the home, ``/logs``.
     """
 
-    def __init__(self, root: Path, limits: SandboxLimits = DEFAULT_LIMITS) -> None:
+    def __init__(self, root: Path, disk_mb: int = 512, memory_mb: int = 4096) -> None:
         prepare_minisweagent()
         from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
 
-        program = shutil.which("bwrap")
-        if program is None:
+        if (program := shutil.which("bwrap")) is None:
             raise MissingDependencyError(
                 "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
             )
         for name in _WRITABLE:
             (root / name).mkdir(parents=True, exist_ok=True)
         environment = BubblewrapEnvironment(
-            executable=_program("env"),
-            wrapper_args=["-i", program, *_namespaces(root, limits)],
+            executable=shutil.which("env", path=_PATH) or "env",
+            wrapper_args=["-i", program, *_namespaces(root, disk_mb)],
             cwd=str(root / "app"),
             env=_VARIABLES,
         )
-        super().__init__(environment, APP, limits, list(_WRITABLE.values()))
+        super().__init__(environment, _WRITABLE["app"], list(_WRITABLE.values()), disk_mb, memory_mb)
         self._arguments: list[str] = environment.config.wrapper_args
 
     @contextmanager
@@ -165,28 +131,40 @@ class BubblewrapSandbox(MiniSweSandbox):
             del self._arguments[-len(shown) :]
 
 
+def _namespaces(root: Path, disk_mb: int) -> list[str]:
+    """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
+    words = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
+    words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox", "--ro-bind", "/usr", "/usr"]
+    for place in map(Path, ("/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32")):
+        if place.is_symlink():
+            words += ["--symlink", str(place.readlink()), str(place)]
+        elif place.is_dir():
+            words += ["--ro-bind", str(place), str(place)]
+    for name in _READABLE_IN_ETC:
+        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    words += ["--dev", "/dev", "--size", str(disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
+    for name, at in _WRITABLE.items():
+        words += ["--bind", str(root / name), at]
+    return words
+
+
 class DockerSandbox(MiniSweSandbox):
     """A container of the task's image, without a network."""
-
-    def __init__(
-        self, environment: DockerEnvironment, folder: str, limits: SandboxLimits = DEFAULT_LIMITS
-    ) -> None:
-        super().__init__(environment, folder, limits, ["/tmp"] if folder == "/" else ["/tmp", folder])
-        self._container = str(environment.container_id)
 
     @contextmanager
     def mounted(self, folder: Path, at: str) -> Iterator[None]:
         """Context manager that shows commands a copy of a host folder; links in it stay links."""
-        _docker(["exec", "-u", "0", self._container, "rm", "-rf", at], 60)
-        _docker(["cp", str(folder), f"{self._container}:{at}"], 120)
+        container = str(self._environment.container_id)
+        _docker("exec", "-u", "0", container, "rm", "-rf", at)
+        _docker("cp", str(folder), f"{container}:{at}")
         try:
             yield
         finally:
-            _docker(["exec", "-u", "0", self._container, "rm", "-rf", at], 60)
+            _docker("exec", "-u", "0", container, "rm", "-rf", at)
 
 
 @contextmanager
-def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[BubblewrapSandbox]:
+def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
     """Context manager for a task whose environment is a folder of files, and this machine's programs.
 
     Raises :class:`EnvironmentFailedError` for a task that needs an image, and where namespaces are not allowed.
@@ -201,7 +179,7 @@ def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Itera
         prefix="gvla2-agent-", dir="/var/tmp", ignore_cleanup_errors=True
     ) as root:
         shutil.copytree(task.files, Path(root, "app"), symlinks=True)
-        sandbox = BubblewrapSandbox(Path(root), limits)
+        sandbox = BubblewrapSandbox(Path(root), task.disk_mb, task.memory_mb)
         tried = sandbox.run("true", seconds=10)
         if tried.status != 0:
             raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
@@ -209,7 +187,7 @@ def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Itera
 
 
 @contextmanager
-def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[DockerSandbox]:
+def docker(task: AgentTask) -> Iterator[DockerSandbox]:
     """Context manager for a container of the task's image, which is built if missing.
 
     Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` when the engine does not
@@ -219,9 +197,9 @@ def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[
     from minisweagent.environments.docker import DockerEnvironment
 
     image = f"gvla2-task-{task.name.lower()}"
-    _docker(["build", "-q", "-t", image, str(task.environment)], _BUILD_SECONDS)
-    folder = _docker(["image", "inspect", "-f", "{{.Config.WorkingDir}}", image], 30).strip() or "/"
-    bounds = ["--rm", "--network", "none", "--memory", f"{limits.memory_mb}m", "--pids-limit", "4096"]
+    _docker("build", "-q", "-t", image, str(task.environment), seconds=1800)
+    folder = _docker("image", "inspect", "-f", "{{.Config.WorkingDir}}", image).strip() or "/"
+    bounds = ["--rm", "--network", "none", "--memory", f"{task.memory_mb}m", "--pids-limit", "4096"]
     try:
         environment = DockerEnvironment(
             image=image, cwd=folder, run_args=bounds, interpreter=["bash", "-c"], container_timeout="24h"
@@ -229,9 +207,31 @@ def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[
     except (OSError, subprocess.SubprocessError) as error:
         raise EnvironmentFailedError(f"{task.name}: 'docker run' failed: {error}") from error
     try:
-        yield DockerSandbox(environment, folder, limits)
+        writable = ["/tmp"] if folder == "/" else ["/tmp", folder]
+        yield DockerSandbox(environment, folder, writable, task.disk_mb, task.memory_mb)
     finally:
         environment.cleanup()
+
+
+def _docker(*words: str, seconds: float = 120) -> str:
+    """Run ``docker`` and return what it printed; raises :class:`EnvironmentFailedError` when it fails."""
+    try:
+        done = subprocess.run(
+            ["docker", *words],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=seconds,
+            check=True,
+        )
+    except FileNotFoundError as error:
+        install = "Docker (Apache-2.0), or agents.sandbox=bubblewrap"
+        raise MissingDependencyError("the program 'docker'", "agents.sandbox=docker", install) from error
+    except subprocess.SubprocessError as error:
+        said = str(getattr(error, "stderr", None) or error).strip()[-300:]
+        raise EnvironmentFailedError(f"'docker {words[0]}' failed: {said}") from error
+    return done.stdout
 
 
 def prepare_minisweagent() -> None:
@@ -240,49 +240,5 @@ def prepare_minisweagent() -> None:
     os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
 
 
-def _namespaces(root: Path, limits: SandboxLimits) -> list[str]:
-    """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
-    words = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
-    words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox"]
-    words += ["--ro-bind", "/usr", "/usr"]
-    for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32"):
-        place = Path("/", name)
-        if place.is_symlink():
-            words += ["--symlink", str(place.readlink()), f"/{name}"]
-        elif place.is_dir():
-            words += ["--ro-bind", str(place), f"/{name}"]
-    for name in _READABLE_IN_ETC:
-        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
-    words += ["--dev", "/dev", "--size", str(limits.disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
-    for name, at in _WRITABLE.items():
-        words += ["--bind", str(root / name), at]
-    return words
-
-
-def _docker(words: Sequence[str], seconds: float) -> str:
-    """Run ``docker`` and return what it printed; raises :class:`EnvironmentFailedError` when it fails."""
-    command = ["docker", *words]
-    try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds, check=False
-        )
-    except FileNotFoundError as error:
-        raise MissingDependencyError(
-            "the program 'docker'",
-            "agents.sandbox=docker",
-            "Docker (Apache-2.0), or agents.sandbox=bubblewrap",
-        ) from error
-    except subprocess.TimeoutExpired as error:
-        raise EnvironmentFailedError(f"'docker {words[0]}' took longer than {seconds:g} s.") from error
-    if done.returncode != 0:
-        said = (done.stderr or done.stdout).decode(errors="replace").strip()
-        raise EnvironmentFailedError(f"'docker {words[0]}' failed: {said[-300:]}")
-    return done.stdout.decode(errors="replace")
-
-
-def _program(name: str) -> str:
-    return shutil.which(name, path=_VARIABLES["PATH"]) or name
-
-
-def _printable(text: Any) -> str:
-    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in str(text))
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)

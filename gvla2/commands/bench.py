@@ -27,7 +27,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     a status, not an error.
     """
     from gvla2.commands.report import publish
-    from gvla2.evaluation.engine import BenchRun, run_suite
+    from gvla2.evaluation.engine import run_suite
     from gvla2.evaluation.results import Results, code_digest, commit, versions
     from gvla2.evaluation.suites import suite_named
     from gvla2.io.files import make_folder, write_json
@@ -37,13 +37,12 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     with Results.open(config.results.url) as results:
         composed = OmegaConf.to_yaml(OmegaConf.structured(config))
         run_id = results.begin(config.suite, folder, composed, code_digest(("gvla2",)))
-        suite = suite_class(BenchRun(config, registry, results, run_id, folder))
+        suite = suite_class(config, registry, results, run_id, folder)
         # Rows measured just now have no run yet.
         cells = [cell if cell.run else replace(cell, run=run_id) for cell in run_suite(suite)]
         result = {
             "command": "bench",
             "suite": config.suite,
-            "data": suite.data,
             "run": run_id,
             "database": results.url,
             "commit": commit(),
@@ -85,7 +84,13 @@ def as_overrides(argv: Sequence[str]) -> list[str]:
     return [_plain(one, list(own)) for one in argv]
 
 
+def _counted(span: re.Match[str]) -> str:
+    return ",".join(map(str, range(int(span[1]), int(span[2]) + 1)))
+
+
 def _plain(override: str, own: list[str]) -> str:
+    """A single override; ``layouts=[10..19]`` names each layout from 10 to 19."""
+    override = re.sub(r"(?<=[\[,])(\d+)\.\.(\d+)(?=[\],])", _counted, override)
     if re.match(r"(planner|baseline|task)_options\.", override):
         return f"++{override}"
     if override.startswith("arms."):

@@ -7,51 +7,42 @@ drift are labelled as such and never mixed with others.
 from __future__ import annotations
 
 import hashlib
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
-from gvla2.evaluation.protocol import ObjectViews
-from gvla2.evaluation.results import Cell
-from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
-from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.carving import Field, hull_field, surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
+from gvla2.reconstruction.depth_evidence import camera_scale
+from gvla2.reconstruction.inset import inset, outward_normals
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.record.drawing import png
+from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
+from gvla2.reconstruction.surfels import surfels
 
-REFERENCE = "baseline"
+REFERENCE, CARVING = "baseline", "carving"
 VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
     {
         REFERENCE: None,
-        "carving": None,
-        "aligned_tsdf": None,
+        CARVING: None,
         "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
         "a_soft_hull": {"axis": False, "fusion": False},
         "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
         "ab_fusion": {},
     }
 )
-"""The rows by name, with the stages that each disables; None means no branch: G0 itself, or a plain use of depth."""
-PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], TriangleMesh | None]] = MappingProxyType(
-    {"carving": carved, "aligned_tsdf": aligned_tsdf}
-)
-"""Rows that use the branch's prior without the branch."""
-PICTURED = (REFERENCE, "ab_fusion")
-"""Rows with pictures in a report: the first target view, with the true view left of the reference's."""
+"""The rows by name, with the stages that each disables; None means no branch: G0, or the hull carved by depth."""
 SURFELS = 15_000
-"""Gaussians of a plain row where G0 has none."""
+"""Gaussians of a carved hull where G0 has none."""
 
 
 def _learned(**errors: float) -> Mapping[str, Any]:
@@ -161,107 +152,54 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class AblationParts(BranchParts):
+class AblationComponents(BranchParts):
     """The components that a bench runs with: the branch's, and what makes G0."""
 
     reconstructor: Reconstructor
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """One cell to measure: its key and factors, among them ``drift``, ``noise``, ``variant`` and ``seed``."""
-
-    key: str
-    factors: Mapping[str, str | int]
-
-    def failed(self, error: Exception) -> Cell:
-        """The cell of a failed measurement."""
-        empty = dict.fromkeys((*MEASURES, "seconds"))
-        return Cell(self.key, self.factors, empty, {"status": f"failed: {error}"})
-
-
-def measure_object(
-    views: ObjectViews,
-    wanted: Sequence[Wanted],
-    parts_for: Callable[[int, str], AblationParts],
-    judge_for: Callable[[Renderer], ReconstructionJudge],
-    options: BranchOptions,
-) -> Iterator[tuple[Cell, bytes | None]]:
-    """Measure cells of one object and one baseline, in their order, some with a PNG of the first target view.
-
-    ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor object shared by two
-    of them is run once. The baseline row's seconds are the reconstruction's; any other row's are only its own. A
-    :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
-    """
-    judge: ReconstructionJudge | None = None
-    first: dict[int, tuple[Reconstruction, float]] = {}
-    pictured: set[tuple[str, ...]] = set()
-    for want in wanted:
-        drift, noise, variant = place = tuple(
-            str(want.factors[name]) for name in ("drift", "noise", "variant")
-        )
-        seed, picture = int(want.factors["seed"]), None
-        try:
-            parts = parts_for(seed, noise)
-            judge = judge or judge_for(parts.renderer)
-            if id(parts.reconstructor) not in first:
-                first[id(parts.reconstructor)] = _reconstruct(parts, views)
-            g0, seconds = first[id(parts.reconstructor)]
-            size = DRIFTS[drift]
-            start = g0 if size is None else Drift.drawn(size, views.name, seed).applied(g0)
-            began = time.perf_counter()
-            made, notes = _made(variant, start, views.inputs, parts, options)
-            if variant != REFERENCE:
-                seconds = time.perf_counter() - began
-            scores = judge.measure(made)
-            if variant in PICTURED and place not in pictured and made.gaussians is not None:
-                pictured.add(place)
-                picture = _picture(judge, made.gaussians, views, beside_truth=variant == REFERENCE)
-        except Gvla2Error as error:
-            yield want.failed(error), None
-            continue
-        measures = {**scores.measures, "seconds": seconds}
-        notes = {"status": "ok", "cd_points": scores.cd_points, **notes}
-        yield Cell(want.key, want.factors, measures, notes), picture
-
-
-def _made(
-    variant: str, g0: Reconstruction, views: Views, parts: AblationParts, options: BranchOptions
+def refined_row(
+    variant: str, g0: Reconstruction, views: Views, components: AblationComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
-    """A row's reconstruction, and its notes."""
+    """A row's reconstruction from a (drifted) G0, and its notes."""
     switches = VARIANTS[variant]
     if switches is not None:
-        chosen = replace(options, **cast(dict[str, Any], switches))
-        refined = refine_geometry(g0, views, parts, chosen)
+        refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
         return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}
-    made = _plain(variant, g0, views, parts) if variant in PLAIN else g0
-    return made, {"g0_status": g0.status}
-
-
-def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts) -> Reconstruction:
-    """The result of a plain use of the prior's depth, coloured from the views; G0 without a prior."""
-    estimate = parts.prior.predict(views)
+    estimate = components.prior.predict(views) if variant == CARVING else None
     if estimate is None:
-        return g0
-    mesh = PLAIN[variant](views, estimate)
-    if mesh is None:
-        raise Gvla2Error("Nothing is left of the object.")
-    return dressed(mesh, views, SURFELS if g0.gaussians is None else len(g0.gaussians), parts.renderer)
+        return g0, {"g0_status": g0.status}
+    count = SURFELS if g0.gaussians is None else len(g0.gaussians)
+    return _dressed(carved(views, estimate), views, count, components.renderer), {"g0_status": g0.status}
 
 
-def _reconstruct(parts: AblationParts, views: ObjectViews) -> tuple[Reconstruction, float]:
-    began = time.perf_counter()
-    made = parts.reconstructor.reconstruct(views.inputs)
-    if made is None:
-        raise Gvla2Error("The reconstructor made nothing; choose baselines that reconstruct, such as hull.")
-    return made, time.perf_counter() - began
+def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh:
+    """The visual hull without the voxels in front of a depth map: the plain use of the branch's prior.
+
+    Raises :class:`Gvla2Error` when nothing is left.
+    """
+    field = hull_field(views, resolution)
+    shape = field.values.shape
+    points, values = field.points(np.indices(shape).reshape(3, -1).T), field.values.ravel().copy()
+    for view, known in zip(views, prior.depth * camera_scale(prior, views), strict=True):
+        uv, z = view.camera.project(points)
+        inside = view.camera.inside(uv)
+        column, row = uv[inside].astype(np.intp).T
+        seen = known[row, column]
+        behind = np.where(seen > 0, z[inside] - seen, np.inf)  # metres along the camera's z
+        values[inside] = np.minimum(values[inside], behind)
+    try:
+        return surface_of(Field(values.reshape(shape), field.origin, field.step))
+    except ValueError as error:
+        raise Gvla2Error("Nothing is left of the object.") from error
 
 
-def _picture(
-    judge: ReconstructionJudge, gaussians: Gaussians, views: ObjectViews, *, beside_truth: bool
-) -> bytes:
-    """PNG of the first target view as rendered, to the right of the true view if asked for."""
-    picture = np.rint(255 * judge.pictures(gaussians, 1)[0]).astype(np.uint8)
-    if beside_truth:
-        picture = np.hstack([views.targets[0].image, picture])
-    return png(Image.fromarray(picture))
+def _dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
+    """A bare mesh with colours from the views and about ``count`` Gaussians on it, inset as the branch's are."""
+    shown, _ = mask_silhouettes(views)
+    normals = outward_normals(mesh)
+    depths = [depth_map(mesh, silhouette.camera) for silhouette in shown]
+    tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())
+    colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
+    mesh = TriangleMesh(mesh.vertices, mesh.faces, colours)
+    return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]

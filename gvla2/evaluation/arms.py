@@ -13,6 +13,8 @@ from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from gvla2.episode.memory_reporting import stories_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
@@ -20,7 +22,6 @@ from gvla2.evaluation.components import given_options, options_of
 from gvla2.evaluation.config import MemoryArms
 from gvla2.memory.contracts import (
     Learned,
-    Lesson,
     Memory,
     MemoryContext,
     MemoryEpisode,
@@ -50,15 +51,13 @@ class BenchArm:
     """One arm: its ``name``, source and configuration.
 
     ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
-    ``replan`` further attempts are allowed in an episode, None for the bench's number. ``explored`` is how many of the
-    explored layouts of a row it learns from, None for all.
+    ``replan`` further attempts are allowed in an episode, None for the bench's number.
     """
 
     name: str
     source: str
     options: Mapping[str, Any] = field(default_factory=dict)
     replan: int | None = None
-    explored: int | None = None
 
     @property
     def memory(self) -> str:
@@ -74,9 +73,9 @@ class BenchArm:
     def variant(self) -> str:
         """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
-        counts = {"replan": self.replan, "explored": self.explored}
-        changed = [*sorted(self.options.items()), *((name, n) for name, n in counts.items() if n is not None)]
-        return ", ".join([*([] if plain else [self.source]), *(f"{name}={value}" for name, value in changed)])
+        options = dict(sorted(self.options.items()))
+        options |= {} if self.replan is None else {"replan": self.replan}
+        return ", ".join([*([] if plain else [self.source]), *(f"{k}={v}" for k, v in options.items())])
 
 
 def arm_named(config: MemoryArms, name: str) -> BenchArm:
@@ -86,11 +85,10 @@ def arm_named(config: MemoryArms, name: str) -> BenchArm:
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
     options = dict(given)
     source = str(options.pop("memory", name if name == "shuffled" else MEMORY_OF.get(name, name)))
-    counts = {count: options.pop(count, None) for count in ("replan", "explored")}
-    for count, value in counts.items():
-        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
-            raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
-    return BenchArm(name, source, options, **counts)
+    replan = options.pop("replan", None)
+    if replan is not None and (not isinstance(replan, int) or isinstance(replan, bool) or replan < 0):
+        raise ConfigurationError(f"arms.{name}.replan is {replan!r}; it is a count, 0 or more.")
+    return BenchArm(name, source, options, replan)
 
 
 def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
@@ -106,12 +104,8 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
                 f"No arm '{arm.source}'. Available: {available}; or a variant of one of them with a name of its own: "
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
-        if not arm.learns and arm.explored is not None:
-            raise ConfigurationError(
-                f"arms.{arm.name}.explored does nothing: '{arm.source}' learns from nothing."
-            )
         known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
-        own = {*known, "replan", "explored"} - {"url"}
+        own = {*known, "replan"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
     return arms
 
@@ -141,7 +135,7 @@ class Experience:
 
     @classmethod
     def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
-        """The experience of a record, one per attempt and part; none if all ended before anything could be learnt."""
+        """The experience of a record, one per attempt and part; none if all ended before anything could be learned."""
         return tuple(cls(record.task, record.seed, *reported) for reported in stories_of(record, skills))
 
     def to_json(self) -> dict[str, Any]:
@@ -151,16 +145,7 @@ class Experience:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Experience:
         """From :meth:`to_json`'s object."""
-
-        def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
-            return {
-                name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
-            }
-
-        episode = {name: value for name, value in data["episode"].items() if name != "recalled"}
-        episode["task"] = MemoryTask(**frozen(episode["task"]))
-        episode["lessons"] = tuple(Lesson(**frozen(lesson)) for lesson in episode["lessons"])
-        return cls(data["task"], data["seed"], MemoryEpisode(**episode), Verdict(**frozen(data["verdict"])))
+        return TypeAdapter(cls).validate_python(data)
 
 
 def teach(memory: Memory, experiences: Iterable[Experience]) -> None:
@@ -207,41 +192,25 @@ class Shuffled(Frozen):
 
 
 class BestTheta:
-    """No bank: the plain mean theta of a task's explorations that the robot verified as successes.
+    """No bank: the mean theta of a task's explorations that the robot verified as successes.
 
     The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
     name, but no retrieval and no governance. Without a success it keeps the defaults.
     """
 
     def __init__(self, experiences: Sequence[Experience]) -> None:
-        won = [e for e in experiences if e.verdict.outcome == "verified_success"]
-        effects = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
         tried: dict[tuple[str, str], list[Prior]] = {}
-        for effect in map(effect_from_json, effects):
-            if isinstance(effect, Prior):
-                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
-        self._best = [
-            replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
-            for some in tried.values()
-        ]
+        for one in experiences:
+            for lesson in one.episode.lessons if one.verdict.outcome == "verified_success" else ():
+                effect = effect_from_json(lesson.effect) if lesson.effect else None
+                if isinstance(effect, Prior):
+                    tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        self._items = tuple(_best_of(some) for some in tried.values())
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """One hint per parameter."""
-        items = tuple(
-            MemoryItem(
-                id=f"best-{effect.skill}-{effect.parameter}",
-                type="procedural_hint",
-                content=f"To {effect.skill}, the best {effect.parameter.replace('_', ' ')} is {effect.value:.4g}.",
-                confidence=1.0,
-                score=1.0,
-                terms={},
-                binding=False,
-                effect=effect.to_json(),
-            )
-            for effect in self._best
-        )
-        text = "\n".join(item.content for item in items)
-        return MemoryContext(items, text, "" if items else "no exploration succeeded")
+        text = "\n".join(item.content for item in self._items)
+        return MemoryContext(self._items, text, "" if self._items else "no exploration succeeded")
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Nothing."""
@@ -249,3 +218,19 @@ class BestTheta:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def _best_of(tried: Sequence[Prior]) -> MemoryItem:
+    """The hint of the mean of what succeeded, so sure that the default has no weight left."""
+    best = replace(tried[0], value=fmean(one.value for one in tried), sd=0.0, count=CERTAIN)
+    name = best.parameter.replace("_", " ")
+    return MemoryItem(
+        id=f"best-{best.skill}-{best.parameter}",
+        type="procedural_hint",
+        content=f"To {best.skill}, the best {name} is {best.value:.4g}.",
+        confidence=1.0,
+        score=1.0,
+        terms={},
+        binding=False,
+        effect=best.to_json(),
+    )

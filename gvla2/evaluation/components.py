@@ -1,8 +1,10 @@
-"""Choosing components for a bench: what a row of the design is built from, and how a table names it."""
+"""The components of a bench: their options, and their names in tables."""
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import closing
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,9 @@ from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.config import SimulatedBench
 from gvla2.evaluation.results import code_digest
+from gvla2.plugins.kinds import OWN_TASK
 from gvla2.plugins.registry import Registry
+from gvla2.robot.backend import OffersTasks
 from gvla2.robot.options import DepthNoise
 
 
@@ -58,12 +62,34 @@ def require_among(place: str, given: Collection[str], known: Collection[str], wh
             )
 
 
+def named_tasks(config: SimulatedBench, registry: Registry) -> list[str]:
+    """The bench's ``tasks``, each once; one with a star, ``suite/*``, stands for those that the robot offers so.
+
+    Raises :class:`ConfigurationError` for a pattern that no task of the robot matches.
+    """
+    if not any("*" in name for name in config.tasks):
+        return list(dict.fromkeys(config.tasks))
+    with closing(registry.build({"robot": config.robot, "camera": config.camera}, "robot")) as robot:
+        offered = list(robot.tasks()) if isinstance(robot, OffersTasks) else []
+    found: dict[str, None] = {}
+    for name in config.tasks:
+        matching = fnmatch.filter(offered, name) if "*" in name else [name]
+        if not matching:
+            listed = ", ".join(offered[:20]) or "no tasks of its own"
+            raise ConfigurationError(
+                f"robot={config.robot.name} has no task like '{name}'. It offers: {listed}."
+            )
+        found |= dict.fromkeys(matching)
+    return list(found)
+
+
 def task_options(config: SimulatedBench, registry: Registry, name: str) -> dict[str, Any]:
-    """The options of a task by its name, with the bench's ``scale`` unless that is 1.
+    """The options of a task by its name, with the bench's ``scale`` unless that is 1; a robot's own tasks have none.
 
     Raises :class:`ConfigurationError` for one that it does not have.
     """
-    known, place = options_of(registry, "task", name), f"task_options.{name}"
+    known = [] if OWN_TASK in name else options_of(registry, "task", name)
+    place = f"task_options.{name}"
     options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
     if config.scale == 1:
         return options
@@ -77,6 +103,12 @@ def given_label(name: str, options: Mapping[str, Any]) -> str:
     given = options.get(name) or {}
     listed = ", ".join(f"{option}={value}" for option, value in sorted(given.items()))
     return f"{name} ({listed})" if listed else name
+
+
+def changed_options(config: object, names: Iterable[str]) -> str:
+    """The options of these names that differ from their defaults, in a table: "exploration=0.5"; "" for none."""
+    usual = type(config)()
+    return ", ".join(f"{n}={getattr(config, n)}" for n in names if getattr(config, n) != getattr(usual, n))
 
 
 def noise_label(noise: DepthNoise) -> str:

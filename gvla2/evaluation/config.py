@@ -13,8 +13,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.robot.options import DepthNoise
 
-WORLDS = ("plain", "learnable")
-SANDBOXES = ("bubblewrap", "docker")
+LEARNABLE = "learnable"
+"""The ``world`` in which objects behave in ways that memory can learn."""
 
 
 def _require(*conditions: tuple[bool, str]) -> None:
@@ -75,12 +75,23 @@ class DataConfig:
 
 
 @dataclass
-class ReconstructionBench(BenchConfig):
+class BranchBench(BenchConfig):
+    """What suites with the reconstruction branch share: its options and its components."""
+
+    branch: BranchOptions = field(default_factory=BranchOptions)
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
+
+
+@dataclass
+class ReconstructionBench(BranchBench):
     """Every baseline x drift x noise x variant x seed on every object.
 
     ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``noise`` is the
-    depth prior's error, by name; ``branch`` holds the branch's options; ``lpips_weights`` is a weight file of your
-    own; ``surface_samples`` points of a surface make its Chamfer distance (the protocol's 100,000).
+    depth prior's error, by name; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a
+    surface make its Chamfer distance (the protocol's 100,000).
     """
 
     suite: str = "reconstruction"
@@ -90,13 +101,8 @@ class ReconstructionBench(BenchConfig):
     drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
     variants: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=lambda: ["exact"])
-    branch: BranchOptions = field(default_factory=BranchOptions)
     lpips_weights: str | None = None
     surface_samples: int = 100_000
-    prior: ComponentConfig = field(default_factory=ComponentConfig)
-    axis: ComponentConfig = field(default_factory=ComponentConfig)
-    fusion: ComponentConfig = field(default_factory=ComponentConfig)
-    renderer: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -123,6 +129,7 @@ class SimulatedBench(BenchConfig):
     robot: ComponentConfig = field(default_factory=ComponentConfig)
     camera: ComponentConfig = field(default_factory=ComponentConfig)
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -167,7 +174,7 @@ class MemoryArms(BenchConfig):
 
 
 @dataclass
-class RobotBench(MemoryArms, SimulatedBench):
+class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     """Every task x planner x arm x layout, judged by both profiles.
 
     ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``planners``
@@ -182,8 +189,8 @@ class RobotBench(MemoryArms, SimulatedBench):
     again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test
     and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one. With
     ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
-    model was unavailable: it counts for no arm, and the next bench measures it again. ``branch`` holds the options of
-    the reconstruction branch, which runs where a ``reconstructor`` is chosen.
+    model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
+    where a ``reconstructor`` is chosen.
     """
 
     suite: str = "robot"
@@ -199,20 +206,15 @@ class RobotBench(MemoryArms, SimulatedBench):
     replan: int = 0
     max_parts: int = 6
     planner_timeout: float = 0.0
-    branch: BranchOptions = field(default_factory=BranchOptions)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
-    prior: ComponentConfig = field(default_factory=ComponentConfig)
-    axis: ComponentConfig = field(default_factory=ComponentConfig)
-    fusion: ComponentConfig = field(default_factory=ComponentConfig)
-    renderer: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         below = [name for name in ("replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
-            (self.world in WORLDS, f"world is '{self.world}'; it is {' or '.join(WORLDS)}."),
+            (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
             (min(self.families, self.max_parts) >= 1, "families and max_parts are 1 or more."),
@@ -232,7 +234,6 @@ class PerceptionBench(SimulatedBench):
 
     suite: str = "perception"
     perceivers: list[str] = field(default_factory=lambda: ["classical"])
-    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -241,29 +242,20 @@ class PerceptionBench(SimulatedBench):
 
 @dataclass
 class AgentTasksConfig:
-    """``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
+    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
 
-    ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
-    characters of a command's output are kept. ``state`` is where memories are stored between the tasks (by default in
-    the output folder: give one to resume an interrupted bench).
+    ``sandbox`` is bubblewrap or docker. ``state`` is where memories are stored between the tasks (by default in the
+    output folder: give one to resume an interrupted bench).
     """
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
     sandbox: str = "bubblewrap"
-    disk_mb: int = 512
-    memory_mb: int = 4096
-    output: int = 8000
     state: str = ""
 
     def __post_init__(self) -> None:
-        _require(
-            (self.sandbox in SANDBOXES, f"agents.sandbox is '{self.sandbox}'; it is {' or '.join(SANDBOXES)}."),
-            (
-                self.disk_mb >= 1 and self.memory_mb >= 64 and self.output >= 200,
-                "agents.disk_mb is at least 1, memory_mb 64 and output 200 characters.",
-            ),
-        )  # fmt: skip
+        known = self.sandbox in ("bubblewrap", "docker")
+        _require((known, f"agents.sandbox is '{self.sandbox}'; it is bubblewrap or docker."))
 
 
 @dataclass

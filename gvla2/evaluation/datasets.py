@@ -12,10 +12,9 @@ import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.protocol import INPUTS, SAMPLES, SIZE, TARGETS, ObjectViews, object_views
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import Views
@@ -98,8 +97,9 @@ class Dataset:
             return object_views(item.source, item.name, size=self.size, samples=self.samples)
         from gvla2.geometry.view_folders import read_views
 
-        inputs = read_views(item.folder, _spec(INPUTS), self.size)
-        targets = read_views(item.folder, _spec(TARGETS), self.size)
+        inputs, targets = (
+            read_views(item.folder, f"{numbers[0]}-{numbers[-1]}", self.size) for numbers in (INPUTS, TARGETS)
+        )
         return ObjectViews(item.name, inputs, targets, true_mesh(item.folder / GSO_MESH, inputs))
 
 
@@ -118,23 +118,23 @@ def open_dataset(
     """
     if kind not in SOURCES:
         raise ConfigurationError(f"No data set '{kind}'. Available: {', '.join(SOURCES)}.")
-    if kind == "meshes" and root is None:
-        raise ConfigurationError("data=meshes needs the folder of your meshes: data.root=PATH.")
+    source = SOURCES[kind]
     looked = [Path(root).expanduser()] if root is not None else roots(kind)
     found = next((place for place in looked if place.is_dir()), None)
     if found is None:
-        source = SOURCES[kind]
         raise ConfigurationError(
             f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. To get it, {source.how} "
             f"({source.licence}), laid out as {source.layout}; then name the folder with "
             "data.root=PATH, or set GVLA2_DATA to the folder that holds it."
         )
-    items = find_items(kind, found)
+    items = {item.name: item for item in find_items(kind, found)}
     if not items:
-        raise ConfigurationError(
-            f"{found} holds no object of the kind '{kind}'. Expected there: {SOURCES[kind].layout}."
-        )
-    return Dataset(kind, found, _chosen(items, objects, found), size, samples)
+        raise ConfigurationError(f"{found} holds no object of '{kind}'. Expected there: {source.layout}.")
+    for name in objects:
+        if name not in items:
+            hint = did_you_mean(name, items)
+            raise ConfigurationError(f"{found} holds no object '{name}'.{hint} It holds: {', '.join(items)}.")
+    return Dataset(kind, found, tuple(items[n] for n in dict.fromkeys(objects or items)), size, samples)
 
 
 def roots(kind: str) -> list[Path]:
@@ -143,14 +143,10 @@ def roots(kind: str) -> list[Path]:
 
     With ``GVLA2_DATA`` set, both ``$GVLA2_DATA/<kind>`` and the folder itself, when its name is the data set's.
     """
-    places: list[Path] = []
-    own = os.environ.get("GVLA2_DATA")
-    if own:
-        base = Path(own).expanduser()
-        places += [base / kind, *([base] if base.name == kind else [])]
+    own = Path(os.environ["GVLA2_DATA"]).expanduser() if os.environ.get("GVLA2_DATA") else None
+    places = [] if own is None else [own / kind, *([own] if own.name == kind else [])]
     repository = Path(__file__).resolve().parents[2]
-    for beside in dict.fromkeys((Path.cwd(), repository)):
-        places.append(beside.parent / "shared" / "data" / kind)
+    places += [beside.parent / "shared" / "data" / kind for beside in (Path.cwd(), repository)]
     return list(dict.fromkeys(places))
 
 
@@ -158,13 +154,10 @@ def find_items(kind: str, root: Path) -> tuple[Item, ...]:
     """All objects of a kind under a folder, by name."""
     items = []
     for folder in sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith(".")):
-        if kind == "gso30":
-            if (folder / GSO_VIEWS / "000.png").is_file():
-                items.append(Item(folder.name, folder, folder / GSO_VIEWS))
-        else:
-            mesh = _mesh_of(folder)
-            if mesh is not None:
-                items.append(Item(folder.name, folder, mesh))
+        views = folder / GSO_VIEWS
+        source = (views if (views / "000.png").is_file() else None) if kind == "gso30" else _mesh_of(folder)
+        if source is not None:
+            items.append(Item(folder.name, folder, source))
     return tuple(items)
 
 
@@ -174,24 +167,6 @@ def _mesh_of(folder: Path) -> Path | None:
             return folder / name
     others = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".obj", ".glb", ".ply"))
     return others[0] if len(others) == 1 else None
-
-
-def _chosen(items: tuple[Item, ...], objects: Sequence[str], root: Path) -> tuple[Item, ...]:
-    if not objects:
-        return items
-    by_name = {item.name: item for item in items}
-    absent = [name for name in objects if name not in by_name]
-    if absent:
-        close = get_close_matches(absent[0], by_name, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else ""
-        raise ConfigurationError(
-            f"{root} holds no object {', '.join(map(repr, absent))}.{hint} It holds: {', '.join(by_name)}."
-        )
-    return tuple(by_name[name] for name in dict.fromkeys(objects))
-
-
-def _spec(numbers: Sequence[int]) -> str:
-    return f"{numbers[0]}-{numbers[-1]}"
 
 
 def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
@@ -210,11 +185,11 @@ def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
     mesh = read_mesh(path)
     upright = mesh.with_vertices(unit_box(mesh.vertices))
     readings = (upright, upright.with_vertices(to_z_up(upright.vertices)))
-    scores = [symmetric_iou(reading.vertices, views, faces=reading.faces) for reading in readings]
-    best = max(range(len(readings)), key=scores.__getitem__)
-    if not scores[best] >= AGREEMENT:
-        log.warning(
-            "%s does not agree with its views' masks (IoU %.3f): no Chamfer distance.", path, scores[best]
-        )
+    score, best = max(
+        ((symmetric_iou(one.vertices, views, faces=one.faces), one) for one in readings),
+        key=lambda pair: pair[0],
+    )
+    if not score >= AGREEMENT:
+        log.warning("%s does not agree with its views' masks (IoU %.3f): no Chamfer distance.", path, score)
         return None
-    return readings[best]
+    return best

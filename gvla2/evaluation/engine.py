@@ -1,8 +1,8 @@
 """The engine of ``gvla2 bench``: it runs any :class:`Suite`, resumes by the keys of stored rows, and shares the work.
 
-A suite says what to measure as units of work, each with the keys of its rows, and how to measure one. The engine skips
-units whose rows the results database has, measures the others in worker processes, and stores each unit's rows when
-it is done, so that an interrupted bench resumes where it was.
+A suite names its units of work, each with the keys of its rows, and measures one. The engine skips units whose rows the
+results database has, measures the others in worker processes, and stores each unit's rows when it is done, so that an
+interrupted bench resumes where it was.
 """
 
 from __future__ import annotations
@@ -17,11 +17,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from itertools import groupby
 from pathlib import Path
-from types import TracebackType
 from typing import Any, ClassVar, Generic, TypeVar
 
 from rich.console import Console
@@ -31,13 +29,12 @@ from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.config import BenchConfig
 from gvla2.evaluation.results import Cell, Results
 from gvla2.evaluation.tables import Sheet
-from gvla2.io.files import write_bytes
 from gvla2.plugins.registry import Registry, load_plugins
 
 MOST_WORKERS = 8
 """Most processes by default: each holds its own data in memory."""
 SECONDS_BETWEEN_LINES = 10.0
-"""Of progress, where there is no terminal."""
+"""Between lines of progress, where there is no terminal."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 log = logging.getLogger(__name__)
@@ -57,47 +54,31 @@ Rows = dict[str, Cell]
 """Rows by key."""
 
 
-@dataclass(frozen=True)
-class BenchRun(Generic[ConfigT]):
-    """One call of ``gvla2 bench``; ``folder`` holds pictures and other files that rows name."""
-
-    config: ConfigT
-    registry: Registry
-    results: Results
-    run_id: int
-    folder: Path
-
-    def store(self, cells: Iterable[Cell], suite: str) -> Rows:
-        """Store rows and return them by key; rows measured by an earlier run stay that run's."""
-        made = list(cells)
-        for run, some in groupby(made, key=lambda cell: cell.run or self.run_id):
-            self.results.add(run, suite, some)
-        return {cell.key: cell for cell in made}
-
-
 class Suite(ABC, Generic[ConfigT, UnitT]):
-    """A benchmark suite. An instance belongs to one run; ``name`` is its name in the results database."""
+    """A benchmark suite; an instance belongs to one run.
+
+    ``folder`` holds pictures and other files that rows name; ``name`` is the suite's name in the results database;
+    ``tries`` is how often a unit is measured whose process died; with ``in_process`` units are measured in this
+    process, one after another.
+    """
 
     name: ClassVar[str]
     title: ClassVar[str]
     tries: ClassVar[int] = 1
-    """How often a unit is measured whose process died."""
     in_process: ClassVar[bool] = False
-    """Whether units are measured in this process, one after another."""
 
-    def __init__(self, bench: BenchRun[ConfigT]) -> None:
-        self.bench, self.config, self.registry = bench, bench.config, bench.registry
-
-    @property
-    def data(self) -> str:
-        """What was measured on, for ``result.json``."""
-        return "simulated"
+    def __init__(
+        self, config: ConfigT, registry: Registry, results: Results, run_id: int, folder: Path
+    ) -> None:
+        self.config, self.registry = config, registry
+        self.results, self.run_id, self.folder = results, run_id, folder
 
     @abstractmethod
     def stages(self) -> Sequence[Sequence[UnitT]]:
         """The units in stages; a stage may use the rows of earlier ones, and the last one's rows are the result.
 
-        Raises :class:`ConfigurationError` for whatever does not exist or does not fit, before anything is measured.
+        Raises :class:`ConfigurationError` for names that do not exist and options that do not fit, before anything is
+        measured.
         """
 
     @staticmethod
@@ -110,10 +91,9 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
         """The tables of these rows."""
 
-    def known(self, units: Sequence[UnitT]) -> Rows:
-        """The database's rows of these units that need not be measured again."""
-        keys = [key for unit in units for key in unit.keys]
-        return {k: cell for k, cell in self.bench.results.with_keys(keys).items() if cell.status == "ok"}
+    def known(self, keys: Sequence[str]) -> Rows:
+        """The database's rows with these keys that need not be measured again."""
+        return {key: cell for key, cell in self.results.with_keys(keys).items() if cell.status == "ok"}
 
     def stored_as(self, stage: int) -> str:
         """The name under which a stage's rows are stored."""
@@ -132,24 +112,20 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
 
 
 def run_suite(suite: Suite[Any, Any]) -> list[Cell]:
-    """Measure whatever the results database lacks; all rows of the suite's last stage, in order."""
-    bench, config = suite.bench, suite.config
+    """Measure the rows that the results database lacks; all rows of the suite's last stage, in order."""
     try:
         stages = suite.stages()
-        keys = {key for units in stages for unit in units for key in unit.keys}
-        rows = {} if config.results.fresh else suite.known([unit for units in stages for unit in units])
+        keys = list(dict.fromkeys(key for units in stages for unit in units for key in unit.keys))
+        rows = {} if suite.config.results.fresh else suite.known(keys)
         if rows:
-            log.info(
-                "%d of %d rows are in %s already.", len(rows.keys() & keys), len(keys), bench.results.url
-            )
-        with BenchProgress(len(keys - rows.keys()), config.quiet) as progress:
+            log.info("%d of %d rows are in %s already.", len(rows), len(keys), suite.results.url)
+        with BenchProgress(len(keys) - len(rows), suite.config.quiet) as progress:
             for number, units in enumerate(stages):
-                once = {unit.keys: unit for unit in units if not rows.keys() >= set(unit.keys)}
-                lacking = [suite.prepare(unit, rows) for unit in once.values()]
-                for unit, cells in _measured(suite, lacking):
-                    new = {cell.key for cell in cells} & set(unit.keys) - rows.keys()
-                    rows |= bench.store(cells, suite.stored_as(number))
-                    progress.done(len(new), unit.label)
+                lacking = {unit.keys: unit for unit in units if not rows.keys() >= set(unit.keys)}
+                for unit, cells in _measured(suite, [suite.prepare(unit, rows) for unit in lacking.values()]):
+                    suite.results.add(suite.run_id, suite.stored_as(number), cells)
+                    progress.report(len({cell.key for cell in cells} - rows.keys()), unit.label)
+                    rows |= {cell.key: cell for cell in cells}
         return suite.result(stages[-1], rows)
     finally:
         suite.close()
@@ -164,9 +140,8 @@ def _measured(suite: Suite[Any, Any], units: Sequence[Any]) -> Iterator[tuple[An
             for cell in measure(unit, suite.registry):
                 yield unit, [cell]  # each row is stored at once
         return
-    for (_, unit), cells in in_processes(
-        _in_worker, [(measure, unit) for unit in units], workers, suite.tries
-    ):
+    tasks = [(measure, unit) for unit in units]
+    for (_, unit), cells in in_processes(_in_worker, tasks, workers, suite.tries):
         yield unit, cells
 
 
@@ -193,16 +168,8 @@ def in_a_worker() -> bool:
     return multiprocessing.parent_process() is not None
 
 
-def pictured(cell: Cell, picture: bytes | None, folder: Path, name: str) -> Cell:
-    """The row with the path of its picture (PNG), written into ``folder/pictures``; as it is for None."""
-    if picture is None:
-        return cell
-    path = write_bytes(folder / "pictures" / f"{name}.png", picture)
-    return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
-
-
 def workers_for(requested: int, tasks: int) -> int:
-    """How many processes to use for this many tasks; 0 requested means one per core."""
+    """How many processes to use for this number of tasks; 0 requested means one per core."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(requested or min(cores, MOST_WORKERS), tasks))
 
@@ -220,12 +187,11 @@ def in_processes(
     running ones too. When a process dies, the tasks without an answer are done in new processes, ``tries`` times in
     all; then :class:`Gvla2Error` is raised.
     """
-    left = list(range(len(tasks)))
+    left = dict(enumerate(tasks))
     for attempt in range(1, tries + 1):
         try:
-            for place, answer in _once(function, tasks, left, workers):
-                left.remove(place)
-                yield tasks[place], answer
+            for place, answer in _once(function, left, workers):
+                yield left.pop(place), answer
             return
         except BrokenProcessPool as error:
             if attempt == tries:
@@ -237,14 +203,13 @@ def in_processes(
 
 
 def _once(
-    function: Callable[[Task], Answer], tasks: Sequence[Task], places: Sequence[int], workers: int
+    function: Callable[[Task], Answer], tasks: dict[int, Task], workers: int
 ) -> Iterator[tuple[int, Answer]]:
-    """The answers of the tasks at these places; raises BrokenProcessPool when a process dies."""
-    context = multiprocessing.get_context("spawn")
+    """The answers of numbered tasks, with their numbers; raises BrokenProcessPool when a process dies."""
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, context, _begin)
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
     try:
-        pending: dict[Future[Answer], int] = {pool.submit(function, tasks[place]): place for place in places}
+        pending: dict[Future[Answer], int] = {pool.submit(function, task): k for k, task in tasks.items()}
         while pending:
             done, _ = wait(pending, return_when=FIRST_COMPLETED)
             for future in done:
@@ -273,42 +238,26 @@ def _begin() -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
 
 
-class BenchProgress:
+class BenchProgress(Progress):
     """A bar with the remaining time on a terminal, an occasional line elsewhere; nothing when ``quiet``.
 
     ``total`` counts the rows to be measured.
     """
 
     def __init__(self, total: int, quiet: bool = False, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True, highlight=False)
-        drawn = self._console.is_terminal and not self._console.is_dumb_terminal
+        console = console or Console(stderr=True, highlight=False)
+        drawn = console.is_terminal and not console.is_dumb_terminal
         columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
         off = quiet or not drawn or total == 0
-        self._bar = Progress(*columns, TimeRemainingColumn(), console=self._console, disable=off)
-        self._task = self._bar.add_task("measuring", total=total)
-        self._total, self._done, self._in_lines = total, 0, not quiet and not drawn
-        self._began = self._printed = time.monotonic()
+        super().__init__(*columns, TimeRemainingColumn(), console=console, disable=off)
+        self._bar, self._lines = self.add_task("measuring", total=total), not quiet and not drawn
+        self._done, self._total, self._printed = 0, total, time.monotonic()
 
-    def __enter__(self) -> BenchProgress:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-    def done(self, amount: int, what: str) -> None:
+    def report(self, amount: int, what: str) -> None:
         """Report that ``amount`` more rows, of ``what``, are measured."""
         self._done += amount
-        self._bar.update(self._task, completed=self._done, description=what)
+        self.update(self._bar, completed=self._done, description=what)
         now = time.monotonic()
-        if not self._in_lines or not self._done:
-            return
-        if now - self._printed >= SECONDS_BETWEEN_LINES or self._done >= self._total:
+        if self._lines and (now - self._printed >= SECONDS_BETWEEN_LINES or self._done >= self._total):
             self._printed = now
-            left = (now - self._began) * (self._total - self._done) / self._done
-            minutes, seconds = divmod(round(left), 60)
-            self._console.print(
-                f"{self._done} of {self._total} cells, {what}, {minutes}:{seconds:02d} left", markup=False
-            )
+            self.console.print(f"{self._done} of {self._total} cells, {what}", markup=False)

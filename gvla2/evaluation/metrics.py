@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2.errors import GeometryError
-from gvla2.evaluation.lpips import Features, Lpips
+from gvla2.evaluation.lpips import Floats, Lpips
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
@@ -140,7 +140,7 @@ class ReconstructionJudge:
     samples: int = SURFACE_SAMPLES
     _truth: Truth | None = field(init=False, repr=False)
     _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
-    _features: list[Features] | None = field(init=False, repr=False)
+    _features: list[list[Floats]] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)

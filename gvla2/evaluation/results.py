@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -166,13 +166,10 @@ class Results(Closing):
         """Store cells of a run, all or none; one with the same key is replaced."""
         with self._session() as session:
             for cell in cells:
-                texts = (json.dumps(dict(part)) for part in (cell.factors, cell.measures, cell.notes))
-                factors, measures, notes = texts
-                session.merge(
-                    Row(
-                        key=cell.key, run_id=run, suite=suite, factors=factors, measures=measures, notes=notes
-                    )
-                )
+                texts = {
+                    name: json.dumps(dict(getattr(cell, name))) for name in ("factors", "measures", "notes")
+                }
+                session.merge(Row(key=cell.key, run_id=run, suite=suite, **texts))
 
     def with_keys(self, keys: Sequence[str]) -> dict[str, Cell]:
         """The stored cells among these keys."""
@@ -198,13 +195,10 @@ class Results(Closing):
         wanted = {name: {str(value) for value in values} for name, values in (where or {}).items()}
         return [c for c in cells if all(str(c.factors.get(n)) in values for n, values in wanted.items())]
 
-    def runs(self, suite: str | None = None) -> list[Run]:
-        """All runs, oldest first."""
-        query = select(Run).order_by(col(Run.id))
-        if suite is not None:
-            query = query.where(Run.suite == suite)
+    def runs(self, suite: str) -> list[Run]:
+        """All runs of a suite, oldest first."""
         with self._session() as session:
-            return list(session.exec(query))
+            return list(session.exec(select(Run).where(Run.suite == suite).order_by(col(Run.id))))
 
     def close(self) -> None:
         """Release the database; safe to call twice."""
@@ -234,39 +228,30 @@ def file_of(url: str) -> Path | None:
 
 def _cell(row: Row) -> Cell:
     try:
-        factors, measures, notes = (json.loads(text) for text in (row.factors, row.measures, row.notes))
+        return Cell(row.key, *(json.loads(t) for t in (row.factors, row.measures, row.notes)), row.run_id)
     except json.JSONDecodeError as error:
         raise Gvla2Error(f"A row of the results database is damaged (key {row.key}): {error}") from error
-    return Cell(row.key, factors, measures, notes, row.run_id)
 
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that measurements depend on; absent ones are left out."""
     found = {"python": platform.python_version(), "platform": sys.platform}
     for package in PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            continue
     return found
 
 
 def commit() -> str:
     """The commit of the source tree, with ``-dirty`` when files differ from it; "" outside a git checkout."""
     folder = Path(__file__).resolve().parents[2]
+    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
     if not (folder / ".git").exists():
         return ""
     try:
-        done = subprocess.run(
-            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
-            capture_output=True,
-            text=True,
-            timeout=20,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired):
+        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 @cache
@@ -277,19 +262,13 @@ def code_digest(packages: tuple[str, ...]) -> str:
     """
     digest = hashlib.sha256()
     for package in packages:
-        for path in _sources(package):
+        try:
+            spec = find_spec(package)
+        except ImportError:
+            continue
+        folders = (spec and spec.submodule_search_locations) or ()
+        files = sorted(path for folder in folders for path in Path(folder).rglob("*.py"))
+        for path in files or ([Path(spec.origin)] if spec and spec.origin else []):
             digest.update(f"{package}|{path.name}|".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _sources(package: str) -> Iterable[Path]:
-    try:
-        spec = find_spec(package)
-    except ImportError:
-        return []
-    if spec is None:
-        return []
-    if spec.submodule_search_locations is None:
-        return [Path(spec.origin)] if spec.origin else []
-    return sorted(path for place in spec.submodule_search_locations for path in Path(place).rglob("*.py"))

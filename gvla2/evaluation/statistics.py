@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean, stdev
 
 import numpy as np
-from numpy.typing import NDArray
 
 NORMAL_95 = 1.959963984540054
 """Two-sided 95 % quantile of the standard normal distribution."""
@@ -32,10 +32,7 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
 
 def mean_and_deviation(values: Sequence[float]) -> tuple[float, float]:
     """Mean, and sample standard deviation (0 for a single value). Raises ValueError for no values."""
-    if len(values) == 0:
-        raise ValueError("No values: no mean.")
-    array = np.asarray(values, dtype=np.float64)
-    return float(array.mean()), float(array.std(ddof=1)) if len(array) > 1 else 0.0
+    return fmean(values), stdev(values) if len(values) > 1 else 0.0
 
 
 @dataclass(frozen=True)
@@ -60,10 +57,10 @@ def relative_change(before: Sequence[float], after: Sequence[float], *, draws: i
     old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
     if old.shape != new.shape or old.ndim != 1 or len(old) == 0:
         raise ValueError(f"Pairs are needed, got {old.shape} values before and {new.shape} after.")
-    if not (np.isfinite(old).all() and np.isfinite(new).all()) or old.mean() == 0:
+    if not np.isfinite([old, new]).all() or old.mean() == 0:
         raise ValueError("Values must be finite and the mean before must not be zero.")
 
-    def change(one: NDArray[np.float64], two: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+    def change(one: np.ndarray, two: np.ndarray, axis: int = -1) -> np.ndarray:
         return np.asarray(100 * (two.mean(axis=axis) / one.mean(axis=axis) - 1))
 
     value = float(change(old, new))
@@ -82,7 +79,7 @@ def won_and_lost(pairs: Sequence[Pair]) -> tuple[int, int]:
 
 
 def exact_mcnemar(pairs: Sequence[Pair]) -> float:
-    """Two-sided exact p of McNemar's test: does the second condition win as many episodes as it loses?
+    """Two-sided exact p of McNemar's test: does the second condition win as often as it loses?
 
     1 where no episode differs.
     """

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from statistics import fmean, median
 
-from gvla2.evaluation.results import Cell
+from gvla2.evaluation.results import Cell, measured
 from gvla2.evaluation.statistics import wilson_interval
 from gvla2.evaluation.tables import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
@@ -47,76 +47,62 @@ def _sheet(cells: list[Cell]) -> Sheet:
         label = label_of(cell.factors, [name for name in names if name != REPEATED]) or "all jobs"
         rows.setdefault(label, []).append(cell)
     jobs = [
-        film(_caption(cell, names), folder) for cell in cells if (folder := str(cell.notes.get("folder", "")))
+        film(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
     ]
     failed = sum(cell.status != "ok" for cell in cells)
+    settings = [cell.notes["setting"].items() for cell in cells if cell.notes.get("setting")]
+    shared = [pair for pair in (settings[0] if settings else ()) if all(pair in some for some in settings)]
+    common = ", ".join(f"{kind} {what}" for kind, what in shared)
     return Sheet(
-        f"Runs{_shared(cells)}: {', '.join(names) or 'nothing'} varied",
+        f"Runs{f' ({common})' if common else ''}: {', '.join(names) or 'nothing'} varied",
         ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
         tuple(SheetRow(label + _marked(members), _cells(members)) for label, members in rows.items()),
         count(len(cells), "job") + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
-        gallery=Exhibits("Jobs", "films", tuple(jobs)),
+        gallery=Exhibits("Jobs", tuple(jobs)),
     )
-
-
-def _shared(cells: Sequence[Cell]) -> str:
-    """What all jobs ran with."""
-    settings = [setting for cell in cells if (setting := cell.notes.get("setting"))]
-    shared = set.intersection(*(set(setting.items()) for setting in settings)) if settings else set()
-    common = [
-        f"{kind} {what}" for kind, what in (settings[0].items() if settings else ()) if (kind, what) in shared
-    ]
-    return f" ({', '.join(common)})" if common else ""
 
 
 def _caption(cell: Cell, names: Sequence[str]) -> str:
     label = label_of(cell.factors, names) or f"job {cell.factors['job']}"
     if cell.status != "ok":
-        return f"{label}: {cell.notes.get('status')}"
+        return f"{label}: {cell.status}"
     return f"{label}: {cell.measures['succeeded']:.0f} of {cell.measures['episodes']:.0f}{_marked([cell])}"
 
 
 def _marked(members: Sequence[Cell]) -> str:
     """A mark behind the name of jobs with episodes in which memory was unavailable; "" for none."""
     well = [cell for cell in members if cell.status == "ok"]
-    lost = int(sum(cell.measures.get("memory_unavailable") or 0 for cell in well))
-    episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
-    return f" (memory unavailable in {lost} of {episodes})" if lost else ""
+    lost, episodes = sum(measured(well, "memory_unavailable")), sum(measured(well, "episodes"))
+    return f" (memory unavailable in {lost:.0f} of {episodes:.0f})" if lost else ""
 
 
 def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
     well = [cell for cell in members if cell.status == "ok"]
     failed = len(members) - len(well)
-    count = f"{len(members)}, {failed} failed" if failed else str(len(members))
+    jobs = text_cell(f"{len(members)}, {failed} failed" if failed else len(members))
     if not well:
-        return NONE, NONE, text_cell(0), NONE, NONE, text_cell(count)
-    episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
-    layouts = _by_layout(well)
-    distinct = len(layouts) or episodes
+        return NONE, NONE, text_cell(0), NONE, NONE, jobs
+    episodes = int(sum(measured(well, "episodes")))
+    by_layout: dict[int, list[tuple[float, float]]] = {}
+    for seed, relaxed, strict in (one for cell in well for one in cell.notes.get("layouts") or ()):
+        by_layout.setdefault(seed, []).append((float(relaxed), float(strict)))
+    rates = [tuple(map(fmean, zip(*some, strict=True))) for some in by_layout.values()]
+    distinct = len(rates) or episodes
     return (
-        _success(well, "succeeded", episodes, [relaxed for relaxed, _ in layouts.values()]),
-        _success(well, "succeeded_strict", episodes, [strict for _, strict in layouts.values()]),
-        text_cell(str(episodes) if distinct == episodes else f"{episodes} of {distinct} layouts"),
-        text_cell(f"{median(cell.measures['seconds'] or 0 for cell in well):.1f}"),
-        text_cell(f"{median(cell.measures['tokens'] or 0 for cell in well):,.0f}"),
-        text_cell(count),
+        _success(well, "succeeded", episodes, [rate[0] for rate in rates]),
+        _success(well, "succeeded_strict", episodes, [rate[1] for rate in rates]),
+        text_cell(episodes if distinct == episodes else f"{episodes} of {distinct} layouts"),
+        text_cell(f"{median(measured(well, 'seconds')):.1f}"),
+        text_cell(f"{median(measured(well, 'tokens')):,.0f}"),
+        jobs,
     )
-
-
-def _by_layout(cells: Sequence[Cell]) -> dict[int, tuple[float, float]]:
-    """The success rates of each layout, by both rules; empty for jobs without them."""
-    found: dict[int, list[tuple[float, float]]] = {}
-    for cell in cells:
-        for seed, relaxed, strict in cell.notes.get("layouts") or ():
-            found.setdefault(seed, []).append((float(relaxed), float(strict)))
-    return {seed: (fmean(r for r, _ in some), fmean(s for _, s in some)) for seed, some in found.items()}
 
 
 def _success(cells: Sequence[Cell], measure: str, episodes: int, rates: Sequence[float]) -> SheetCell:
     """The share of the episodes; its interval over layouts, each with its rate, where these are known."""
-    reached = sum(cell.measures[measure] or 0 for cell in cells)
+    reached = sum(measured(cells, measure))
     if not episodes:
         return NONE
     low, high = wilson_interval(sum(rates), len(rates)) if rates else wilson_interval(reached, episodes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +12,6 @@ from typing import Any, Literal
 from gvla2.evaluation.results import Cell, Run
 
 Tone = Literal["", "better", "worse"]
-NOT_MEASURED = "not measured"
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class SheetCell:
     tone: Tone = ""
 
 
-NONE = SheetCell((NOT_MEASURED,), none=True)
+NONE = SheetCell(("not measured",), none=True)
 
 
 def text_cell(text: object) -> SheetCell:
@@ -42,7 +41,7 @@ class SheetRow:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """Something to look at: paths of pictures, side by side, and of the page that explains it, "" for none."""
+    """Something to look at: paths of pictures, side by side, or the film of a ``page`` that explains it."""
 
     caption: str
     pictures: tuple[str, ...]
@@ -51,19 +50,22 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class Exhibits:
-    """Exhibits below a table; ``style`` is how a page lays them out."""
+    """Exhibits below a table."""
 
     heading: str
-    style: Literal["pictures", "films"]
     exhibits: tuple[Exhibit, ...]
+
+    @property
+    def films(self) -> bool:
+        """Whether these are pages with films."""
+        return any(exhibit.page for exhibit in self.exhibits)
 
 
 @dataclass(frozen=True)
 class Sheet:
     """A table as text. ``headings`` are those of the cells, without the label's.
 
-    ``counts`` says how much was measured in which ``runs`` of the results database; ``remarks`` follow below the
-    table.
+    ``counts`` says how much was measured in which ``runs`` of the results database.
     """
 
     title: str
@@ -72,14 +74,12 @@ class Sheet:
     counts: str
     runs: tuple[int, ...]
     explanation: str
-    remarks: str = ""
     gallery: Exhibits | None = None
 
     @property
     def footnote(self) -> str:
-        """Counts, sources and remarks."""
-        sources = f"{self.counts}; runs {', '.join(map(str, self.runs))} of the results database."
-        return f"{sources} {self.remarks}".strip()
+        """Counts and sources."""
+        return f"{self.counts}; runs {', '.join(map(str, self.runs))} of the results database."
 
 
 def film(caption: str, folder: str) -> Exhibit:
@@ -103,10 +103,10 @@ def to_markdown(sheets: Sequence[Sheet]) -> str:
     """Tables of GitHub's Markdown."""
     blocks = []
     for sheet in sheets:
-        headings = ["", *sheet.headings]
-        lines = [f"### {sheet.title}", "", _piped(headings), _piped(["---"] * len(headings))]
-        lines += [_piped([row.label, *("<br>".join(cell.lines) for cell in row.cells)]) for row in sheet.rows]
-        blocks.append("\n".join([*lines, "", sheet.footnote]))
+        head, *lines = _lines(sheet, "<br>".join, " | ", lambda text: text.replace("|", "\\|"))
+        rule = "|".join([" --- "] * (len(sheet.headings) + 1))
+        table = [f"| {head} |", f"|{rule}|", *(f"| {line} |" for line in lines)]
+        blocks.append("\n".join([f"### {sheet.title}", "", *table, "", sheet.footnote]))
     return "\n\n".join([*blocks, explanations(sheets)]) + "\n"
 
 
@@ -114,34 +114,50 @@ def to_latex(sheets: Sequence[Sheet]) -> str:
     """Tables for a LaTeX document that loads ``booktabs``."""
     blocks = []
     for sheet in sheets:
-        lines = [
-            r"\begin{table}[t]",
-            r"\centering",
-            rf"\caption{{{_tex(f'{sheet.title}. {sheet.footnote} {sheet.explanation}')}}}",
-            rf"\begin{{tabular}}{{l{'c' * len(sheet.headings)}}}",
-            r"\toprule",
-            " & ".join(["", *map(_tex, sheet.headings)]) + r" \\",
-            r"\midrule",
-        ]
-        for row in sheet.rows:
-            cells = [r"\shortstack{" + r" \\ ".join(map(_tex, cell.lines)) + "}" for cell in row.cells]
-            lines.append(" & ".join([_tex(row.label), *cells]) + r" \\")
-        blocks.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}"]))
+        head, *lines = _lines(sheet, lambda cell: r"\shortstack{" + r" \\ ".join(cell) + "}", " & ", _tex)
+        caption = _tex(f"{sheet.title}. {sheet.footnote} {sheet.explanation}")
+        columns = f"l{'c' * len(sheet.headings)}"
+        blocks.append(
+            "\n".join(
+                [
+                    rf"\begin{{table}}[t]\centering\caption{{{caption}}}",
+                    rf"\begin{{tabular}}{{{columns}}}\toprule",
+                    rf"{head} \\ \midrule",
+                    *(rf"{line} \\" for line in lines),
+                    r"\bottomrule\end{tabular}\end{table}",
+                ]
+            )
+        )
     return "\n\n".join(blocks) + "\n"
 
 
-def _piped(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+def _lines(
+    sheet: Sheet, joined: Callable[[list[str]], str], between: str, escaped: Callable[[str], str]
+) -> list[str]:
+    """The heading and the rows of a table, cells ``between`` each other, a cell's lines ``joined``."""
+    rows = [["", *map(escaped, sheet.headings)]]
+    for row in sheet.rows:
+        cells = (joined([escaped(line) for line in cell.lines]) for cell in row.cells)
+        rows.append([escaped(row.label), *cells])
+    return [between.join(row) for row in rows]
 
 
 _TEX = str.maketrans(
     {
-        "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-        "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "↓": r"$\downarrow$", "↑": r"$\uparrow$",
-        "×": r"$\times$", "³": r"$^3$", "<": "$<$", ">": "$>$", "|": "$|$", "≤": r"$\leq$", "≥": r"$\geq$",
-        "[": "{[}",  # a bracket after \\ would be read as its option
+        **{mark: f"\\{mark}" for mark in "&%$#_{}"},
+        **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "[": "{[}"},
+        **{
+            "±": r"$\pm$",
+            "↓": r"$\downarrow$",
+            "↑": r"$\uparrow$",
+            "×": r"$\times$",
+            "³": "$^3$",
+            "≤": r"$\leq$",
+        },
+        **{mark: f"${mark}$" for mark in "<>|"},
     }
-)  # fmt: skip
+)
+"""Marks that LaTeX would read as commands; a bracket after a line's end would be read as its option."""
 
 
 def _tex(text: str) -> str:
@@ -162,28 +178,22 @@ def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str) -> s
         title=title,
         explanation=explanations(sheets),
         sheets=[(sheet, _shown(sheet)) for sheet in sheets],
-        runs=[(run, _versions(run)) for run in runs if run.id in used],
+        runs=[(run, json.loads(run.versions)) for run in runs if run.id in used],
     )
     return f"{page}\n"
 
 
 def _shown(sheet: Sheet) -> list[dict[str, Any]]:
     """The exhibits of a table; of those without a page, only the ones with a picture."""
-    found = [_exhibit(exhibit) for exhibit in sheet.gallery.exhibits] if sheet.gallery else []
-    return [one for one in found if one["page"] or one["sources"]]
-
-
-def _exhibit(exhibit: Exhibit) -> dict[str, Any]:
-    files = [Path(path) for path in exhibit.pictures if Path(path).is_file()]
-    if exhibit.page:
-        sources, page = [file.as_uri() for file in files], Path(exhibit.page).as_uri()
-        return {"caption": exhibit.caption, "sources": sources, "page": page}
-    coded = (base64.b64encode(file.read_bytes()).decode("ascii") for file in files)
-    return {"caption": exhibit.caption, "sources": [f"data:image/png;base64,{c}" for c in coded], "page": ""}
-
-
-def _versions(run: Run) -> str:
-    try:
-        return ", ".join(f"{name} {version}" for name, version in json.loads(run.versions).items())
-    except json.JSONDecodeError:
-        return run.versions
+    found = []
+    for exhibit in sheet.gallery.exhibits if sheet.gallery else ():
+        files = [Path(path) for path in exhibit.pictures if Path(path).is_file()]
+        page = Path(exhibit.page).as_uri() if exhibit.page else ""
+        if page:
+            sources = [file.as_uri() for file in files]
+        else:
+            coded = (base64.b64encode(file.read_bytes()).decode("ascii") for file in files)
+            sources = [f"data:image/png;base64,{content}" for content in coded]
+        if page or sources:
+            found.append({"caption": exhibit.caption, "sources": sources, "page": page})
+    return found

@@ -19,9 +19,6 @@ NAMESPACE, VERSION = "gvla2", 0
 MAX_STEPS = 40
 """Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` overrides it."""
 
-NO_TASK = "none"
-"""The null choice of the kind ``task``: without a task there is no environment."""
-
 
 def env_id(task: str) -> str:
     """The identifier of a task's environment, as ``gymnasium.make`` takes it."""
@@ -42,17 +39,12 @@ def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
         raise MissingDependencyError(
             "gymnasium", "A task as an environment", 'pip install "gvla2[gym]"', "MIT"
         ) from error
-    tasks = (registry or load_plugins()).components("task")
-    ids = tuple(env_id(name) for name in tasks if name != NO_TASK)
-    for identifier, name in zip(ids, (n for n in tasks if n != NO_TASK), strict=True):
-        if identifier not in known:
-            register(
-                identifier,
-                entry_point="gvla2.gym.env:TaskEnv",
-                kwargs={"task": name},
-                max_episode_steps=MAX_STEPS,
-            )
-    return ids
+    tasks = [name for name in (registry or load_plugins()).components("task") if name != "none"]
+    for name in tasks:
+        if env_id(name) not in known:
+            options = {"kwargs": {"task": name}, "max_episode_steps": MAX_STEPS}
+            register(env_id(name), entry_point="gvla2.gym.env:TaskEnv", **options)
+    return tuple(map(env_id, tasks))
 
 
 def __getattr__(name: str) -> Any:

@@ -8,50 +8,45 @@ from typing import Any, ClassVar, Literal, get_args
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
-from gvla2.geometry.views import Observation
-from gvla2.gym.spaces import (
-    HIGH,
-    LOW,
-    MOST_BODIES,
-    Arrays,
-    JointDeltas,
-    WaypointActions,
-    body_arrays,
-    body_space,
-    cameras,
-    joint_arrays,
-    joint_space,
-    picture_arrays,
-    picture_space,
-)
-from gvla2.gym.stepping import JointStepper, WaypointStepper
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation, View
+from gvla2.gym.actions import JointActions, WaypointActions
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import Truthful
 from gvla2.robot.task import Profile, TaskInstance
 
 INSTRUCTION = "instruction"
-
+MAX_DEPTH = 10.0
+"""Metres; anything further away counts as not measured."""
+BEYOND = 1.0
+"""How far outside the workspace the tool may be seen, metres."""
+MOST_BODIES = 16
+"""Rows for true poses; layouts have four to a dozen bodies, and spaces don't change from one episode to the next."""
 
 Control = Literal["waypoint", "joint_delta"]
 ObservationMode = Literal["rgbd", "state"]
+Arrays = dict[str, NDArray[Any]]
 
 
 class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
-    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.spaces.WaypointActions`), which the robot's
+    ``control="waypoint"``: an action is a waypoint (see :class:`~gvla2.gym.actions.WaypointActions`), which the robot's
     own motion planner and executor carry out: straight where they can, else around the table and the arm itself.
     Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
     nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
-    joints' targets (see :class:`gvla2.gym.spaces.JointDeltas`), 20 times a second; nothing is planned or checked.
+    joints' targets (see :class:`~gvla2.gym.actions.JointActions`), 20 times a second; nothing is planned or checked.
 
-    The observation holds ``tcp``, ``gripper`` and ``joints``, and with ``obs_mode="rgbd"`` what the cameras see
-    (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
-    :mod:`gvla2.gym.spaces`.
+    The observation holds ``tcp`` (7,): x, y, z in metres and the quaternion x, y, z, w (x >= 0), world; ``gripper``
+    (1,): width between the fingers, metres; ``joints`` (dof,), radians. With ``obs_mode="rgbd"`` there are ``rgb``
+    (C, H, W, 3) uint8 and ``depth`` (C, H, W) float32, metres along each camera's z, 0 where nothing was measured; with
+    ``"state"`` instead ``bodies`` (16, 7), the true poses like ``tcp`` in the layout's order, then zeros.
 
     The reward is 1 when the goal of ``profile`` is reached, which ends the episode, and 0 otherwise.
     ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by
@@ -85,25 +80,18 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         for names and options that do not exist.
         """
         for name, value, known in (
-            ("profile", profile, Profile),
-            ("control", control, Control),
-            ("obs_mode", obs_mode, ObservationMode),
+            ("profile", profile, get_args(Profile)),
+            ("control", control, get_args(Control)),
+            ("obs_mode", obs_mode, get_args(ObservationMode)),
+            ("render_mode", render_mode, (None, "rgb_array")),
         ):
-            if value not in get_args(known):
-                raise ConfigurationError(f"{name} is '{value}'; it is one of {', '.join(get_args(known))}.")
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ConfigurationError(f"render_mode is '{render_mode}'; it is None or 'rgb_array'.")
-        if not 0 < speed <= 1:
-            raise ConfigurationError(f"speed is {speed} m/s; it lies above 0 and is 1 at most.")
-        if not 0 < joint_step <= 0.5:
-            raise ConfigurationError(f"joint_step is {joint_step} rad; it lies above 0 and is 0.5 at most.")
-        if isinstance(cameras, str):
-            raise ConfigurationError(f"cameras is '{cameras}'; it is a list of names: ['{cameras}'].")
+            if value not in known:
+                raise ConfigurationError(f"{name} is '{value}'; it is one of {', '.join(map(str, known))}.")
+        for name, number, most in (("speed", speed, 1), ("joint_step", joint_step, 0.5)):
+            if not 0 < number <= most:
+                raise ConfigurationError(f"{name} is {number}; it lies above 0 and is {most} at most.")
         short = {"image_size": image_size, "cameras": None if cameras is None else list(cameras)}
-        options = {
-            **(robot_options or {}),
-            **{key: value for key, value in short.items() if value is not None},
-        }
+        options = {**(robot_options or {}), **{name: one for name, one in short.items() if one is not None}}
         root = {"robot": {**options, "name": robot}, "task": {**(task_options or {}), "name": task}}
         registry = load_plugins()
         if needs := registry.get("robot", robot).needs:
@@ -117,26 +105,23 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self.robot_name = robot
         """As in ``robot=``."""
         self._robot, self._task, self._profile = built["robot"], built["task"], profile
-        self._pictures, self._speed, self.render_mode = obs_mode == "rgbd", speed, render_mode
+        self.shows_pictures, self.render_mode = obs_mode == "rgbd", render_mode
         self._instance: TaskInstance | None = None
-        self._stepper: WaypointStepper | JointStepper | None = None
         self._last: Arrays = {}
         self._shown: dict[str, Any] = {}
-        self.actions: WaypointActions | JointDeltas
-        if control == "waypoint":
-            self.actions, (low, high) = WaypointActions(self.arm.workspace), (LOW, HIGH)
-        else:
-            self.actions = JointDeltas(len(self.arm.home), joint_step)
-            low, high = self.actions.bounds
-        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         try:
-            stepper = self._lay_out(0, None)  # the cameras themselves know how large the images are
-            shown = picture_space(stepper.seen.views) if self._pictures else body_space()
-            self.observation_space = gymnasium.spaces.Dict({**shown, **joint_space(self.arm)})
+            self.actions: WaypointActions | JointActions
+            waypoints = control == "waypoint"
+            self.actions = (
+                WaypointActions(self._robot, speed) if waypoints else JointActions(self._robot, joint_step)
+            )
+            self.action_space = self.actions.space
+            self._lay_out(0, None)  # the cameras themselves know how large the images are
+            self.observation_space = gymnasium.spaces.Dict(self._spaces())
         except BaseException:
             self.close()
             raise
-        self._instance = self._stepper = None
+        self._instance = None
 
     @property
     def arm(self) -> Arm:
@@ -145,21 +130,15 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         return arm
 
     @property
-    def shows_pictures(self) -> bool:
-        """Whether observations hold what the cameras see."""
-        return self._pictures
-
-    @property
     def observation(self) -> Observation:
         """The robot's last observation, in the form that gvla2's perceivers and planners take."""
-        return self._running().seen
+        self._running()
+        return self.actions.seen
 
     @property
     def instruction(self) -> str:
         """The episode's sentence."""
-        self._running()
-        assert self._instance is not None
-        return self._instance.instruction
+        return self._running().instruction
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -172,9 +151,8 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             raise ConfigurationError(
                 f"reset() knows no option '{min(unknown)}'; it takes '{INSTRUCTION}', a sentence."
             )
-        self._instance = self._stepper = None
-        self._stepper = self._lay_out(chosen, (options or {}).get(INSTRUCTION))
-        self._look(self._stepper)
+        self._lay_out(chosen, (options or {}).get(INSTRUCTION))
+        self._look()
         return self._last, dict(self._shown)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
@@ -183,20 +161,18 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         A simulation that blows up truncates the episode: the last sane observation comes back, and ``info["error"]``
         says what happened.
         """
-        stepper = self._running()
+        self._running()
         success: dict[str, bool] = {"relaxed": False, "strict": False}
-        lost = ""
+        error: dict[str, str] = {}
         try:
-            success_check = stepper.step(action)
+            success_check = self.actions.step(action)
             success = {"relaxed": success_check.relaxed, "strict": success_check.strict}
-            self._look(stepper)
-        except SimulationError as error:
-            lost = str(error)
+            self._look()
+        except SimulationError as lost:
+            error = {"error": str(lost)}
         done = success[self._profile]
-        info = {**self._shown, **stepper.info, "success": success, "is_success": done}
-        if lost:
-            info["error"] = lost
-        return self._last, float(done), done, bool(lost), info
+        info = {**self._shown, **self.actions.info, "success": success, "is_success": done, **error}
+        return self._last, float(done), done, bool(error), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The first camera's image (H, W, 3) of the last observation."""
@@ -204,42 +180,93 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
 
     def close(self) -> None:
         """Release the simulator; safe to call twice."""
-        self._instance = self._stepper = None
+        self._instance = None
         self._robot.close()
 
-    def _lay_out(self, seed: int, instruction: str | None) -> WaypointStepper | JointStepper:
-        instance = self._robot.reset(self._task, seed, instruction)
-        if instance is None:
-            instance = TaskInstance(instruction or "")
-        if not self._pictures and not isinstance(self._robot, Truthful):
+    def _lay_out(self, seed: int, instruction: str | None) -> None:
+        self._instance = None
+        instance = self._robot.reset(self._task, seed, instruction) or TaskInstance(instruction or "")
+        if not self.shows_pictures and not isinstance(self._robot, Truthful):
             raise ConfigurationError(
                 f"The robot '{self.robot_name}' does not expose the true state of its world: choose obs_mode='rgbd'."
             )
-        if not self._pictures and len(instance.layout.bodies) > MOST_BODIES:
+        if not self.shows_pictures and len(instance.layout.bodies) > MOST_BODIES:
             raise ConfigurationError(
                 f"This episode has {len(instance.layout.bodies)} bodies, and obs_mode='state' has room for "
                 f"{MOST_BODIES}: ask for fewer distractors, or for obs_mode='rgbd'."
             )
-        self._instance, seen = instance, self._robot.observe()
-        if isinstance(self.actions, WaypointActions):
-            return WaypointStepper(self._robot, self.actions, seen, self._speed)
-        return JointStepper(self._robot, self.actions, instance, seen)
+        self.actions.begin(instance, self._robot.observe())
+        self._instance = instance
 
-    def _running(self) -> WaypointStepper | JointStepper:
-        if self._stepper is None:
+    def _running(self) -> TaskInstance:
+        if self._instance is None:
             raise RobotError("No episode is running: call reset() first.")
-        return self._stepper
+        return self._instance
 
-    def _look(self, stepper: WaypointStepper | JointStepper) -> None:
-        """Note the policy's observation and info."""
-        assert self._instance is not None
-        measured = joint_arrays(stepper.state, self.arm)
+    def _spaces(self) -> dict[str, Box]:
+        """The spaces of the observation's arrays.
+
+        Raises :class:`ConfigurationError` when the cameras' images differ in size: they come as one array.
+        """
+        box, hand = self.arm.workspace, self.arm.hand
+        low, high = np.full(7, -1.0, np.float32), np.ones(7, np.float32)
+        low[:3], high[:3] = box.low - BEYOND, box.high + BEYOND
+        found = {
+            "tcp": Box(low, high),
+            "gripper": Box(0.0, 2.0 * hand.max_width, (1,), np.float32),
+            "joints": Box(-2.0 * np.pi, 2.0 * np.pi, (len(self.arm.home),), np.float32),
+        }
+        if not self.shows_pictures:
+            return {"bodies": Box(-np.inf, np.inf, (MOST_BODIES, 7), np.float32), **found}
+        views = self.actions.seen.views
+        sizes = {view.image.shape[:2] for view in views}
+        if len(sizes) > 1:
+            named = ", ".join(f"{v.name} {v.image.shape[1]}x{v.image.shape[0]}" for v in views)
+            raise ConfigurationError(
+                f"The cameras see in different sizes ({named}): choose those of one size with cameras=[...]."
+            )
+        shape = (len(views), *sizes.pop())
+        rgb, depth = Box(0, 255, (*shape, 3), np.uint8), Box(0.0, MAX_DEPTH, shape, np.float32)
+        return {"rgb": rgb, "depth": depth, **found}
+
+    def _look(self) -> None:
+        """Note the policy's observation, in new arrays, and info."""
+        instance, state = self._running(), self.actions.state
+        shown: Arrays
         info: dict[str, Any]
-        if self._pictures:
-            views = stepper.seen.views
-            shown, info = picture_arrays(views), {"cameras": cameras(views)}
+        if self.shows_pictures:
+            views = self.actions.seen.views
+            shown = {"rgb": np.stack([v.image for v in views]), "depth": np.stack([_depth(v) for v in views])}
+            lenses = {v.name: (v.camera.K.copy(), v.camera.world_from_camera.copy()) for v in views}
+            info = {
+                "cameras": {
+                    n: {"intrinsics": K, "world_from_camera": pose} for n, (K, pose) in lenses.items()
+                }
+            }
         else:
-            names = [body.name for body in self._instance.layout.bodies]
-            shown, info = body_arrays(self._robot.true_state(), names), {"bodies": names}
-        self._last = {**shown, **measured}
-        self._shown = {INSTRUCTION: self._instance.instruction, **info}
+            truth, names = self._robot.true_state(), [body.name for body in instance.layout.bodies]
+            bodies = np.zeros((MOST_BODIES, 7), dtype=np.float32)
+            bodies[: len(names)] = np.reshape([_pose(truth.pose(name)) for name in names], (-1, 7))
+            shown, info = {"bodies": bodies}, {"bodies": names}
+        self._last = {
+            **shown,
+            "tcp": _pose(self.arm.forward(state.joints)),
+            "gripper": np.array([max(0.0, state.gripper_width)], dtype=np.float32),
+            "joints": np.asarray(state.joints).astype(np.float32),
+        }
+        self._shown = {INSTRUCTION: instance.instruction, **info}
+
+
+def _pose(world_from_frame: FloatArray) -> NDArray[np.float32]:
+    turn = Rotation.from_matrix(world_from_frame[:3, :3]).as_quat()
+    # Not w: it is near 0 for every hand that points down, so its sign would flip back and forth.
+    turn = -turn if turn[0] < 0 else turn
+    return np.concatenate([world_from_frame[:3, 3], np.clip(turn, -1.0, 1.0)]).astype(np.float32)
+
+
+def _depth(view: View) -> NDArray[np.float32]:
+    if view.depth is None:
+        return np.zeros(view.image.shape[:2], dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        measured = (view.depth > 0) & (view.depth <= MAX_DEPTH)
+    return np.where(measured, view.depth, 0).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Rollouts of a policy, kept as runs are, so that `gvla2 export lerobot` makes a data set of them."""
+"""Rollouts of a policy, stored as runs are, so that `gvla2 export lerobot` makes a data set of them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, OutputError
 from gvla2.gym.env import TaskEnv
-from gvla2.gym.spaces import JointDeltas
-from gvla2.gym.stepping import RATE
 from gvla2.io.files import make_folder, write_json
 from gvla2.record.motion import SMALLEST, Motion
 from gvla2.robot.backend import Moment
@@ -45,10 +43,7 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         self._folder = make_folder(Path(folder))
         if any(self._folder.iterdir()):
             raise OutputError(f"The folder '{folder}' is not empty: name a new one for these rollouts.")
-        self._period = 1.0 / RATE if isinstance(self._task.actions, JointDeltas) else 1.0
-        self._episodes = 0
-        self._place = self._folder
-        self._steps = 0
+        self._place, self._episodes, self._steps = self._folder, 0, 0
         self._motion: Motion | None = None
         self._result: dict[str, Any] = {}
 
@@ -77,8 +72,6 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
                 place.mkdir()
             except FileExistsError:
                 continue
-            except OSError as error:
-                raise OutputError(f"Cannot make the folder {place}: {error}.") from error
             return place
 
     def step(self, action: NDArray[np.float32]) -> tuple[Step, float, bool, bool, dict[str, Any]]:
@@ -97,10 +90,8 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
 
     def _note(self, seen: Step) -> None:
         if self._motion is not None:
-            opening = float(seen["gripper"][0])
-            self._motion.moment(
-                Moment(self._steps * self._period, seen["joints"].astype(np.float64), opening)
-            )
+            seconds, opening = self._steps * self._task.actions.period, float(seen["gripper"][0])
+            self._motion.moment(Moment(seconds, seen["joints"].astype(np.float64), opening))
             self._motion.frame(seen["rgb"][0])
             self._steps += 1
 

@@ -58,10 +58,6 @@ class Database(ABC):
         """Rewrite the database without deleted data; frees space."""
 
     @abstractmethod
-    def size(self) -> int:
-        """Bytes on disk."""
-
-    @abstractmethod
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What went wrong, and what to do."""
 
@@ -213,11 +209,6 @@ class SqliteDatabase(Database):
             raise MemoryStoreError(
                 f"The memory {self._path} cannot be compacted now: another process is reading it."
             )
-
-    def size(self) -> int:
-        """Bytes of the file and its log."""
-        files = [self._path, self._path.with_name(self._path.name + "-wal")]
-        return sum(file.stat().st_size for file in files if file.exists())
 
     def explained(self, error: BaseException) -> MemoryStoreError:
         """The message of SQLite or the file system, with the file, and what to do."""
@@ -391,12 +382,6 @@ class PostgresDatabase(Database):
         with self.connection() as connection:
             connection.exec_driver_sql(f"VACUUM (FULL) {', '.join(table.name for table in TABLES)}")
             connection.exec_driver_sql("CHECKPOINT")
-
-    def size(self) -> int:
-        """Bytes of the tables and their indices."""
-        query = text("SELECT pg_total_relation_size(CAST(:name AS regclass))")
-        with self.connection() as connection:
-            return sum(int(connection.execute(query, {"name": table.name}).scalar_one()) for table in TABLES)
 
     def explained(self, error: BaseException) -> MemoryStoreError:
         """The server's error as one of ours."""

@@ -77,9 +77,9 @@ class Store(Closing):
             return sorted(map(str, connection.execute(select(BANK.c.bank)).scalars()))
 
     def stats(self, bank: str) -> dict[str, Any]:
-        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""
+        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain."""
         with self.reading(bank) as view:
-            return {**view.counts(), "bytes": self._database.size()}
+            return view.counts()
 
     def compact(self, forgotten: Sequence[str] = ()) -> None:
         """Free space, and remove deleted data from the files; ``forgotten`` are the ids forgotten just now."""

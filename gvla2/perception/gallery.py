@@ -7,19 +7,22 @@ all cameras judge the result.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.geometry.views import Observation
-from gvla2.perception.labels import Naming
-from gvla2.perception.scans import KnownScan, check_names, corners_of, diameter, read_scans
+from gvla2.geometry.views import Observation, View
+from gvla2.perception.labels import SURE_ENOUGH, Naming
+from gvla2.perception.nearest import NearestPoints, closest_points
+from gvla2.perception.objects import object_of, opening_of
+from gvla2.perception.scans import TRUNCATED, KnownScan, check_names, corners_of, diameter, read_scans
 from gvla2.planning.colours import appearance
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
@@ -41,8 +44,6 @@ REFINED, THOROUGH = 8, 2
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
 ROUNDS = 14
 """Iterations of closest points."""
-TRUNCATED = 0.02
-"""Metres at which a point's distance is truncated."""
 NEAR = 0.008
 """Metres between the placed scan and the measured depth within which a pixel shows the scan."""
 GAP = 0.012
@@ -61,7 +62,7 @@ class Seen:
 
     points: FloatArray
     looks: FloatArray
-    tree: cKDTree
+    nearest: NearestPoints
     cameras: tuple[Camera, ...]
     depths: tuple[FloatArray, ...]
     images: tuple[FloatArray, ...]
@@ -87,6 +88,19 @@ class Fit:
     colour: float
 
 
+@dataclass(frozen=True)
+class Recognised:
+    """A whole object that a scan explains."""
+
+    object: SceneObject
+    fit: Fit
+
+    def explains(self, points: FloatArray) -> NDArray[np.bool_]:
+        """(N,) which of the world points (N, 3) lie on the placed scan."""
+        local = transform_points(invert_rigid(self.fit.world_from_scan), points)
+        return self.fit.scan.nearest.query(local)[0] < NEAR
+
+
 def coarse_starts(scan: KnownScan, seen: Seen) -> tuple[float, list[FloatArray]] | None:
     """The best poses (4, 4) of a scan on the table and the best one's mean distance, metres.
 
@@ -98,61 +112,46 @@ def coarse_starts(scan: KnownScan, seen: Seen) -> tuple[float, list[FloatArray]]
     if not len(rests):
         return None
     turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
-    lain = scan.corners @ turns.transpose(0, 2, 1)
-    low, high = lain.min(axis=1), lain.max(axis=1)
+    lain = turns @ scan.corners.T  # (P, 3, H)
+    low, high = lain.min(axis=2), lain.max(axis=2)
     # The scan's own outline is laid where the seen outline is.
     middle = 0.5 * (seen.points[:, :2].min(axis=0) + seen.points[:, :2].max(axis=0))
     shifts = np.column_stack([middle - 0.5 * (low + high)[:, :2], seen.table - low[:, 2]])
     spread = seen.points[:: max(1, len(seen.points) // COARSE)]
-    forth = _truncated(scan.tree, (spread - shifts[:, None]) @ turns).mean(axis=1)
+    forth = _truncated(scan.nearest, (spread - shifts[:, None]) @ turns).mean(axis=1)
     # The best ones are checked in reverse: does the scan's upper side lie where something is seen?
     checked = np.argsort(forth, kind="stable")[:CHECKED]
     some = slice(None, None, max(1, len(scan.points) // (2 * BACK)))
     placed = scan.points[some] @ turns[checked].transpose(0, 2, 1) + shifts[checked, None]
     upper = turns[checked, 2] @ scan.normals[some].T > 0.2
-    back = (_truncated(seen.tree, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
+    back = (_truncated(seen.nearest, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
     gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
     best = np.argsort(gaps, kind="stable")[:POSES]
     return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
 
 
-def _truncated(tree: cKDTree, points: FloatArray) -> FloatArray:
-    """Distances of points (..., 3) from the nearest in a tree, at most :data:`TRUNCATED` metres."""
-    return np.minimum(np.asarray(tree.query(points, distance_upper_bound=TRUNCATED)[0]), TRUNCATED)
+def _truncated(nearest: NearestPoints, points: FloatArray) -> FloatArray:
+    """Distances of points (..., 3) from the nearest, at most :data:`TRUNCATED` metres."""
+    return np.minimum(nearest.query(points)[0], TRUNCATED)
 
 
 def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
     """The pose (4, 4) after iterated closest points, point to plane, the farthest fifth of the pairs left out."""
     points = seen.points[:: max(1, len(seen.points) // FINE)]
-    reach, most = TRUNCATED, int(0.8 * (len(points) - 1))
-    for _ in range(ROUNDS):
-        local = transform_points(invert_rigid(pose), points)
-        gaps, nearest = scan.tree.query(local)
-        used = gaps <= max(min(reach, float(np.partition(gaps, most)[most])), 0.002)
-        if used.sum() < 12:
-            break
-        target, normal = scan.points[nearest[used]], scan.normals[nearest[used]]
-        centre = local[used].mean(axis=0)
-        arms = local[used] - centre
-        # A little damping: on a ball or a can the turn about its axis is free.
-        size = float(np.linalg.norm(arms, axis=1).mean()) + 1e-6
-        rows = np.concatenate([np.cross(arms, normal) / size, normal], axis=1)
-        wrong = np.einsum("ij,ij->i", local[used] - target, normal)
-        step = np.linalg.solve(rows.T @ rows + 1e-3 * len(rows) * np.eye(6), -rows.T @ wrong)
-        step[:3] /= size
-        turn = Rotation.from_rotvec(np.clip(step[:3], -0.2, 0.2)).as_matrix()
-        pose = pose @ invert_rigid(rigid(turn, centre - turn @ centre + step[3:]))
-        reach = max(0.006, 0.75 * reach)
-        if np.abs(step[3:]).max() < 1e-4 and np.abs(step[:3]).max() < 2e-3:
-            break
-    return pose
+    scan_from_world = invert_rigid(pose)
+    nearest = scan.nearest
+    closest_points(
+        transform_points(scan_from_world, points), scan.points, scan.normals, nearest.table, nearest.low,
+        nearest.cell, ROUNDS, scan_from_world,
+    )  # fmt: skip
+    return invert_rigid(scan_from_world)
 
 
 def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
     local = transform_points(invert_rigid(pose), points)
-    gaps, nearest = scan.tree.query(local)
+    gaps, nearest = scan.nearest.query(local)
     # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
     flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
     off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)
@@ -186,6 +185,26 @@ def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
     )
 
 
+Sights = tuple[list[Camera], list[FloatArray], list[FloatArray]]
+"""The cameras with depth, what each measured (H, W), NaN where the robot is, and its looks (H, W, 3)."""
+
+
+def sights_of(views: Iterable[View]) -> Sights:
+    """The cameras, depths and looks of some views."""
+    cameras, depths, images = [], [], []
+    for view in views:
+        if view.depth is None:
+            continue
+        depth = np.asarray(view.depth, dtype=np.float64)
+        hidden = ~np.isfinite(depth) | (depth <= 0)
+        if view.robot_mask is not None:
+            hidden |= view.robot_mask
+        cameras.append(view.camera)
+        depths.append(np.where(hidden, np.nan, depth))
+        images.append(appearance(view.image / 255.0))
+    return cameras, depths, images
+
+
 def seen_surface(
     points: FloatArray, cameras: Sequence[Camera], depths: Sequence[FloatArray], images: Sequence[FloatArray],
     table: float,
@@ -199,7 +218,9 @@ def seen_surface(
         columns, rows = np.floor(uv[index]).astype(int).T
         own = np.abs(depth[rows, columns] - z[index]) < NEAR
         looks[index[own]] = image[rows[own], columns[own]]
-    return Seen(points, looks, cKDTree(points), tuple(cameras), tuple(depths), tuple(images), table)
+    return Seen(
+        points, looks, NearestPoints(points, TRUNCATED), tuple(cameras), tuple(depths), tuple(images), table
+    )
 
 
 def without_strays(points: FloatArray, reach: float = 0.007, least: int = 4) -> FloatArray:
@@ -255,26 +276,41 @@ class Gallery:
 
     def names(self, objects: Sequence[SceneObject], scene: Scene, observation: Observation) -> list[Naming]:
         """One answer per object, in order."""
-        views = [view for view in observation.views if view.depth is not None]
-        cameras, depths = [view.camera for view in views], []
-        for view in views:
-            depth = np.asarray(view.depth, dtype=np.float64)
-            hidden = ~np.isfinite(depth) | (depth <= 0)
-            if view.robot_mask is not None:
-                hidden |= view.robot_mask
-            depths.append(np.where(hidden, np.nan, depth))
-        images = [appearance(view.image / 255.0) for view in views]
-        answers = []
+        sights, answers = sights_of(observation.views), []
         for obj in objects:
             if len(obj.points) < LEAST:
                 answers.append(Naming("", 0.0, why=f"Only {len(obj.points)} points of it are seen."))
                 continue
-            answers.append(self.name(seen_surface(obj.points, cameras, depths, images, scene.table_height)))
+            answers.append(self.name(seen_surface(obj.points, *sights, scene.table_height)))
         return answers
+
+    def recognise(
+        self, points: FloatArray, rgb: FloatArray, sights: Sights, table: float
+    ) -> Recognised | None:
+        """The known object whose surface points (N, 3), world metres, with colours (N, 3) are; None if unsure.
+
+        The object is as large as its scan, unseen sides included.
+        """
+        if len(points) < LEAST:
+            return None
+        fits = self.fits(seen_surface(points, *sights, table))
+        naming = self._named(fits)
+        if not naming.label or naming.sureness < SURE_ENOUGH:
+            return None
+        fit = fits[0]
+        whole = transform_points(fit.world_from_scan, fit.scan.points)
+        obj = object_of(whole, rgb, table, 1.0)
+        obj = replace(
+            obj, label=naming.label, named_by=self.source, sureness=round(naming.sureness, 3), known=naming.known,
+            points=points, opening=opening_of(whole),
+        )  # fmt: skip
+        return Recognised(obj, fit)
 
     def name(self, seen: Seen) -> Naming:
         """The name of a seen surface: a scan that is likelier than all others and "unknown" together."""
-        fits = self.fits(seen)
+        return self._named(self.fits(seen))
+
+    def _named(self, fits: Sequence[Fit]) -> Naming:
         if not fits:
             return Naming("", 1.0, why="No scan in the gallery has its size and colours.")
         best = fits[0]

@@ -54,7 +54,7 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     Painted regions and parts keep their labels: a lid is the lid of the named object. An object unknown to all keeps
     its colour and shape; the notes say so.
     """
-    left = [o for o in scene.objects if o.shape != "region" and not o.parent]
+    left = [o for o in scene.objects if o.shape != "region" and not o.parent and not o.named_by]
     notes = list(scene.notes)
     for labeller in labellers:
         if not left:

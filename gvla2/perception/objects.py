@@ -19,6 +19,8 @@ ONE_HUE = 18.0
 """Largest look difference of points of one hue: print on an object is not its colour."""
 CUBE = 1.2
 """Largest ratio of the longest to the shortest side of a cube."""
+DEEP = 0.3
+"""An object is hollow when nothing of its middle reaches within this share of its height of its top."""
 SURE = 12.0
 """Margin by which the second nearest colour word must be further away to be ruled out."""
 
@@ -45,6 +47,21 @@ def object_of(
     pose = rigid(turn, [*middle, 0.5 * (bottom + top)])
     score = round(float(np.clip(confidence * (0.5 + 0.5 * sure), 0.05, 1.0)), 3)
     return SceneObject(id_, f"{colour} {noun}", shape, colour, pose, extents, seen, own, confidence=score)
+
+
+def opening_of(points: FloatArray) -> float:
+    """The narrowest inner width at the top of a hollow object from points (N, 3) of its whole surface, metres.
+
+    0 for one that is closed: something of its middle lies near its top.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    height, half = high[2] - low[2], 0.5 * float(min((high - low)[:2]))
+    away = np.linalg.norm(points[:, :2] - 0.5 * (low + high)[:2], axis=1)
+    inner = points[away < 0.4 * half, 2]
+    rim = away[points[:, 2] > high[2] - 0.15 * height]
+    if not len(inner) or not len(rim) or inner.max() > high[2] - DEEP * height:
+        return 0.0
+    return 2 * float(np.percentile(rim, 2.0))
 
 
 def footprint(xy: FloatArray) -> tuple[float, FloatArray, FloatArray]:

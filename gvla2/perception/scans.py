@@ -7,18 +7,19 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder, cached_arrays
+from gvla2.perception.nearest import NearestPoints
 from gvla2.planning.colours import appearance
 
 SUFFIXES = (".obj", ".glb", ".ply")
@@ -28,6 +29,8 @@ LARGEST = 3.0
 """A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
+TRUNCATED = 0.02
+"""Metres at which a point's distance from a scan is truncated."""
 VERSION = 3
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does."""
@@ -51,10 +54,14 @@ class KnownScan:
     rests: FloatArray
     middle: FloatArray
     scale: float
-    tree: cKDTree
     looks: FloatArray
     corners: FloatArray
     diameter: float
+
+    @cached_property
+    def nearest(self) -> NearestPoints:
+        """The nearest of its points."""
+        return NearestPoints(self.points, TRUNCATED)
 
 
 def corners_of(points: FloatArray) -> FloatArray:
@@ -122,7 +129,7 @@ def read_scan(name: str, path: Path) -> KnownScan:
     points, corners = arrays["points"], corners_of(arrays["points"])
     return KnownScan(
         name, str(path), points, arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
-        float(arrays["scale"]), cKDTree(points), appearance(arrays["rgb"]), corners, diameter(corners),
+        float(arrays["scale"]), appearance(arrays["rgb"]), corners, diameter(corners),
     )  # fmt: skip
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -171,6 +172,15 @@ class Truthful(Protocol):
 
     def true_scene(self) -> Scene:
         """Every body of the episode as a scene object, its id the body's name."""
+        ...
+
+
+@runtime_checkable
+class OffersGallery(Protocol):
+    """A robot whose world comes with meshes of its objects."""
+
+    def write_gallery(self, folder: Path) -> Sequence[str]:
+        """Write them as a gallery of known objects, a file each, in metres; returns their names."""
         ...
 
 

@@ -177,7 +177,7 @@ class _Run:
         if moved.diverged:
             raise _Abort("diverged", "The driver measured something impossible and aborted the motion.")
         if moved.expired:
-            raise _Abort("timeout", moved.expired)
+            raise _Abort("expired", moved.expired)
 
     def _plan(self, waypoint: Waypoint, state: DriverState, pose: FloatArray) -> FloatArray:
         """Joint samples (T, dof) to the waypoint, checked."""

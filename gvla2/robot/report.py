@@ -15,6 +15,7 @@ AbortCode = Literal[
     "slipped",
     "interrupted",
     "timeout",
+    "expired",
     "diverged",
     "not_started",
 ]

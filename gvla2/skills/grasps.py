@@ -18,20 +18,15 @@ from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import holders, inside
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job
-from gvla2.planning.trajectory import Orientation, grasp_rotation
-from gvla2.skills.antipodal import antipodal, held_between, skin_of
+from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
 from gvla2.skills.parameters import deepest
-from gvla2.skills.proposals import horizontal, pointing
+from gvla2.skills.proposals import Grasp, horizontal
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, and
 enough to come from the side."""
-STEEP = 0.7
-"""A hand whose unit approach has a smaller downward component comes from the side."""
-
 FAMILIES = {"": ("top", "leaning", "side"), "rim": ("top",)}
 """Families of approaches for each part: beside a wall there is no room for a leaning hand."""
-WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
 
 DEFAULT = GraspOptions()
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
@@ -124,35 +119,6 @@ def spans(points: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(np.quantile(ways.T @ points.T, STRAYS, axis=1))
 
 
-@dataclass(frozen=True)
-class Grasp:
-    """One way to grasp: fingers closing along ``closing`` (3,), the hand opened to ``opening`` in [0, 1] before.
-
-    ``approach`` (3,) is the direction of the hand, ``centre`` (3,) the position of the tool centre point. ``back`` is
-    how far along the approach the fingertips reach over the object, metres; None for its height above the tool.
-    """
-
-    description: str
-    family: str
-    closing: FloatArray
-    approach: FloatArray
-    centre: FloatArray
-    opening: float
-    preference: float
-    back: float | None = None
-
-    @property
-    def approaches(self) -> tuple[str, ...]:
-        """The names by which memory may forbid it."""
-        whence = "top" if -self.approach[2] > STEEP else "side"
-        return tuple(dict.fromkeys((f"approach:{whence}", f"approach:{self.family}")))
-
-    @property
-    def orientation(self) -> Orientation:
-        """The hand's orientation."""
-        return pointing(self.closing, self.approach)
-
-
 def grasps(job: Job) -> list[Grasp] | Abstention:
     """Grasps by every hold from above, leaning or from the side, and by the surface, that the seen points allow."""
     found = []
@@ -189,8 +155,8 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     skin, hand = skin_of(job.theme), job.hand
 
     def fits(grasp: Grasp) -> bool:
-        rotation, opening = grasp_rotation(grasp.approach, grasp.closing), grasp.opening * hand.max_width
-        return skin is None or held_between(skin, rotation, grasp.centre, opening, hand)
+        opening = grasp.opening * hand.max_width
+        return skin is None or held_between(skin, grasp.rotation, grasp.centre, opening, hand)
 
     found = [grasp for grasp in boxed if fits(grasp)]
     if job.theme.shape in ("other", "bar"):
@@ -200,16 +166,9 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
 
 def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     """Grasps by the object's surface, either way round, whose sides face the fingers by this cosine at least."""
-    hand, found = job.hand, list[Grasp]()
-    facing = max(square, job.grasp.facing)
-    for seen in antipodal(job.theme, hand, job.scene.table_height, job.outward(), facing):
-        at = ", ".join(f"{1000 * v:.0f}" for v in (seen.centre - job.theme.centre)[:2])
-        _, closing, approach = seen.rotation.T
-        yaw = np.degrees(np.arctan2(closing[1], closing[0]))
-        how = f"grasp {WHENCE[seen.family]}, {1000 * seen.width:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°"
-        opening = min(1.0, seen.opening / hand.max_width)
-        one = Grasp(how, seen.family, closing, approach, seen.centre, opening, seen.worth, seen.back)
-        found += [one, replace(one, description=f"{how} turned round", closing=-closing)]
+    found, facing = list[Grasp](), max(square, job.grasp.facing)
+    for one in antipodal(job.theme, job.hand, job.scene.table_height, job.outward(), facing):
+        found += [one, replace(one, description=f"{one.description} turned round", closing=-one.closing)]
     return found
 
 

@@ -25,11 +25,11 @@ from gvla2.planning.part_hierarchy import assembled, button_of, joined
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.skills.carry_out import answer
-from gvla2.skills.grasps import Grasp, grasps
+from gvla2.skills.grasps import grasps
 from gvla2.skills.grounding import whole_meant
 from gvla2.skills.mechanisms import stuck
 from gvla2.skills.parameters import limited
-from gvla2.skills.proposals import Path
+from gvla2.skills.proposals import Grasp, Path
 from gvla2.skills.schemas.pick_place import (
     TURNS,
     aligning_turns,

@@ -1,4 +1,4 @@
-"""Jobs, the trajectories proposed for them, and paths, which write trajectories stage by stage."""
+"""Grasps, and paths, which write trajectories stage by stage."""
 
 from __future__ import annotations
 
@@ -9,10 +9,48 @@ from typing import Literal
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint, grasp_rotation
 
+STEEP = 0.7
+"""A hand whose unit approach has a smaller downward component comes from the side."""
 LONGEST_LINE = 0.5
 """Longer straight motions are split, metres."""
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """One way to grasp: fingers closing along ``closing`` (3,), the hand opened to ``opening`` in [0, 1] before.
+
+    ``approach`` (3,) is the direction of the hand, ``centre`` (3,) the position of the tool centre point. ``back`` is
+    how far along the approach the fingertips reach over the object, metres; None for its height above the tool.
+    ``width`` is between the closed fingers, metres.
+    """
+
+    description: str
+    family: str
+    closing: FloatArray
+    approach: FloatArray
+    centre: FloatArray
+    opening: float
+    preference: float
+    back: float | None = None
+    width: float = 0.0
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(3, 3) of the hand in the world: columns along its breadth, its closing direction and its approach."""
+        return grasp_rotation(self.approach, self.closing)
+
+    @property
+    def approaches(self) -> tuple[str, ...]:
+        """The names by which memory may forbid it."""
+        whence = "top" if -self.approach[2] > STEEP else "side"
+        return tuple(dict.fromkeys((f"approach:{whence}", f"approach:{self.family}")))
+
+    @property
+    def orientation(self) -> Orientation:
+        """The hand's orientation."""
+        return pointing(self.closing, self.approach)
 
 
 @dataclass

@@ -73,18 +73,19 @@ def footprint_of(
     # Of no height that counts: a slab and a drum from far below to far above.
     slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
     drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
+    may_be_round = lengths.max() < 1.2 * lengths.min()
     fits = []
-    for distance, start in ((box_distance, slab), (cylinder_distance, drum)):
+    for distance, start in ((box_distance, slab), (cylinder_distance, drum))[: 1 + may_be_round]:
         room = ROOM[: len(start)]
         limits = start - room, start + room
         fitted = fit_solid(
             distance, start, seen, beside, hold=(-2, -1), limits=limits, filled=True, tolerance=0.004
         )
         fits.append(fitted)
-    square, disc = fits
-    if disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min():
-        cx, cy, width = disc.parameters[:3]
-        return Footprint(True, np.array([cx, cy]), 0.0, np.array([width, width]), disc.agreement)
+    square, *disc = fits
+    if disc and disc[0].cost < 0.5 * square.cost:
+        cx, cy, width = disc[0].parameters[:3]
+        return Footprint(True, np.array([cx, cy]), 0.0, np.array([width, width]), disc[0].agreement)
     cx, cy, yaw, *sides = square.parameters[:5]
     return Footprint(False, np.array([cx, cy]), float(yaw), np.array(sides), square.agreement)
 
@@ -93,6 +94,7 @@ OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's ha
 ONE_PAINT = 12.0  # patches of one paint differ by less, in look
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
+SLACK = 0.006  # metres by which a fit may make the rectangle of its points larger
 PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
@@ -127,7 +129,9 @@ def find_patches(
         return pixels, []
     pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
     labels = join_across_views(pixels, pieces, REACH)
-    fitted = [_fit(frames, pixels, members, bare) for members in groups(labels, min_points)]
+    # On wood or stone most are a seam or a knot: the slow fit is for those that may be large enough.
+    large = [members for members in groups(labels, min_points) if _may_be(pixels, members, min_region)]
+    fitted = [_fit(frames, pixels, members, bare) for members in large]
     patches: list[SeenObject] = []
     for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
         sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
@@ -140,6 +144,12 @@ def find_patches(
         if sides.prod() >= min_region and sides.min() >= NARROW and not piece:
             patches.append(patch)
     return pixels, patches
+
+
+def _may_be(pixels: Pixels, members: IntArray, min_region: float) -> bool:
+    """Whether a patch could have its least area and width, its outline being uncertain by a few millimetres."""
+    sides = narrow_yaw(pixels.points[members, :2], trim=0.2)[2] + SLACK
+    return bool(sides.prod() >= min_region and sides.min() >= NARROW)
 
 
 def _fit(

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.geometry.views import Observation
+from gvla2.geometry.views import Observation, Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import check_workspace
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import new_ids, numbered, over_workspace
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed, find_table
-from gvla2.planning.scene import Box, Scene
+from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble, join_overlapping
 from gvla2_plugins.classical.composites import (
@@ -30,6 +30,7 @@ from gvla2_plugins.classical.composites import (
     put_together,
 )
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
+from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.pixels import Pixels, TableFrame, choose, usable_frames
 from gvla2_plugins.classical.segmentation import (
@@ -87,13 +88,14 @@ class ClassicalPerceiver:
         # The table's frame has its origin under the middle of the workspace.
         half = 0.5 * (workspace.high - workspace.low)[:2]
         room = np.array([*half + BORDER, workspace.high[2] - height])
-        pixels, objects, painted, patches = self._find(frames, table.noise, room, hand)
+        known, pixels, objects, painted, patches = self._find(frames, views, height, table.noise, room, hand)
         named = described(pixels, objects, "object") + described(painted, patches, "patch")
         back = invert_rigid(table_from_world)
         world = [
             replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
             for o in named
         ]
+        world += known
         inside = over_workspace(world, workspace)
         if lost := len(world) - len(inside):
             notes.append(f"{lost} object(s) beside the workspace were left out.")
@@ -102,8 +104,14 @@ class ClassicalPerceiver:
         return labelled(scene, observation, self._labellers)
 
     def _find(
-        self, frames: Sequence[TableFrame], noise: float, room: FloatArray, hand: FloatArray
-    ) -> tuple[Pixels, list[SeenObject], Pixels, list[SeenObject]]:
+        self,
+        frames: Sequence[TableFrame],
+        views: Views,
+        height: float,
+        noise: float,
+        room: FloatArray,
+        hand: FloatArray,
+    ) -> tuple[list[SceneObject], Pixels, list[SeenObject], Pixels, list[SeenObject]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
         with np.errstate(invalid="ignore"):
@@ -129,12 +137,14 @@ class ClassicalPerceiver:
         different = [paint & ~speck for paint, speck in zip(different, specks, strict=True)]
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
-        pixels = choose(frames, raised)
+        connected = config.jump, reach, config.min_points
+        known, left = known_objects(self._labellers, frames, raised, views, height, *connected)
+        pixels = choose(frames, left)
         objects: list[SeenObject] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
             labels = join_across_views(pixels, pieces, reach=reach)
-            bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
+            bodies = bodies_of(frames, pixels, *connected)
             labels = join_in_bodies(pixels, labels, bodies)
             grain = max(map(_grain, frames, flat))
             rough = np.append(textured(pixels, bodies, config.jump, grain, config.textured), False)[bodies]
@@ -156,7 +166,7 @@ class ClassicalPerceiver:
         patches = [
             p for p in patches if not any(t.hollow and t.covers(p.centre[None, :2])[0] for t in objects)
         ]
-        return pixels, objects, painted, patches
+        return known, pixels, objects, painted, patches
 
 
 def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:

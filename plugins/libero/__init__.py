@@ -29,10 +29,9 @@ class LiberoConfig(MujocoConfig):
 
 def _build(config: LiberoConfig) -> RobotBackend:
     """A Panda in the worlds of LIBERO and LIBERO-PRO, judged by their own success checks."""
-    from gvla2.robot.mujoco.backend import MujocoArm
-    from gvla2_plugins.libero.worlds import LiberoWorlds
+    from gvla2_plugins.libero.worlds import LiberoArm
 
-    return MujocoArm(config, LiberoWorlds(config))
+    return LiberoArm(config)
 
 
 @hookimpl

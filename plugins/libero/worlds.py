@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, did_you_mean
 from gvla2.planning.scene import Box
+from gvla2.robot.mujoco.backend import MujocoArm
 from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
 from gvla2_plugins.libero import LiberoConfig
 
@@ -66,6 +67,19 @@ class Sentences(Mapping[str, str]):
 
     def __len__(self) -> int:
         return len(self.files)
+
+
+class LiberoArm(MujocoArm):
+    """The robot: a Panda in LIBERO's worlds, whose objects are known."""
+
+    def __init__(self, config: LiberoConfig) -> None:
+        super().__init__(config, LiberoWorlds(config))
+
+    def write_gallery(self, folder: Path) -> Sequence[str]:
+        """Write the suites' rigid objects as a gallery; returns their names."""
+        from gvla2_plugins.libero.gallery import write_gallery
+
+        return write_gallery(folder)
 
 
 class LiberoWorlds:

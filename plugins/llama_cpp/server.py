@@ -16,7 +16,6 @@ import json
 import os
 import platform
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -26,7 +25,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.io.array_cache import cache_folder
@@ -40,7 +38,7 @@ _COMMAND = [sys.executable, "-m", "gvla2_plugins.llama_cpp.serving"]
 
 
 class LlamaServer:
-    """A :class:`gvla2.language.Server` that starts when its address is requested.
+    """A :class:`gvla2.language.contracts.Server` that starts when its address is requested.
 
     Raises :class:`ConfigurationError` without a model's file and for invalid options, and
     :class:`MissingDependencyError` without xllamacpp; it starts nothing yet.
@@ -132,7 +130,7 @@ class LlamaServer:
                 self._launch()
                 launched = True
             state = self._state()
-            if (url := state.get("url")) and _listens(url):
+            if url := state.get("url"):
                 return f"{url}/v1"
             if time.monotonic() > deadline:
                 if pid := state.get("pid"):
@@ -188,12 +186,3 @@ def _lock(file: Path, how: int) -> int:
         os.close(descriptor)
         raise
     return descriptor
-
-
-def _listens(url: str) -> bool:
-    at = urlsplit(url)
-    try:
-        socket.create_connection((at.hostname, at.port), timeout=5).close()
-    except OSError:
-        return False
-    return True

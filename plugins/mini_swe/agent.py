@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
     from gvla2_plugins.mini_swe import MiniSweConfig
 
+_TEMPLATES = (
+    ("agent", "system_template"),
+    ("agent", "instance_template"),
+    ("model", "observation_template"),
+    ("model", "format_error_template"),
+)
+
 
 class MiniSwe:
     """An :class:`~gvla2.agents.contracts.Agent`."""
@@ -29,8 +36,7 @@ class MiniSwe:
                 "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
             )
         prepare_minisweagent()
-        self._config, self._language = config, language
-        self._settings = _settings(config.settings)
+        self._config, self._language, self._settings = config, language, _settings(config.settings)
         logging.getLogger("minisweagent").setLevel(logging.ERROR)
 
     def solve(
@@ -39,7 +45,7 @@ class MiniSwe:
         """Work until it submits, or runs out of steps or time."""
         from minisweagent.agents.default import DefaultAgent
 
-        model = _Model(self._language, self._config, self._settings.get("model", {}), seed)
+        model = _Model(self._language, self._config, self._settings["model"], seed)
         environment = _Environment(sandbox, self._config.command_seconds, self._settings, report)
         agent = DefaultAgent(
             model,
@@ -53,7 +59,9 @@ class MiniSwe:
         begun = time.monotonic()
         ended = agent.run(f"{task.instruction}\n\n{knowledge}" if knowledge else task.instruction)
         return AgentRun(
-            messages=tuple(_plain(message) for message in agent.messages),
+            messages=tuple(
+                {name: str(m.get(name, "")) for name in ("role", "content")} for m in agent.messages
+            ),
             steps=environment.steps,
             exit_status=str(ended.get("exit_status", "")),
             seconds=time.monotonic() - begun,
@@ -76,16 +84,13 @@ class _Model:
         from minisweagent.models.utils.actions_text import parse_regex_actions
 
         asked = [{"role": m["role"], "content": m["content"]} for m in messages]
-        answer = self._language.complete(
-            Request(
-                asked,
-                # The same seed would repeat the same mistake.
-                seed=self._seed * 1000 + len(asked),
-                temperature=self.config.temperature,
-                max_tokens=self.config.max_tokens,
-            ),
-            purpose="agent",
+        request = Request(
+            asked,
+            seed=self._seed * 1000 + len(asked),  # the same seed would repeat the same mistake
+            temperature=self.config.temperature,
+            max_tokens=self.config.max_tokens,
         )
+        answer = self._language.complete(request, purpose="agent")
         self.usage["calls"] += 1
         self.usage["prompt_tokens"] += answer.usage.prompt_tokens
         self.usage["completion_tokens"] += answer.usage.completion_tokens
@@ -116,10 +121,9 @@ class _Model:
         """A command's output for the agent, in mini-swe-agent's own words."""
         from minisweagent.models.utils.actions_text import format_observation_messages
 
+        template = self._settings["observation_template"]
         shown: list[dict[str, Any]] = format_observation_messages(
-            [dict(output) for output in outputs],
-            observation_template=self._settings["observation_template"],
-            template_vars=dict(template_vars or {}),
+            [dict(o) for o in outputs], observation_template=template, template_vars=dict(template_vars or {})
         )
         return shown
 
@@ -171,32 +175,17 @@ class _Environment:
 
 def _settings(path: str) -> dict[str, Any]:
     """mini-swe-agent's own prompts, or those of a file; raises :class:`ConfigurationError` without the needed keys."""
+    import minisweagent
     import yaml
 
-    if path:
-        file = Path(path).expanduser()
-    else:
-        import minisweagent
-
-        file = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
+    own = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
+    file = Path(path).expanduser() if path else own
     try:
         settings = yaml.safe_load(file.read_text(encoding="utf-8"))
-        needed = [
-            settings["agent"]["system_template"], settings["agent"]["instance_template"],
-            settings["model"]["observation_template"], settings["model"]["format_error_template"],
-        ]  # fmt: skip
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+        for section, name in _TEMPLATES:
+            settings[section][name].strip()
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, LookupError, TypeError, AttributeError) as error:
         raise ConfigurationError(
             f"agent.settings is '{file}', which is not a settings file of mini-swe-agent ({error!r})."
         ) from error
-    if not all(isinstance(template, str) for template in needed):
-        raise ConfigurationError(f"agent.settings is '{file}', in which a template is not a text.")
     return dict(settings)
-
-
-def _plain(message: Mapping[str, Any]) -> dict[str, Any]:
-    content = message.get("content", "")
-    return {
-        "role": str(message.get("role", "")),
-        "content": content if isinstance(content, str) else str(content),
-    }

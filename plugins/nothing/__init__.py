@@ -25,10 +25,7 @@ _OFF = "memory is off"
 class NoCamera:
     """Sees nothing: for robots with cameras of their own, and for moves that need none."""
 
-    @property
-    def live(self) -> bool:
-        """True: it shows nothing false."""
-        return True
+    live = True
 
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """No views."""

@@ -24,7 +24,7 @@ class RerunConfig(ComponentConfig):
 
 
 def _rerun(config: RerunConfig) -> Viewer:
-    """Cameras, points, objects, path, checks, joints, film and lessons on one time line, as a file for rerun."""
+    """Cameras, points, objects, path, joints and film on one time line, as a file for rerun."""
     try:
         from gvla2_plugins.rerun_view.recording import RerunViewer
     except ImportError as error:

@@ -1,9 +1,11 @@
-"""An episode as a recording of rerun: the world in 3D before and after, the arm's joints in between, and texts.
+"""An episode as a recording of rerun: the world in 3D before and after, with the arm's joints in between.
 
-    world/cameras/NAME      pose and lens; below them image and depth world/seen              points that the cameras
-    measured, in and near the workspace world/objects/ID        each object's body and its box with its name world/plan
-    path, waypoints (red where a check failed), and the tool's real positions arm/joints/K, arm/gripper_width measured,
-    radians and metres film the main camera's pictures checks, memory findings and lessons, in words
+* ``world/cameras/NAME``: pose and lens; below them image and depth
+* ``world/seen``: points that the cameras measured, in and near the workspace
+* ``world/objects/ID``: each object's body and its box with its name
+* ``world/plan``: path, waypoints (red where a check failed), and the tool's real positions
+* ``arm/joints/K``, ``arm/gripper_width``: measured, radians and metres
+* ``film``: the main camera's pictures
 
 The time line "episode" has seconds since the first frame of the motion.
 """
@@ -20,7 +22,7 @@ import rerun.blueprint as rrb
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.record.motion import FILM, STATES
-from gvla2_plugins.rerun_view.scene import CLOSED, FAILED, OPEN, cloud, solid_of, waypoint_text
+from gvla2.record.scene_model import CLOSED, FAILED, OPEN, cloud, solid_of, waypoint_text
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Observation
@@ -48,9 +50,6 @@ class RerunViewer:
         to.set_time(LINE, duration=0.0)
         self._moment(to, record.observation, record.scene)
         _plan(to, record)
-        for path, text in (("checks", _checks(record)), ("memory", _memory(record))):
-            if text:
-                to.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
         to.set_time(LINE, duration=_motion(to, folder))
         self._moment(to, record.after, record.after_scene)
         to.flush()
@@ -129,46 +128,15 @@ def _motion(to: rr.RecordingStream, folder: Path) -> float:
     return float(times[-1])
 
 
-def _checks(record: EpisodeRecord) -> str:
-    rows = ["| check | | where | finding | value |", "|---|---|---|---|---|"]
-    for f in record.checks.findings if record.checks is not None else ():
-        at = f"waypoint {f.index}" if f.index >= 0 else "whole path"
-        value = "" if f.value is None else f"{f.value:.4g}"
-        limit = "" if f.limit is None else f", limit {f.limit:.4g}"
-        words = (f.message or f.kind).replace("|", "/").replace("\n", " ")
-        rows.append(
-            f"| {f.check} | {'passed' if f.passed else '**failed**'} | {at} | {words} | {value}{limit} |"
-        )
-    return "\n".join(rows) if len(rows) > 2 else ""
-
-
-def _memory(record: EpisodeRecord) -> str:
-    parts: list[str] = []
-    if (recalled := record.recalled) is not None:
-        parts += ["## Recalled", recalled.abstained, recalled.degraded]
-        parts += [
-            f"* **{item.id}** ({item.type}, {item.score:.2f}): {item.content}" for item in recalled.items
-        ]
-    if record.learned is not None:
-        parts += ["## Learned", *(f"* {note}" for note in record.learned.notes)]
-    if (verdict := record.verdict) is not None:
-        parts += ["## Verdict", f"{verdict.outcome}, quality {verdict.quality:.2f}", *verdict.reasons]
-    return "\n\n".join(part for part in parts if part)
-
-
 def _layout(record: EpisodeRecord) -> rrb.Blueprint:
     views = record.observation.views if record.observation is not None else ()
-    # rerun makes points of depth pictures, too; they would lie on those that are there in colour.
+    # rerun makes points of depth pictures, too; they would lie on the coloured ones.
     depths = [f"- /world/cameras/{_part(view.name)}/depth" for view in views]
-    arm = rrb.Tabs(
+    beside = rrb.Vertical(
+        rrb.Spatial2DView(origin="film", name="Film"),
         rrb.TimeSeriesView(origin="arm/joints", name="Joints, rad"),
         rrb.TimeSeriesView(origin="arm/gripper_width", name="Gripper, m"),
     )
-    texts = rrb.Tabs(
-        rrb.TextDocumentView(origin="memory", name="Memory"),
-        rrb.TextDocumentView(origin="checks", name="Checks"),
-    )
-    beside = rrb.Vertical(rrb.Spatial2DView(origin="film", name="Film"), arm, texts)
     world = rrb.Spatial3DView(origin="world", contents=["+ /world/**", *depths])
     return rrb.Blueprint(rrb.Horizontal(world, beside, column_shares=[3, 2]), collapse_panels=True)
 

@@ -1,19 +1,40 @@
-"""Runs reported to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default."""
+"""Runs reported to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default.
+
+A run of ours is one run of the service, an episode one step.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from gvla2.record.tracker import Tracker
+    from gvla2.record.tracker import TrackedRun, Tracker
 
-INSTALL = "pip install 'gvla2[track]'"
+SENT = ("index.html", "result.json", "config.yaml", "after.png", "episode.mp4")
+"""Files of an episode that are sent to a service."""
+LONGEST = 500
+"""Characters of an option that MLflow's stores take."""
+
+
+def _load(package: str, tracker: str, licence: str) -> Any:
+    try:
+        return import_module(package)
+    except ImportError as error:
+        install = "pip install 'gvla2[track]'"
+        raise MissingDependencyError(package, f"tracker={tracker}", install, licence) from error
+
+
+def sent_files(folder: Path) -> list[Path]:
+    """Those of an episode's files that exist."""
+    return [folder / name for name in SENT if (folder / name).is_file()]
 
 
 @dataclass
@@ -26,6 +47,46 @@ class MLflowConfig(ComponentConfig):
     uri: str = ""
     experiment: str = "gvla2"
     files: bool = True
+
+
+class MLflowTracker:
+    """Reports to MLflow: configuration, numbers of each episode, pages.
+
+    It uses its own client: other MLflow runs in this process are not affected.
+    """
+
+    def __init__(self, config: MLflowConfig) -> None:
+        self._config, self._mlflow = config, _load("mlflow", "mlflow", "Apache-2.0")
+        self._client: Any = None
+        self._id = ""
+
+    def begin(self, run: TrackedRun) -> None:
+        """Create the experiment if missing, and a run in it."""
+        uri = self._config.uri
+        if not uri:
+            Path("outputs").mkdir(exist_ok=True)
+            uri = "sqlite:///outputs/mlflow.db"
+        self._client = client = self._mlflow.MlflowClient(tracking_uri=uri)
+        found = client.get_experiment_by_name(self._config.experiment)
+        experiment = found.experiment_id if found else client.create_experiment(self._config.experiment)
+        self._id = client.create_run(experiment, run_name=run.name).info.run_id
+        param = self._mlflow.entities.Param
+        options = [param(key, str(value)[:LONGEST]) for key, value in run.flat().items()]
+        for start in range(0, len(options), 100):  # a batch's limit
+            client.log_batch(self._id, params=options[start : start + 100])
+
+    def episode(self, number: int, measures: Mapping[str, float], folder: Path) -> None:
+        """One step of each number, and the episode's files."""
+        metric, now = self._mlflow.entities.Metric, int(time.time() * 1000)
+        metrics = [metric(name, float(value), now, number) for name, value in measures.items()]
+        self._client.log_batch(self._id, metrics=metrics)
+        for file in sent_files(folder) if self._config.files else []:
+            self._client.log_artifact(self._id, str(file), f"episode_{number:03d}")
+
+    def end(self, *, well: bool) -> None:
+        """Close the run."""
+        if self._client is not None:
+            self._client.set_terminated(self._id, "FINISHED" if well else "FAILED")
 
 
 @dataclass
@@ -42,6 +103,43 @@ class WandbConfig(ComponentConfig):
     files: bool = True
 
 
+class WandbTracker:
+    """Reports to Weights & Biases: configuration, numbers of each episode, pages.
+
+    Its own files go to the run's folder, so that `wandb sync` finds offline files.
+    """
+
+    def __init__(self, config: WandbConfig) -> None:
+        self._config, self._wandb = config, _load("wandb", "wandb", "MIT")
+        self._run: Any = None
+
+    def begin(self, run: TrackedRun) -> None:
+        """Start a run."""
+        self._run = self._wandb.init(
+            project=self._config.project,
+            entity=self._config.entity or None,
+            name=run.name,
+            dir=str(run.folder),
+            config=dict(run.config),
+            mode=self._config.mode or None,
+            reinit="create_new",
+            settings=self._wandb.Settings(silent=True),
+        )
+
+    def episode(self, number: int, measures: Mapping[str, float], folder: Path) -> None:
+        """One step, with the last picture, and the episode's files."""
+        picture = folder / "after.png"
+        last = {"after": self._wandb.Image(str(picture))} if picture.is_file() else {}
+        self._run.log({**measures, **last}, step=number)
+        for file in sent_files(folder) if self._config.files else []:
+            self._run.save(str(file), base_path=str(folder.parent), policy="now")
+
+    def end(self, *, well: bool) -> None:
+        """Close the run."""
+        if self._run is not None:
+            self._run.finish(exit_code=0 if well else 1)
+
+
 @dataclass
 class TensorBoardConfig(ComponentConfig):
     """Options of ``tensorboard``: events go to ``folder``, "" for ``tensorboard`` in the run's own."""
@@ -49,44 +147,39 @@ class TensorBoardConfig(ComponentConfig):
     folder: str = ""
 
 
-def _mlflow(config: MLflowConfig) -> Tracker:
-    """Reports to MLflow: configuration, numbers of each episode, pages."""
-    from gvla2_plugins.trackers.services import MLflowTracker
+class TensorBoardTracker:
+    """Writes TensorBoard's events: configuration, numbers of each episode.
 
-    with _needing("mlflow", "Apache-2.0"):
-        return MLflowTracker(config)
+    By tensorboardX (no torch, no TensorFlow); each run has its own folder below the one given.
+    """
 
+    def __init__(self, config: TensorBoardConfig) -> None:
+        self._config, self._library = config, _load("tensorboardX", "tensorboard", "MIT")
+        self._writer: Any = None
 
-def _wandb(config: WandbConfig) -> Tracker:
-    """Reports to Weights & Biases: configuration, numbers of each episode, pages."""
-    from gvla2_plugins.trackers.services import WandbTracker
+    def begin(self, run: TrackedRun) -> None:
+        """Open the event file, with the configuration as a table of text."""
+        own = Path(self._config.folder) / run.name if self._config.folder else run.folder / "tensorboard"
+        self._writer = self._library.SummaryWriter(str(own))
+        rows = "\n".join(f"| {key} | {str(value).replace('|', '/')} |" for key, value in run.flat().items())
+        self._writer.add_text("config", f"| option | value |\n|---|---|\n{rows}")
 
-    with _needing("wandb", "MIT"):
-        return WandbTracker(config)
+    def episode(self, number: int, measures: Mapping[str, float], folder: Path) -> None:
+        """One step of each number."""
+        for name, value in measures.items():
+            self._writer.add_scalar(name, value, number)
 
-
-def _tensorboard(config: TensorBoardConfig) -> Tracker:
-    """Writes TensorBoard's events: configuration, numbers of each episode, the last picture."""
-    from gvla2_plugins.trackers.services import TensorBoardTracker
-
-    with _needing("tensorboardX", "MIT"):
-        return TensorBoardTracker(config)
-
-
-@contextmanager
-def _needing(package: str, licence: str) -> Iterator[None]:
-    try:
-        yield
-    except ImportError as error:
-        name = package.removesuffix("X")
-        raise MissingDependencyError(package, f"tracker={name}", INSTALL, licence) from error
+    def end(self, *, well: bool) -> None:
+        """Close the file."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 @hookimpl
 def gvla2_trackers() -> list[Component[Tracker]]:
     """``tracker=mlflow``, ``wandb`` and ``tensorboard``."""
     return [
-        Component("mlflow", MLflowConfig, _mlflow),
-        Component("wandb", WandbConfig, _wandb),
-        Component("tensorboard", TensorBoardConfig, _tensorboard),
+        Component("mlflow", MLflowConfig, MLflowTracker),
+        Component("wandb", WandbConfig, WandbTracker),
+        Component("tensorboard", TensorBoardConfig, TensorBoardTracker),
     ]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.agents.sandbox import BubblewrapSandbox, SandboxLimits
+from gvla2.agents.sandbox import BubblewrapSandbox
 
 
 @pytest.fixture
@@ -19,4 +19,4 @@ def sandboxed(tmp_path: Path) -> None:
 
 @pytest.fixture
 def sandbox(sandboxed, tmp_path: Path) -> BubblewrapSandbox:
-    return BubblewrapSandbox(tmp_path / "box", limits=SandboxLimits(disk_mb=40, output=2000))
+    return BubblewrapSandbox(tmp_path / "box", disk_mb=40)

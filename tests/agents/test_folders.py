@@ -1,4 +1,4 @@
-"""Tasks in folders: both of Terminal-Bench's layouts, and what is wrong with a folder said in words."""
+"""Tasks in folders: Terminal-Bench's layout, and errors that name what is wrong with a folder."""
 
 from pathlib import Path
 
@@ -8,74 +8,51 @@ from gvla2.agents.folders import read_tasks
 from gvla2.errors import ConfigurationError
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
+ASKED = {"task.toml": "", "instruction.md": "Do it."}
+TESTED = {**ASKED, "tests/test.sh": ""}
 
 
-def made(folder: Path, **files: str) -> Path:
+def make(folder: Path, files: dict[str, str]) -> None:
     for name, text in files.items():
-        place = folder / name.replace("__", "/").replace("_dot_", ".")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_text(text)
-    return folder
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
 
 
 def test_our_tasks_are_read_in_families_of_three():
-    tasks = read_tasks(OURS)
-    assert len(tasks) >= 24
-    families = [task.family for task in tasks]
+    families = [task.family for task in read_tasks(OURS)]
+    assert len(families) >= 24
     assert all(families.count(family) == 3 for family in families)
 
 
-def test_the_first_layout_is_read(tmp_path: Path):
-    content = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
-    made(tmp_path / "one", task_dot_yaml=content)
-    (tmp_path / "one" / "tests").mkdir()
-    (tmp_path / "one" / "run-tests.sh").write_text("exit 0\n")
+def test_a_task_has_its_own_limits(tmp_path: Path):
+    limits = "[agent]\ntimeout_sec = 30\n[verifier]\ntimeout_sec = 4.5\n[environment]\nstorage_mb = 90\nmemory_mb = 200"
+    make(tmp_path / "one", {**TESTED, "task.toml": limits})
     (task,) = read_tasks(tmp_path)
-    assert (task.instruction, task.agent_seconds, task.family) == ("Do it.", 30.0, "files")
+    assert (task.agent_seconds, task.test_seconds, task.disk_mb, task.memory_mb) == (30.0, 4.5, 90, 200)
 
 
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ({"task_dot_toml": "", "instruction_dot_md": "Do it."}, "has no tests"),
-        ({"task_dot_toml": "", "instruction_dot_md": " ", "tests__test_dot_sh": ""}, "no instruction"),
-        ({"task_dot_toml": "= broken", "instruction_dot_md": "x"}, "cannot be read"),
-        ({"task_dot_toml": ""}, "cannot be read"),
-        (
-            {
-                "task_dot_toml": "[agent]\ntimeout_sec = -1",
-                "instruction_dot_md": "x",
-                "tests__test_dot_sh": "",
-            },
-            "above 0",
-        ),
-        (
-            {
-                "task_dot_toml": "[metadata]\nfiles = '/usr'",
-                "instruction_dot_md": "x",
-                "tests__test_dot_sh": "",
-            },
-            "not a folder of the task",
-        ),
-        ({"task_dot_yaml": "- a list"}, "not hold a mapping"),
-        ({"readme_dot_md": ""}, "No task lies below"),
+        (ASKED, "has no tests"),
+        ({**TESTED, "instruction.md": " "}, "no instruction"),
+        ({**TESTED, "task.toml": "= broken"}, "cannot be read"),
+        ({"task.toml": ""}, "cannot be read"),
+        ({**TESTED, "task.toml": "[agent]\ntimeout_sec = -1"}, "above 0"),
+        ({**TESTED, "task.toml": "[metadata]\nfiles = '/usr'"}, "not a folder of the task"),
+        ({"readme.md": ""}, "No task lies below"),
     ],
 )
-def test_what_is_wrong_with_a_task_is_said(tmp_path: Path, files, message):
-    made(tmp_path / "one", **files)
+def test_an_unusable_task_is_an_error(tmp_path: Path, files, message):
+    make(tmp_path / "one", files)
     with pytest.raises(ConfigurationError, match=message):
         read_tasks(tmp_path)
 
 
-def test_names_that_are_not_there_and_folders_that_are_none(tmp_path: Path):
+def test_missing_and_ambiguous_names_are_errors(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="Available: all-lines"):
         read_tasks(OURS, ["nothing"])
-    with pytest.raises(ConfigurationError, match="not a folder"):
-        read_tasks(tmp_path / "missing")
-
-
-def test_two_tasks_of_one_name_are_refused(tmp_path: Path):
     for parent in "ab":
-        made(tmp_path / parent / "same", task_dot_toml="", instruction_dot_md="x", tests__test_dot_sh="")
+        make(tmp_path / parent / "same", TESTED)
     with pytest.raises(ConfigurationError, match="Two tasks are called 'same'"):
         read_tasks(tmp_path)

@@ -2,14 +2,12 @@
 
     python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses upright,fallen] [--seeds 0,1] [--count 1]
         [--perceiver oracle] [--gallery FOLDER] [--sentence "lift the object"] [--replan 0] [--out FILE]
-        [--pictures FILE.png]
 
 Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
-the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares: of all, of
+the check's limit of tries speaks against them), whether the object was lifted, and why not. Then the shares: of all, of
 the objects whose narrowest side is below 75 mm, and of those of them where a hold fits; and those that failed. With
 ``--count`` 5, five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not
 know names wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
-``--pictures`` shows the narrow ones that were not lifted, as they lay, each with the planner's reason.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import textwrap
 import time
 from contextlib import closing
 from dataclasses import dataclass
@@ -26,7 +23,6 @@ from pathlib import Path
 import numpy as np
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
-from PIL import Image, ImageDraw
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
@@ -34,10 +30,9 @@ from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
-from gvla2.record.drawing import Canvas, Rect, font
 from gvla2.robot.scan import chosen, mesh_library, read_scan, spoken
 
-NARROW, TILE = 0.075, 240
+NARROW = 0.075
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,6 @@ def main() -> None:
     parser.add_argument("--sentence", default="")
     parser.add_argument("--replan", type=int, default=0)
     parser.add_argument("--out", default="")
-    parser.add_argument("--pictures", default="")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     registry = load_plugins()
@@ -81,17 +75,9 @@ def main() -> None:
     register(registry, schemas())
     narrow = {name: min(read_scan(path).size) for name, path in library.items()}
     groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]
+    how = (options.count, options.perceiver, options.gallery, options.sentence, options.replan)
     cases = [
-        Case(
-            group,
-            pose,
-            int(seed),
-            options.count,
-            options.perceiver,
-            options.gallery,
-            options.sentence,
-            options.replan,
-        )
+        Case(group, pose, int(seed), *how)
         for group in groups
         for pose in options.poses.split(",")
         for seed in options.seeds.split(",")
@@ -110,18 +96,10 @@ def main() -> None:
                 with kept.open("a") as file:
                     file.write(json.dumps(row) + "\n")
         rows.append(row)
-    _tell(rows)
-    if options.pictures:
-        missed = [
-            (case, row)
-            for case, row in zip(cases, rows, strict=True)
-            if not row["strict"] and row["narrow"] < NARROW
-        ]
-        tiles = [_picture(registry, case, options.folder, row) for case, row in missed]
-        _sheet(tiles).quantize(128).save(options.pictures, optimize=True)
+    _summarise(rows)
 
 
-def _tell(rows: list[dict]) -> None:
+def _summarise(rows: list[dict]) -> None:
     narrow = [row for row in rows if row["narrow"] < NARROW]
     for what, of in (
         ("all", rows),
@@ -148,37 +126,6 @@ def _parts(case: Case, folder: str, registry: Registry) -> Components:
     return build_components(config, registry)
 
 
-def _picture(registry: Registry, case: Case, folder: str, row: dict) -> Image.Image:
-    """The asked thing as it lay, in the picture that shows most of it, with why it was not lifted below."""
-    parts = _parts(case, folder, registry)
-    with closing(parts.robot), closing(parts.memory):
-        parts.robot.reset(parts.task, case.seed, None)
-        seen = parts.robot.observe()
-        names, images = parts.robot.true_masks(seen)
-        shown = [np.argwhere(image == names.index(row["name"])) for image in images]
-        most = int(np.argmax([len(spots) for spots in shown]))
-        fine = seen.pictured()[most].image
-        zoom = fine.shape[0] / images[most].shape[0]
-        low, high = zoom * shown[most].min(axis=0), zoom * shown[most].max(axis=0)
-        side = min(max(1.6 * (high - low).max(), 0.2 * fine.shape[0]), fine.shape[0])
-        top, left = np.clip(0.5 * (low + high - side), 0, np.array(fine.shape[:2]) - side)
-        cut = Canvas(fine, TILE, Rect(left, top, left + side, top + side)).picture()
-    tile = Image.new("RGB", (TILE, TILE + 64), "white")
-    tile.paste(cut)
-    text = "\n".join(textwrap.wrap(f"{spoken(row['name'])} {case.seed}: {row['why']}", 38)[:4])
-    ImageDraw.Draw(tile).multiline_text((4, TILE + 2), text, fill="black", font=font(11), spacing=3)
-    return tile
-
-
-def _sheet(tiles: list[Image.Image], columns: int = 4) -> Image.Image:
-    width, height = TILE, TILE + 64
-    rows = -(-len(tiles) // columns)
-    sheet = Image.new("RGB", (columns * width, max(1, rows) * height), "white")
-    for k, tile in enumerate(tiles):
-        sheet.paste(tile, (k % columns * width, k // columns * height))
-    return sheet
-
-
 def _episode(registry: Registry, case: Case, folder: str) -> dict:
     parts = _parts(case, folder, registry)
     started = time.perf_counter()
@@ -189,7 +136,7 @@ def _episode(registry: Registry, case: Case, folder: str) -> dict:
 
 
 def _row(record: EpisodeRecord, case: Case) -> dict:
-    """What is told of one episode; several attempts are told by the last."""
+    """The row of an episode; of several attempts the last counts."""
     judged, plan, report = record.success_check, record.plan, record.report
     tried = () if plan is None else plan.candidates
     fit = [c for c in tried if not c.rejected or c.rejected.startswith("not checked")]

@@ -1,19 +1,16 @@
 """How fast the mask-driven parts of the reconstruction branch are, beside the released code on the same arrays.
 
-    python tests/benchmarks/reconstruction_speed.py [points=300000] [repeats=20] [peer=PATH] [clock=wall|cpu]
+    python tests/benchmarks/reconstruction_speed.py [points=300000] [repeats=20] [peer=PATH]
 
 ``peer`` is a checkout of GeneralVLA-2, whose own functions are loaded from there; without it its column says
-"not measured". Times are medians after one warm-up call, with the fastest in brackets; ``clock=cpu`` counts the seconds
-of all cores instead, which other work on the machine disturbs less.
+"not measured". Times are medians after one warm-up call, with the fastest in brackets.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import shutil
 import statistics
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,22 +20,16 @@ import numpy as np
 import trimesh
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.gaussians import read_gaussians, write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.registry import load_plugins
-from gvla2.reconstruction.appearance import fit_affine
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.view_set import judged
-from gvla2_plugins.axes import ContoursConfig
-from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
@@ -88,58 +79,20 @@ def load_peer(root: str | None) -> ModuleType | None:
     return module
 
 
-CLOCKS = {"wall": time.perf_counter, "cpu": time.process_time}
-CLOCK = [CLOCKS["wall"]]
-
-
 def milliseconds(body: Callable[[], object], repeats: int) -> tuple[float, float]:
     """Median and fastest of some calls after one that is not counted."""
     body()
     times = []
     for _ in range(repeats):
-        began = CLOCK[-1]()
+        began = time.perf_counter()
         body()
-        times.append(1e3 * (CLOCK[-1]() - began))
+        times.append(1e3 * (time.perf_counter() - began))
     return statistics.median(times), min(times)
 
 
 def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None, note: str = "") -> None:
     theirs = f"{peer[0]:9.1f} [{peer[1]:8.1f}]" if peer else f"{'not measured':>20}"
     print(f"{work:44s} {ours[0]:9.2f} [{ours[1]:8.2f}] {theirs}   {note}")
-
-
-class Released:
-    """The constants that the released script is called with."""
-
-    support_threshold, support_softness, max_shrink, max_opacity_drop = 0.45, 0.12, 0.008, 0.0
-    min_visible_views, nvs_focal = 2, FOCAL
-
-
-def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | None, repeats: int) -> None:
-    """A file of Gaussians in, their support, the shrink, the file out again: ours and theirs, in this process."""
-    gaussians = surfels(TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)), count=count)
-    with tempfile.TemporaryDirectory() as folder:
-        source, target = Path(folder) / "result.ply", Path(folder) / "out.ply"
-        write_gaussians(source, gaussians)
-
-        def ours() -> None:
-            seen = read_gaussians(source)
-            centres = seen.centres.astype(np.float64)
-            support = mask_support(centres, views)
-            write_gaussians(target, seen.with_centres(soft_hull(centres, support, object_centre(centres))))
-
-        theirs = None
-        if peer is not None:
-            masks = [view.mask for view in views]
-            extrinsics = [view.camera.camera_from_world.astype(np.float32) for view in views]
-
-            def released() -> None:
-                shutil.copyfile(source, target)  # it writes over what it reads
-                peer.refine_ply(target, masks, extrinsics, Released)
-
-            theirs = milliseconds(released, 3)
-        note = f"{len(gaussians)} Gaussians, {source.stat().st_size / 1e6:.0f} MB"
-        show("the same, PLY in and PLY out", milliseconds(ours, max(3, repeats // 2)), theirs, note)
 
 
 def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
@@ -161,31 +114,19 @@ def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
 
     show(f"whole branch, {len(g0.gaussians)} Gaussians", milliseconds(whole, 3), None)
     print(f"{'':44s} {whole.stages}")
-    for number in (100_000, count):
-        some = surfels(closed, count=number)
-        camera = views[0].camera
-        time_of = milliseconds(lambda g=some, c=camera: parts["renderer"].render(g, c), 10)
-        show(f"render {SIZE} x {SIZE}, {len(some)} Gaussians", time_of, None)
 
 
 def main(arguments: list[str]) -> None:
     """Print one row a part."""
     options = dict(argument.split("=", 1) for argument in arguments)
-    unknown = set(options) - {"points", "repeats", "peer", "clock"}
-    if unknown:
-        raise SystemExit(f"No option {', '.join(sorted(unknown))}. Available: points, repeats, peer, clock.")
-    if options.get("clock", "wall") not in CLOCKS:
-        raise SystemExit(f"No clock {options['clock']}. Available: {', '.join(CLOCKS)}.")
-    CLOCK.append(CLOCKS[options.get("clock", "wall")])
     count, repeats = int(options.get("points", 300_000)), int(options.get("repeats", 20))
     peer = load_peer(options.get("peer"))
     mesh = object_of_size_one()
     views = build_views(mesh)
     points = np.ascontiguousarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
     centre = object_centre(points)
-    drifted = centre + (points - centre) * [1.04, 0.96, 1.03] + [0.01, -0.008, 0.012]
     setting = f"{count} points, {len(views)} views of {SIZE} x {SIZE}, {cores()} cores"
-    print(f"{setting}; ms of {options.get('clock', 'wall')}, median [fastest]")
+    print(f"{setting}; ms, median [fastest]")
     print(f"{'':44s} {'gvla2':>20} {'released code':>20}")
 
     theirs = theirs_hull = None
@@ -213,45 +154,6 @@ def main(arguments: list[str]) -> None:
         "soft visual hull, scores and moved points",
         milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats),
         theirs_hull,
-    )
-    scripts(count, views, mesh, peer, repeats)
-    # The released axis refinement needs CUDA and a checkout of MV-SAM3D.
-    contours, energy = Contours(ContoursConfig(name="contours")), MaskEnergy(10)
-    fit = contours.compensate(drifted, views, centre)
-    left = np.linalg.norm(fit.apply(drifted) - points, axis=1).mean()
-    was = np.linalg.norm(drifted - points, axis=1).mean()
-    show(
-        "axis compensation",
-        milliseconds(
-            lambda: contours.compensate(drifted, views, centre).apply(drifted), max(3, repeats // 4)
-        ),
-        None,
-        f"planted drift {1e3 * was:.1f}e-3 -> {1e3 * left:.2f}e-3, {fit.iterations} iterations",
-    )
-    show(
-        "axis compensation, mode=paper",
-        milliseconds(lambda: energy.compensate(drifted, views, centre), 3),
-        None,
-    )
-    for number in (30_000, count):
-        part = np.ascontiguousarray(points[:number])
-        show(
-            f"symmetric IoU, {number} points",
-            milliseconds(lambda p=part: symmetric_iou(p, views), repeats),
-            None,
-        )
-    show(
-        f"symmetric IoU, mesh of {len(mesh.faces)} faces",
-        milliseconds(lambda: symmetric_iou(mesh.vertices, views, faces=mesh.faces), repeats),
-        None,
-    )
-    show("gate", milliseconds(lambda: judged("gate", drifted, points, views), repeats), None)
-    view = views[0]
-    shifted = np.clip(0.9 * (view.image / 255) + 0.05, 0, 1)
-    show(
-        "appearance affine, one view",
-        milliseconds(lambda: fit_affine(view.image, shifted, view.mask), repeats),
-        None,
     )
     branch(count, views, mesh)
 

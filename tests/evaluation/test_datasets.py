@@ -35,18 +35,7 @@ def test_objects_are_chosen_in_the_order_asked(tree):
         open_dataset("meshes", tree, ["brik"])
 
 
-def test_any_one_mesh_of_a_folder_serves_and_two_are_ambiguous(tree, tmp_path):
-    mesh = read_mesh(tree / "brick" / "textured.obj")
-    (tree / "object").mkdir()
-    write_mesh(tree / "object" / "scan.glb", mesh)
-    assert "object" in [item.name for item in open_dataset("meshes", tree).items]
-    write_mesh(tree / "object" / "other.obj", mesh)
-    assert "object" not in [item.name for item in open_dataset("meshes", tree).items]
-
-
 def test_what_is_missing_is_said(tmp_path, monkeypatch):
-    with pytest.raises(ConfigurationError, match=r"data\.root=PATH"):
-        open_dataset("meshes")
     with pytest.raises(ConfigurationError, match="No data set 'ycb'"):
         open_dataset("ycb")
     monkeypatch.setenv("GVLA2_DATA", str(tmp_path / "mine"))

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
 from gvla2.evaluation.metrics import (
@@ -10,9 +8,7 @@ from gvla2.evaluation.metrics import (
     cd_surface,
     chamfer,
     psnr,
-    ssim,
     surface_points,
-    unit_box,
 )
 from gvla2.geometry.mesh import TriangleMesh
 
@@ -25,15 +21,6 @@ def test_chamfer_of_known_points():
     a, b = np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 3], [0, 4, 0]])
     assert chamfer(a, b) == pytest.approx(1000 * (3 + 3.5) / 2)
     assert chamfer(b, b) == 0
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 1000), st.floats(0.01, 0.3))
-def test_chamfer_is_symmetric_and_sees_a_shift(seed, shift):
-    points = np.random.default_rng(seed).random((50, 3))
-    moved = points + np.array([0, 0, 10 * shift])
-    assert chamfer(points, moved) == pytest.approx(chamfer(moved, points))
-    assert chamfer(points, moved) > 0
 
 
 def test_surface_distance_sees_scale_that_the_official_one_hides():
@@ -55,35 +42,7 @@ def test_what_stands_for_a_surface():
         surface_points(None, None)
 
 
-def test_unit_box():
-    boxed = unit_box(np.array([[1.0, 2, 3], [3, 3, 3]]))
-    np.testing.assert_allclose(boxed, [[-0.5, -0.25, 0], [0.5, 0.25, 0]])
-    with pytest.raises(GeometryError, match="coincide"):
-        unit_box(np.ones((4, 3)))
-
-
 def test_psnr():
     image = np.full((8, 8, 3), 0.5)
     assert psnr(image, image + 0.1) == pytest.approx(20)
     assert psnr(image, image) == 100
-
-
-def test_ssim_is_the_uniform_window_on_every_channel():
-    rng = np.random.default_rng(0)
-    a = rng.random((20, 24, 3))
-    b = np.clip(a + rng.normal(0, 0.1, a.shape), 0, 1)
-    assert ssim(a, a) == pytest.approx(1)
-    assert ssim(b, a) == pytest.approx(_ssim_by_hand(a, b), abs=1e-4)
-
-
-def _ssim_by_hand(a: np.ndarray, b: np.ndarray) -> float:
-    """The formula of Wang et al. over every whole 7 x 7 window, unbiased variances."""
-    values = []
-    for channel in range(3):
-        for i in range(a.shape[0] - 6):
-            for j in range(a.shape[1] - 6):
-                x, y = (image[i : i + 7, j : j + 7, channel].ravel() for image in (a, b))
-                cov = np.cov(x, y)
-                top = (2 * x.mean() * y.mean() + 1e-4) * (2 * cov[0, 1] + 9e-4)
-                values.append(top / ((x.mean() ** 2 + y.mean() ** 2 + 1e-4) * (cov[0, 0] + cov[1, 1] + 9e-4)))
-    return float(np.mean(values))

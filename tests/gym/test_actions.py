@@ -1,5 +1,7 @@
 """Actions to poses and back."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,26 +10,27 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import check_rigid, rigid
-from gvla2.gym.spaces import HIGH, LOW, WaypointActions
+from gvla2.gym.actions import WaypointActions
 from gvla2.planning.scene import Box
-from gvla2.planning.trajectory import grasp_rotation
 
-ACTIONS = WaypointActions(Box(np.array([-0.3, -0.6, 0.75]), np.array([0.8, 0.6, 1.75])))
+WORKSPACE = Box(np.array([-0.3, -0.6, 0.75]), np.array([0.8, 0.6, 1.75]))
+ACTIONS = WaypointActions(SimpleNamespace(arm=SimpleNamespace(workspace=WORKSPACE)), 0.2)
+BOUNDS = ACTIONS.space.low, ACTIONS.space.high
 DOWN = np.array([0.0, 0.0, -1.0])
 share = st.floats(0.0, 1.0)
 
 
-@given(st.tuples(*[st.floats(float(low), float(high)) for low, high in zip(LOW, HIGH, strict=True)]))
+@given(st.tuples(*[st.floats(float(low), float(high)) for low, high in zip(*BOUNDS, strict=True)]))
 def test_every_action_is_a_pose_in_the_workspace(numbers):
     pose, gripper = ACTIONS.pose(numbers)
     check_rigid(pose, tolerance=1e-9)
-    assert ACTIONS.workspace.contains(pose[:3, 3], -1e-9)
+    assert WORKSPACE.contains(pose[:3, 3], -1e-9)
     assert 0 <= gripper <= 1
 
 
 @given(st.tuples(share, share, share), st.integers(0, 2**32 - 1), share)
 def test_a_pose_comes_back(shares, seed, gripper):
-    box = ACTIONS.workspace
+    box = WORKSPACE
     turn = Rotation.random(random_state=np.random.RandomState(seed)).as_matrix()
     pose = rigid(turn, box.low + np.array(shares) * (box.high - box.low))
     action = ACTIONS.action(pose, gripper)
@@ -35,14 +38,6 @@ def test_a_pose_comes_back(shares, seed, gripper):
     again, opening = ACTIONS.pose(action)
     np.testing.assert_allclose(again, pose, atol=2e-6)
     assert opening == pytest.approx(gripper, abs=1e-7)
-
-
-@pytest.mark.parametrize("approach", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)])
-def test_a_hand_that_points_sideways_or_up_comes_back(approach):
-    for closing in np.eye(3):
-        if abs(closing @ approach) < 0.5:
-            pose = rigid(grasp_rotation(np.array(approach, dtype=float), closing), (0.2, 0.0, 1.0))
-            np.testing.assert_allclose(ACTIONS.pose(ACTIONS.action(pose, 1.0))[0], pose, atol=2e-6)
 
 
 def test_what_the_numbers_mean():
@@ -58,7 +53,7 @@ def test_what_the_numbers_mean():
 
 
 @pytest.mark.parametrize("bad", [[0] * 6, [0, 0, 0, 0, 0, np.nan, 0], [[0] * 7], [np.inf] * 7])
-def test_what_is_no_action_is_refused(bad):
+def test_an_action_of_another_shape_or_not_finite_is_refused(bad):
     with pytest.raises(RobotError, match="7 finite numbers"):
         ACTIONS.pose(bad)
 

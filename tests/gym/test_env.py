@@ -97,7 +97,7 @@ def test_a_waypoint_is_reached(small):
     assert info["is_success"] is False
 
 
-def test_what_is_out_of_reach_moves_nothing_and_is_told(small):
+def test_an_unreachable_waypoint_moves_nothing_and_is_reported(small):
     before, _ = small.reset(seed=0)
     corner = small.unwrapped.arm.workspace.high
     after, reward, terminated, truncated, info = small.step(to(small, corner))
@@ -106,17 +106,6 @@ def test_what_is_out_of_reach_moves_nothing_and_is_told(small):
     np.testing.assert_allclose(after["tcp"], before["tcp"], atol=1e-3)
     assert (reward, terminated, truncated) == (0.0, False, False)
     assert not small.step(to(small, (0.3, 0.0, 1.2)))[4]["waypoint"]["abort"]  # and the episode goes on
-
-
-def test_where_no_straight_line_leads_it_goes_around(small):
-    small.reset(seed=0)
-    aside = (0.1, 0.45, 1.0)
-    turned = rigid(
-        np.diag([-1.0, 1.0, -1.0]), aside
-    )  # by half a turn, more than the wrist can follow on the way
-    observation, *_, info = small.step(small.unwrapped.actions.action(turned, 1.0))
-    assert info["waypoint"]["status"] in ("direct", "rrt_connect")
-    np.testing.assert_allclose(observation["tcp"][:3], aside, atol=2e-3)
 
 
 def test_a_task_is_solved_through_the_interface_alone(registry: Registry):
@@ -169,7 +158,6 @@ def test_nothing_happens_before_reset(small):
         ({"task": "put_blok"}, UnknownComponentError, "Did you mean 'put_block'"),
         ({"robot": "sapien_pand"}, UnknownComponentError, "Did you mean 'sapien_panda'"),
         ({"robot": "piper"}, ConfigurationError, "takes a simulated robot"),
-        ({"cameras": "front"}, ConfigurationError, r"a list of names: \['front'\]"),
         ({"cameras": ["frnt"]}, ConfigurationError, "front, left_shoulder"),
         ({"task_options": {"scale": 2}}, ConfigurationError, "from 0.8 to 1.2"),
         ({"robot_options": {"imag_size": 8}}, ConfigurationError, "imag_size"),
@@ -181,7 +169,7 @@ def test_nothing_happens_before_reset(small):
         ({"render_mode": "human"}, ConfigurationError, "rgb_array"),
     ],
 )
-def test_wrong_choices_are_told(options, error, words):
+def test_wrong_choices_are_errors(options, error, words):
     with pytest.raises(error, match=words) as caught:
         TaskEnv(**{"task": "put_block", **options})
     assert isinstance(caught.value, Gvla2Error)
@@ -196,7 +184,7 @@ def driven():
     env.close()
 
 
-def test_the_state_tells_true_poses_and_no_pictures(driven):
+def test_the_state_holds_true_poses_and_no_pictures(driven):
     observation, info = driven.reset(seed=2)
     assert set(observation) == {"bodies", "tcp", "gripper", "joints"}
     state = driven.unwrapped._robot.true_state()
@@ -240,10 +228,3 @@ def test_a_task_is_solved_by_changes_of_the_joints(driven):
                 assert reward == 1.0
                 return
     pytest.fail("the block is not on its target")
-
-
-@pytest.mark.parametrize("action", [np.zeros(7), np.full(8, np.nan)])
-def test_an_action_that_is_none_is_refused(driven, action):
-    driven.reset(seed=0)
-    with pytest.raises(RobotError, match="8 finite numbers"):
-        driven.unwrapped.step(action)

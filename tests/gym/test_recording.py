@@ -50,15 +50,6 @@ def test_rollouts_are_exported(tmp_path, capsys):
     np.testing.assert_allclose(states, measured, atol=1e-6)
 
 
-def test_a_waypoint_is_a_second(tmp_path):
-    env = RecordRollouts(gymnasium.make(ENV, image_size=48, cameras=["front"]), tmp_path / "rollouts")
-    env.reset(seed=0)
-    env.step(env.unwrapped.actions.action(env.unwrapped.observation.world_from_tcp, 1.0))
-    env.close()
-    with np.load(tmp_path / "rollouts" / "000000" / STATES) as kept:
-        np.testing.assert_allclose(kept["time"], [0.0, 1.0])
-
-
 def test_what_cannot_be_kept_is_told(tmp_path):
     env = gymnasium.make(ENV, obs_mode="state", **SMALL)
     with pytest.raises(ConfigurationError, match="obs_mode='rgbd'"):

@@ -1,10 +1,11 @@
-"""The oracle perceiver: true, said to be so, and out of reach of what has no truth to tell."""
+"""The oracle perceiver: the true scene, marked as such, and an error without a simulator."""
 
 import numpy as np
 import pytest
 
+from gvla2 import ComponentConfig
 from gvla2.errors import ConfigurationError
-from gvla2_plugins.oracle import OracleConfig, gvla2_perceivers
+from gvla2_plugins.oracle import gvla2_perceivers
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.tabletop import gvla2_tasks
 
@@ -12,10 +13,10 @@ from gvla2_plugins.tabletop import gvla2_tasks
 def oracle(robot):
     (component,) = gvla2_perceivers()
     assert component.needs == ("robot",)
-    return component.build(OracleConfig(), robot=robot)
+    return component.build(ComponentConfig(), robot=robot)
 
 
-def test_it_tells_the_true_scene_without_the_names_of_bodies():
+def test_it_gives_the_true_scene_without_the_names_of_bodies():
     robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
     task = next(c for c in gvla2_tasks() if c.name == "open_jar")
     instance = robot.reset(task.build(task.config()), 2)

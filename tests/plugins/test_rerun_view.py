@@ -11,7 +11,6 @@ import pytest
 from gvla2.commands.run import Tracking
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
-from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.trajectory import Trajectory, Waypoint
@@ -30,7 +29,6 @@ def record() -> EpisodeRecord:
     path = Trajectory(
         (Waypoint((0.3, 0.0, TABLE + 0.2), 1.0, "approach"), Waypoint((0.3, 0.0, TABLE), 0.0, "grasp"))
     )
-    lesson = MemoryItem("rec-7", "procedural_hint", "Close across the short side.", 0.6, 0.4, {}, False)
     return EpisodeRecord(
         "2025-01-01/12-00-00",
         INSTRUCTION,
@@ -39,12 +37,10 @@ def record() -> EpisodeRecord:
         {"robot": "gantry"},
         observation=observation(48),
         scene=scene(),
-        recalled=MemoryContext((lesson,), ""),
         plan=Plan(path, skill="pick"),
         checks=CheckReport((Finding("clearance", False, 1, "collision", "Too near | the table."),)),
         after=observation(48),
         after_scene=scene(),
-        learned=Learned((), (), (), 0, ("rec-9: added.",)),
     )
 
 
@@ -71,17 +67,11 @@ def test_a_recording_opens_again(tmp_path: Path):
         "/world", "/world/seen", f"/world/cameras/{camera}", f"/world/cameras/{camera}/image",
         f"/world/cameras/{camera}/depth", "/world/objects/red_cube/body", "/world/objects/red_cube/box",
         "/world/plan/path", "/world/plan/waypoints", "/arm/joints/0", "/arm/joints/2", "/arm/gripper_width",
-        "/film", "/checks", "/memory",
+        "/film",
     }  # fmt: skip
     whole = "\n".join(str(chunk.to_record_batch().to_pydict()) for chunk in chunks)
-    for words in (
-        "red cube",
-        "Close across the short side.",
-        "rec-9: added.",
-        "Too near / the table.",
-        "0 approach",
-    ):
-        assert words in whole, words
+    assert "red cube" in whole
+    assert "0 approach" in whole
     (joint,) = (chunk for chunk in chunks if chunk.entity_path == "/arm/joints/2")
     columns = joint.to_record_batch().to_pydict()
     np.testing.assert_allclose(np.ravel(columns["Scalars:scalars"]), 0.1 * np.arange(5))

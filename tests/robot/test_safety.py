@@ -20,7 +20,6 @@ LIMITS = (np.full(3, -1.0), np.full(3, 1.0))
         ({"gripper": 1.2}, "gripper"),
         ({"speed": 0.0}, "speed"),
         ({"tolerance": -0.1}, "tolerance"),
-        ({"frame": "camera"}, "frame"),
         ({"carries": "ghost"}, "ghost"),
         ({"orientation": Orientation("axis", (0.0, 0.0, 0.0))}, "vector"),
         ({"orientation": Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 0.0, 1.0))}, "orientation"),

@@ -45,8 +45,8 @@ def test_a_can_is_held_across_its_middle_and_never_wider_than_the_hand(make_obje
     best = found[0]
     assert best.width == pytest.approx(0.06, abs=0.004)
     assert np.linalg.norm(best.centre[:2]) < 0.008
-    assert all(g.width < g.opening <= HAND.max_width for g in found)
-    assert [g.worth for g in found] == sorted((g.worth for g in found), reverse=True)
+    assert all(g.width < g.opening * HAND.max_width <= HAND.max_width for g in found)
+    assert [g.preference for g in found] == sorted((g.preference for g in found), reverse=True)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_nothing_lies_where_the_fingers_go(make_object):
     it = make_object(spiked)
     skin = skin_of(it)
     for grasp in antipodal(it, HAND, 0.0, OUT):
-        assert held_between(skin, grasp.rotation, grasp.centre, grasp.opening, HAND)
+        assert held_between(skin, grasp.rotation, grasp.centre, grasp.opening * HAND.max_width, HAND)
 
 
 def test_a_hand_beside_or_on_an_object_holds_nothing(make_object):

@@ -13,19 +13,19 @@ import random
 import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, TestedSandbox
+from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
 from gvla2.agents.folders import read_tasks
-from gvla2.agents.sandbox import SandboxLimits, bubblewrap, docker
+from gvla2.agents.sandbox import bubblewrap, docker
 from gvla2.agents.solving import Attempt, attempt
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import BenchArm, chosen_arms, chosen_memory, has_bank
+from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory, has_bank
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
@@ -37,7 +37,6 @@ from gvla2.plugins.registry import Registry
 
 VERSION = 1
 MEASURING_CODE = ("gvla2.agents", "gvla2.evaluation.suites.agents", "gvla2.memory", "gvla2.language")
-DATABASE = "memory.db"
 LAYOUT = TableLayout(
     title="Software agents",
     row="memory",
@@ -64,6 +63,8 @@ LAYOUT = TableLayout(
     groups=("agent", "model", "verifier", "sandbox", "tasks"),
     pair="task",
 )
+UNKNOWN = dict.fromkeys(measure.name for measure in LAYOUT.measures)
+"""The measures of a task that was not measured."""
 
 log = logging.getLogger(__name__)
 
@@ -83,13 +84,14 @@ class SequenceUnit(Unit):
     config: AgentsBench
     done: int = 0
 
-    def factors_of(self, place: int) -> dict[str, str | int]:
-        """Those of the row of the task at a place."""
+    def unknown(self, place: int, status: str) -> Cell:
+        """The row of the task at a place without measures, with why there are none."""
         task = self.tasks[place]
-        return {**self.factors, "seed": self.seed, "task": task.name, "family": task.family, "place": place}
+        own = {"seed": self.seed, "task": task.name, "family": task.family, "place": place}
+        return Cell(self.keys[place], {**self.factors, **own}, UNKNOWN, {"status": status})
 
     def kept(self, done: int) -> Path:
-        """The memory after that many tasks."""
+        """The memory after that number of tasks."""
         return self.folder / f"after-{done}.db"
 
 
@@ -99,11 +101,6 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
     name = "agents"
     title = LAYOUT.title
     in_process = True
-
-    @property
-    def data(self) -> str:
-        """Folders of tasks."""
-        return "task folders"
 
     def stages(self) -> Sequence[Sequence[SequenceUnit]]:
         """Every sequence with the keys of its rows."""
@@ -115,16 +112,16 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             )
         tasks, arms = read_tasks(config.agents.tasks, config.agents.names), chosen_arms(config, self.registry)
         for arm in arms:
-            if arm.source in ("shuffled", "best_theta") or (arm.replan, arm.explored) != (None, None):
+            if arm.source in ("shuffled", "best_theta") or arm.replan is not None:
                 raise ConfigurationError(
                     f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: "
                     "software agents have no exploration and no replanning. Arms here are memories and off."
                 )
         return [[self._sequence(tasks, arm, seed) for seed in config.seeds for arm in arms]]
 
-    def known(self, units: Sequence[SequenceUnit]) -> Rows:
+    def known(self, keys: Sequence[str]) -> Rows:
         """All stored rows: a task that could not be set up is not tried again."""
-        return self.bench.results.with_keys([key for unit in units for key in unit.keys])
+        return self.results.with_keys(keys)
 
     def prepare(self, unit: SequenceUnit, rows: Rows) -> SequenceUnit:
         """The sequence from its first unknown row on, or anew where its memory is gone."""
@@ -140,16 +137,9 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
         return work(unit, registry)
 
     def result(self, units: Sequence[SequenceUnit], rows: Rows) -> list[Cell]:
-        """All rows; one that a sequence did not reach says so."""
-        empty, notes = (
-            dict.fromkeys(MEASURES),
-            {"status": "not measured: the language model could not be asked"},
-        )
-        return [
-            rows[key] if key in rows else Cell(key, unit.factors_of(place), empty, notes)
-            for unit in units
-            for place, key in enumerate(unit.keys)
-        ]
+        """All rows; the status of one that a sequence did not reach says so."""
+        status = "not measured: the language model could not be asked"
+        return [rows.get(key) or unit.unknown(k, status) for unit in units for k, key in enumerate(unit.keys)]
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
@@ -159,22 +149,11 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
     def _sequence(self, tasks: Sequence[AgentTask], arm: BenchArm, seed: int) -> SequenceUnit:
         config, agents = self.config, self.config.agents
         ordered = random.Random(seed).sample(list(tasks), len(tasks))  # every memory gets the same order
-        helpers = ("retriever", "embedder", "inducer", "judge") if has_bank(self.registry, arm) else ()
-        root = _chosen(config, self.registry, arm, "")
-        options = [
-            str(one) for one in configured(self.registry, root, ("agent", "verifier", "memory", *helpers))
-        ]
-        limits = (agents.disk_mb, agents.memory_mb, agents.output)
-        around = (
-            VERSION,
-            code_digest(MEASURING_CODE),
-            versions(),
-            options,
-            agents.sandbox,
-            seed,
-            arm.name,
-            limits,
-        )
+        helpers = MEMORY[1:] if has_bank(self.registry, arm) else ()
+        root = {"agent": config.agent, **chosen_memory(config, self.registry, arm, "")}
+        typed = configured(self.registry, root, ("agent", "verifier", "memory", *helpers))
+        options, code = list(map(str, typed)), code_digest(MEASURING_CODE)
+        around = (VERSION, code, versions(), options, agents.sandbox, seed, arm.name)
         files = [_digest_of(task) for task in ordered]
         # Earlier tasks affect later ones through memory, so each key holds the whole order.
         keys = tuple(cell_key(self.name, *around, files[: i + 1]) for i in range(len(ordered)))
@@ -186,13 +165,8 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             "tasks": Path(agents.tasks).name,
             "memory": f"{arm.name} ({arm.variant})" if arm.variant else arm.name,
         }
-        folder = Path(agents.state or self.bench.folder / "agents") / keys[-1][:16]
-        label = f"{arm.name}, seed {seed}"
-        return SequenceUnit(keys, label, arm, seed, ordered, factors, folder, config)
-
-
-def _chosen(config: AgentsBench, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
-    return {"agent": config.agent, **chosen_memory(config, registry, arm, bank)}
+        folder = Path(agents.state or self.folder / "agents") / keys[-1][:16]
+        return SequenceUnit(keys, f"{arm.name}, seed {seed}", arm, seed, ordered, factors, folder, config)
 
 
 def _digest_of(task: AgentTask) -> str:
@@ -204,12 +178,6 @@ def _digest_of(task: AgentTask) -> str:
     return digest.hexdigest()
 
 
-def _sandbox(config: AgentsBench, task: AgentTask) -> AbstractContextManager[TestedSandbox]:
-    agents = config.agents
-    limits = SandboxLimits(agents.disk_mb, agents.memory_mb, agents.output)
-    return (docker if agents.sandbox == "docker" else bubblewrap)(task, limits=limits)
-
-
 def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     """The rows of the tasks after the first ``unit.done``.
 
@@ -217,58 +185,57 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     cannot be set up is "not measured"; if the language model is unavailable, the sequence ends: later tasks would have
     the wrong memory.
     """
+    config, arm = unit.config, unit.arm
     unit.folder.mkdir(parents=True, exist_ok=True)
-    bank = unit.folder / DATABASE
-    for file in unit.folder.glob(f"{DATABASE}*"):
+    bank = unit.folder / "memory.db"
+    for file in unit.folder.glob("memory.db*"):
         file.unlink()
     if unit.done and unit.kept(unit.done).is_file():
         shutil.copyfile(unit.kept(unit.done), bank)
-    root, built = _chosen(unit.config, registry, unit.arm, str(bank)), dict[str, Any]()
+    built: dict[str, Any] = {}
+    root = {"agent": config.agent, **chosen_memory(config, registry, arm, str(bank))}
     registry.build_all(root, ("agent", "verifier", "memory"), built)
-    language, memory, verifier = built.get("language"), built["memory"], built["verifier"]
+    language, memory = built.get("language"), built["memory"]
     ledger = Ledger() if language is None else language.ledger
-    show_tests = getattr(unit.config.verifier, "name", "") == "exit_status"
+    level = logging.DEBUG if config.quiet else logging.INFO
+    sandbox = docker if config.agents.sandbox == "docker" else bubblewrap
     with closing(memory):
         for place in range(unit.done, len(unit.tasks)):
             task, before = unit.tasks[place], ledger.totals()
-            row = f"{unit.arm.name}/{unit.seed}/{task.name}"
-            made, status = None, "ok"
+            row = f"{arm.name}/{unit.seed}/{task.name}"
             try:
-                with _sandbox(unit.config, task) as sandbox:
+                with sandbox(task) as box:
                     made = attempt(
                         task,
                         built["agent"],
-                        sandbox,
+                        box,
                         memory,
-                        verifier,
+                        built["verifier"],
                         source=row,
-                        show_tests=show_tests,
+                        show_tests=config.verifier.name == "exit_status",
                         seed=unit.seed,
-                        report=partial(_progress, unit, row),
+                        report=partial(log.log, level, "%s %s", row),
                     )
             except EnvironmentFailedError as error:
-                status = f"not measured: {error}"
+                cell = unit.unknown(place, f"not measured: {error}")
             except LanguageModelError as error:
-                log.warning(
-                    "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
-                )
+                log.warning("%s: the model cannot be asked (%s); this sequence ends here.", row, error)
                 return
-            if made is not None and made.verdict.outcome == "unavailable" and unit.arm.source != "off":
-                why = "; ".join(made.verdict.reasons)
-                log.warning("%s: no verdict, so memory learns nothing from it: %s", row, why)
-            _keep(unit, place + 1)
-            yield _cell(unit, place, made, status, ledger.totals(before))
+            else:
+                if made.verdict.outcome == "unavailable" and arm.source != "off":
+                    why = "; ".join(made.verdict.reasons)
+                    log.warning("%s: no verdict, so memory learns nothing from it: %s", row, why)
+                cell = _measured(unit.unknown(place, "ok"), made, ledger.totals(before))
+            _keep(unit, bank, place + 1)
+            if cell.status == "ok" and (kept := unit.kept(place + 1)).is_file():
+                cell = replace(cell, measures={**cell.measures, "storage_kb": kept.stat().st_size / 1000})
+            yield cell
 
 
-def _progress(unit: SequenceUnit, row: str, line: str) -> None:
-    if not unit.config.quiet:
-        log.info("%s %s", row, line)
-
-
-def _keep(unit: SequenceUnit, done: int) -> None:
+def _keep(unit: SequenceUnit, bank: Path, done: int) -> None:
     """Copy the memory after ``done`` tasks; the previous copy stays, in case the row is not stored."""
-    bank, aside = unit.folder / DATABASE, unit.folder / f"after-{done}.part"
     if bank.is_file():
+        aside = unit.folder / f"after-{done}.part"
         aside.unlink(missing_ok=True)
         with closing(sqlite3.connect(bank)) as connection:
             connection.execute("VACUUM INTO ?", (str(aside),))
@@ -278,20 +245,9 @@ def _keep(unit: SequenceUnit, done: int) -> None:
             old.unlink()
 
 
-MEASURES = tuple(measure.name for measure in LAYOUT.measures)
-
-
-def _cell(
-    unit: SequenceUnit,
-    place: int,
-    made: Attempt | None,
-    status: str,
-    spent: Mapping[str, Mapping[str, float]],
-) -> Cell:
-    key, factors, kept = unit.keys[place], unit.factors_of(place), unit.kept(place + 1)
-    if made is None:
-        return Cell(key, factors, dict.fromkeys(MEASURES), {"status": status})
-    agent = _tokens(made.run.usage)  # a cached answer counts too: what is compared is the agents' work
+def _measured(cell: Cell, made: Attempt, spent: Mapping[str, Mapping[str, float]]) -> Cell:
+    """The row of an attempt; ``spent`` are the tokens by purpose."""
+    agent = _tokens(made.run.usage)  # a cached answer counts too: the agents' work is compared
     extra = sum(_tokens(tally) for purpose, tally in spent.items() if purpose != "agent")
     measures: dict[str, float | None] = {
         "solved": 100.0 * made.solved,
@@ -300,21 +256,20 @@ def _cell(
         "extra_tokens": extra,
         "tokens": agent + extra,
         "seconds": made.run.seconds,
-        "overhead": sum(made.seconds[name] for name in ("recall", "verify", "learn")),
-        "storage_kb": kept.stat().st_size / 1000 if kept.is_file() else 0.0,
+        "overhead": made.overhead,
+        "storage_kb": 0.0,
     }
     notes: dict[str, Any] = {
-        "status": status,
+        "status": "ok",
         "exit_status": made.run.exit_status,
         "verdict": made.verdict.outcome,
-        "quality": made.verdict.quality if made.verdict.outcome != "unavailable" else None,
         "recalled": len(made.recalled.items),
         "recalled_text": made.recalled.text[:2000],
         "learned": [len(made.learned.added), len(made.learned.merged), len(made.learned.provisional)],
         "tests": made.tests.text[-1000:],
         "conversation": json.dumps(list(made.run.messages))[:200_000],
     }
-    return Cell(key, factors, measures, notes)
+    return replace(cell, measures=measures, notes=notes)
 
 
 def _tokens(tally: Mapping[str, float]) -> float:

@@ -1,7 +1,7 @@
 """The suite ``perception``: perceivers alone, against a simulator's true pixels.
 
-A layout is laid out and seen; the perceived scene is compared with what each pixel shows. A layout has a row of its
-own and one for each true object in it.
+A layout is laid out and seen; the perceived scene is compared with what each pixel shows. A layout is one row, whose
+notes hold the numbers of each true object in it.
 """
 
 from __future__ import annotations
@@ -18,34 +18,26 @@ import numpy as np
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
-from gvla2.evaluation.components import code_of, given_label, noise_label, task_options
+from gvla2.evaluation.components import code_of, given_label, named_tasks, noise_label, task_options
 from gvla2.evaluation.config import PerceptionBench
-from gvla2.evaluation.engine import Rows, Suite, Unit
-from gvla2.evaluation.perception_scoring import ObjectScore, score
-from gvla2.evaluation.perception_truth import Segmented, true_objects
+from gvla2.evaluation.engine import Suite, Unit
+from gvla2.evaluation.perception_scoring import ObjectScore, Segmented, score, true_objects
 from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, versions
 from gvla2.evaluation.tables import Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
 from gvla2.planning.scene import Scene
+from gvla2.plugins.kinds import NONE
 from gvla2.plugins.registry import Registry
 from gvla2.robot.depth_noise import apply_noise
 
-VERSION = 3
+VERSION = 4
 """Version of the measurement: rows of another version are measured again."""
 WHOLE = 0.8
 """Overlap above which an object without a second piece counts as seen whole."""
-SCENE = "scene"
-"""The ``object`` and ``kind`` of a whole layout's row."""
 MEASURING_CODE = (
-    "gvla2.evaluation.perception_scoring",
-    "gvla2.evaluation.perception_truth",
-    "gvla2.evaluation.suites.perception",
-    "gvla2.geometry",
-    "gvla2.perception",
-    "gvla2.robot",
-    "gvla2.planning.scene",
-    "gvla2.planning.colours",
-)
+    "gvla2.evaluation.perception_scoring", "gvla2.evaluation.suites.perception", "gvla2.geometry", "gvla2.perception",
+    "gvla2.robot", "gvla2.planning.scene", "gvla2.planning.colours",
+)  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
 GROUPS = ("robot", "perceiver", "depth_noise", "scale")
 EXPLANATION = (
@@ -98,28 +90,15 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
                     "episode": episode,
                 }
                 key = cell_key(self.name, factors, protocol)
-                layout, label = layout_seed(seed, episode), f"{task}, {perceiver}"
+                # A seed's first layout is that of `gvla2 run seed=...`; no two seeds share any.
+                layout, label = seed + 1_000_000 * episode, f"{task}, {perceiver}"
                 units.append(LayoutUnit((key,), label, task, perceiver, factors, layout, config))
         return [units]
 
-    def known(self, units: Sequence[LayoutUnit]) -> Rows:
-        """The known rows of layouts and their objects; without incomplete layouts."""
-        scenes = super().known(units)
-        keys = [key for cell in scenes.values() for key in cell.notes["objects"]]
-        objects = self.bench.results.with_keys(keys)
-        whole = {key: cell for key, cell in scenes.items() if objects.keys() >= set(cell.notes["objects"])}
-        return {**objects, **whole}
-
     @staticmethod
     def measure(unit: LayoutUnit, registry: Registry) -> list[Cell]:
-        """The rows of one layout, the scene's last: a layout whose objects are not all stored is measured again."""
-        scene, objects = measure_layout(unit, _built(unit, registry))
-        return [*objects, scene]
-
-    def result(self, units: Sequence[LayoutUnit], rows: Rows) -> list[Cell]:
-        """A layout's own row before those of its objects."""
-        scenes = super().result(units, rows)
-        return [cell for one in scenes for cell in (one, *(rows[key] for key in one.notes["objects"]))]
+        """The row of one layout."""
+        return [measure_layout(unit, _built(unit, registry))]
 
     def close(self) -> None:
         """Release the robot of this process."""
@@ -127,28 +106,17 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
-        """Two tables per group, by task and by kind; if equal cells were measured twice, the later counts."""
-        once = latest(cells, lambda cell: cell.texts(*GROUPS, "task", "seed", "episode", "object"))
-        sheets = []
-        for group, placed in grouped(once, *GROUPS).items():
-            kept = _without_stale(placed)
-            shared = ", ".join(f"{name} {value}" for name, value in zip(GROUPS, group, strict=True))
-            sheets += [_sheet(kept, f"Perception: {shared}, by {by}", by) for by in ("task", "kind")]
-        return sheets
-
-
-def layout_seed(seed: int, episode: int) -> int:
-    """The seed of a layout: a seed's first layout is that of ``gvla2 run seed=...``; no two seeds share any."""
-    return seed + 1_000_000 * episode
+        """A table per group, by task; if equal cells were measured twice, the later counts."""
+        measured = [cell for cell in cells if "seen" in cell.notes]  # earlier versions had other rows
+        once = latest(measured, lambda cell: cell.texts(*GROUPS, "task", "seed", "episode"))
+        return [_sheet(group, placed) for group, placed in grouped(once, *GROUPS).items()]
 
 
 def chosen_tasks(config: PerceptionBench, registry: Registry) -> list[str]:
-    """The tasks by name, each once; by default all that need no option. Raises for an unknown one."""
-    for name in config.tasks:
-        registry.get("task", name)
+    """The tasks by name, each once; by default all that need no option."""
     tasks = registry.components("task").items()
-    whole = [name for name, task in tasks if name != "none" and not task.config.required]
-    return list(dict.fromkeys(config.tasks or whole))
+    whole = [name for name, task in tasks if name != NONE and not task.config.required]
+    return named_tasks(config, registry) or whole
 
 
 def chosen_components(
@@ -189,8 +157,8 @@ def _release() -> None:
     _kept.clear()
 
 
-def measure_layout(unit: LayoutUnit, parts: Mapping[str, Any]) -> tuple[Cell, list[Cell]]:
-    """The row of a layout and those of its objects; a layout that cannot be measured is a row that says why.
+def measure_layout(unit: LayoutUnit, parts: Mapping[str, Any]) -> Cell:
+    """The row of a layout; of one that cannot be measured, the status says why.
 
     Raises :class:`ConfigurationError` for a robot without ground truth.
     """
@@ -199,16 +167,20 @@ def measure_layout(unit: LayoutUnit, parts: Mapping[str, Any]) -> tuple[Cell, li
             "suite=perception needs a simulated robot that knows what each pixel shows, such as robot=sapien_panda."
         )
     try:
-        return _measure(unit, parts, parts["robot"])
+        measures, notes = _measure(unit, parts, parts["robot"])
     except ConfigurationError:
         raise
     except Exception as error:  # a perceiver's crash is its layout's, not the bench's
         log.info("A layout could not be measured.", exc_info=True)
         why = str(error) if isinstance(error, Gvla2Error) else f"crashed, {type(error).__name__}: {error}"
-        return _scene_row(unit, {}, {"status": f"failed: {why}", "objects": []}), []
+        measures, notes = {}, {"status": f"failed: {why}", "seen": []}
+    return Cell(unit.keys[0], unit.factors, measures, notes)
 
 
-def _measure(unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented) -> tuple[Cell, list[Cell]]:
+def _measure(
+    unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented
+) -> tuple[dict[str, float | None], dict[str, Any]]:
+    """The measures and the notes of a layout."""
     robot = parts["robot"]
     instance = robot.reset(parts["task"], unit.layout)
     if instance is None:
@@ -217,64 +189,47 @@ def _measure(unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented) -> tu
     noise = np.random.default_rng([unit.layout, 0])  # that of an episode of this seed
     observation = apply_noise(clear, unit.config.depth_noise, noise, unit.layout)
     truths = true_objects(truth, clear, instance.layout)
-    started, worked = time.perf_counter(), time.process_time()
+    started = time.perf_counter()
     try:
         workspace = robot.arm.workspace
         scene = perceive(parts["perceiver"], observation, instance.instruction, workspace, "The perceiver")
         note = ""
     except PerceptionError as error:
         scene, note = Scene((), 0.0, robot.arm.workspace), f"Nothing was perceived: {error}"
-    seconds, cpu_seconds = time.perf_counter() - started, time.process_time() - worked
-    found = score(truths, scene, clear)
-    split = {stray.piece_of for stray in found.strays}
-    rows = [_object_row(unit, one, one.true.name in split) for one in found.truths]
-    pieces = [
-        f"a piece of {stray.piece_of}" if stray.piece_of else "nothing that exists" for stray in found.strays
-    ]
-    labels = [scene.objects[stray.index].label for stray in found.strays]
-    measures = {
-        "found": found.found,
-        "false": float(len(found.strays)),
-        "seconds": seconds,
-        "cpu_seconds": cpu_seconds,
-    }
+    seconds = time.perf_counter() - started
+    result = score(truths, scene, clear)
+    split = {owner for _, owner in result.false}
+    measures = {"false": float(len(result.false)), "seconds": seconds}
     notes = {
         "status": "ok",
         "instruction": instance.instruction,
-        "objects": [row.key for row in rows],
-        "strays": [f"{label}: {what}" for label, what in zip(labels, pieces, strict=True)],
+        "seen": [_numbers(one, one.true.name in split) for one in result.objects],
+        "false_objects": [
+            f"{scene.objects[k].label}: {f'a piece of {of}' if of else 'none'}" for k, of in result.false
+        ],
         "note": note,
     }
-    return _scene_row(unit, measures, notes), rows
+    return measures, notes
 
 
-def _scene_row(unit: LayoutUnit, measures: Mapping[str, float | None], notes: Mapping[str, Any]) -> Cell:
-    return Cell(unit.keys[0], {**unit.factors, "object": SCENE, "kind": SCENE}, measures, notes)
-
-
-def _object_row(unit: LayoutUnit, one: ObjectScore, split: bool) -> Cell:
-    true = one.true
-    measures: dict[str, float | None] = {
-        "found": float(one.match.found),
-        "iou": one.match.iou,
-        "whole": float(one.match.iou >= WHOLE and not split),
-        **{name: None if judged is None else float(judged) for name, judged in vars(one.words).items()},
+def _numbers(one: ObjectScore, split: bool) -> dict[str, Any]:
+    """What was measured of a true object; ``split`` if a false object is a piece of it."""
+    return {
+        "object": one.true.name,
+        "true": one.true.label,
+        "perceived": one.perceived,
+        "found": one.found,
+        "iou": one.iou,
+        "whole": one.iou >= WHOLE and not split,
+        "label": one.label,
+        "colour": one.colour,
         "centre_mm": one.centre_mm,
         "extent_mm": one.extent_mm,
-        "pixels": float(true.whole.sum()),
-        **{f"extent_{axis}_mm": error for axis, error in zip("xyz", one.extents_mm, strict=True)},
-    }  # fmt: skip
-    factors = {**unit.factors, "object": true.name, "kind": true.kind}
-    notes = {"status": "ok", "true": true.label, "perceived": one.perceived, "part": true.part}
-    return Cell(cell_key(PerceptionSuite.name, unit.keys[0], true.name), factors, measures, notes)
+    }
 
 
 def _share(values: Sequence[float]) -> tuple[str, ...]:
     return f"{100 * fmean(values):.0f} %", f"{sum(values):.0f} of {len(values)}"
-
-
-def _mean(values: Sequence[float]) -> tuple[str, ...]:
-    return (f"{fmean(values):.2f}",)
 
 
 def _spread(digits: int, worst: float = 95) -> Callable[[Sequence[float]], tuple[str, ...]]:
@@ -293,50 +248,29 @@ _OF_OBJECTS = {
     "centre mm ↓": ("centre_mm", _spread(1)),
     "extent mm ↓": ("extent_mm", _spread(1)),
 }
-"""Columns by heading: the measure of an object's row, and how to summarise its values."""
-_OF_SCENES = {"false a scene ↓": ("false", _mean), "seconds ↓": ("seconds", _spread(2))}
+"""Columns by heading: the number of an object, and how to summarise its values."""
 
 
-def _is_scene(cell: Cell) -> bool:
-    return cell.factors.get("object") == SCENE
-
-
-def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells whose layout was last measured together with them: an older run's objects may have other names."""
-    current = {key for cell in cells if _is_scene(cell) for key in (cell.key, *cell.notes.get("objects", []))}
-    return [cell for cell in cells if cell.key in current]
-
-
-def _sheet(cells: Sequence[Cell], title: str, by: str) -> Sheet:
-    """One row per task or kind of object, and one for all."""
-    scenes = by == "task"
-    groups = grouped([cell for cell in cells if scenes or not _is_scene(cell)], by)
+def _sheet(group: Sequence[str], cells: Sequence[Cell]) -> Sheet:
+    """One row per task, and one for all."""
     rows = []
-    for (name,), some in sorted(groups.items()):
+    for (name,), some in sorted(grouped(cells, "task").items()):
         failed = sum(cell.status != "ok" for cell in some)
-        rows.append(SheetRow(f"{name} ({failed} failed)" if failed else name, _row(some, scenes)))
+        rows.append(SheetRow(f"{name} ({failed} failed)" if failed else name, _row(some)))
     if len(rows) > 1:
-        rows.append(SheetRow("all", _row(cells, scenes)))
-    headings = ("objects", *_OF_OBJECTS, *(_OF_SCENES if scenes else ()), "missed most")
-    counts = f"{sum(map(_is_scene, cells))} layouts"
-    return Sheet(title, headings, tuple(rows), counts, runs_of(cells), EXPLANATION)
+        rows.append(SheetRow("all", _row(cells)))
+    headings = ("objects", *_OF_OBJECTS, "false a scene ↓", "seconds ↓")
+    shared = ", ".join(f"{name} {value}" for name, value in zip(GROUPS, group, strict=True))
+    counts = f"{len(cells)} layouts"
+    return Sheet(f"Perception: {shared}", headings, tuple(rows), counts, runs_of(cells), EXPLANATION)
 
 
-def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:
-    scenes = [cell for cell in cells if _is_scene(cell)]
-    objects = [cell for cell in cells if not _is_scene(cell)]
-    columns = [(objects, *column) for column in _OF_OBJECTS.values()]
-    columns += [(scenes, *column) for column in _OF_SCENES.values()] if with_scenes else []
-    found = [(measured(some, name), lines) for some, name, lines in columns]
-    numbers = [SheetCell(lines(values)) if values else SheetCell(("",), none=True) for values, lines in found]
-    return (text_cell(f"{len(objects):,}"), *numbers, text_cell(_missed(objects)))
-
-
-def _missed(objects: Sequence[Cell]) -> str:
-    """The kind that is missed most often, and how many of how many."""
-    kinds = grouped(objects, "kind")
-    missed = {
-        kind: sum(not cell.measures.get("found") for cell in some) for (kind,), some in sorted(kinds.items())
-    }
-    kind = max(missed, key=missed.__getitem__, default="")
-    return f"{kind}: {missed[kind]} of {len(kinds[kind,])}" if kind and missed[kind] else ""
+def _row(cells: Sequence[Cell]) -> tuple[SheetCell, ...]:
+    objects = [one for cell in cells for one in cell.notes["seen"]]
+    columns = [([float(o[n]) for o in objects if o.get(n) is not None], f) for n, f in _OF_OBJECTS.values()]
+    columns.append((measured(cells, "false"), lambda values: (f"{fmean(values):.2f}",)))
+    columns.append((measured(cells, "seconds"), _spread(2)))
+    numbers = [
+        SheetCell(lines(values)) if values else SheetCell(("",), none=True) for values, lines in columns
+    ]
+    return (text_cell(f"{len(objects):,}"), *numbers)

@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import OmegaConf
+from PIL import Image
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
-from gvla2.evaluation.ablation import DRIFTS, NOISES, VARIANTS, AblationParts, Wanted, measure_object
+from gvla2.evaluation.ablation import (
+    DRIFTS,
+    NOISES,
+    REFERENCE,
+    VARIANTS,
+    AblationComponents,
+    Drift,
+    refined_row,
+)
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
-from gvla2.evaluation.components import code_of, given_label
+from gvla2.evaluation.components import changed_options, code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
-from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker, pictured
+from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
 from gvla2.evaluation.lpips import Lpips, read_weights
-from gvla2.evaluation.metrics import ReconstructionJudge
+from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.evaluation.tables import Sheet
+from gvla2.io.files import write_bytes
 from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
-from gvla2.reconstruction.contracts import Renderer
+from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.record.drawing import png
 
 LAYOUT = TableLayout(
     title="Reconstruction",
@@ -35,7 +49,6 @@ LAYOUT = TableLayout(
     labels={
         "baseline": "G0 (baseline, no prior)",
         "carving": "carving with the same prior",
-        "aligned_tsdf": "aligned TSDF with the same prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
         "b_axis": "B: axis only (no prior)",
@@ -75,12 +88,12 @@ LAYOUT = TableLayout(
 MEASURING_CODE = (
     "gvla2.geometry",
     "gvla2.reconstruction",
-    *(
-        f"gvla2.evaluation.{name}"
-        for name in ("ablation", "datasets", "lpips", "metrics", "protocol", "volume_baselines")
-    ),
+    "gvla2.evaluation.suites.reconstruction",
+    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "lpips", "metrics", "protocol")),
 )
 """Code whose change outdates stored rows, besides the chosen plugins."""
+PICTURED = (REFERENCE, "ab_fusion")
+"""Rows with pictures in a report."""
 _PICTURE_NAME = ("object", "baseline", "drift", "noise", "variant")
 
 log = logging.getLogger(__name__)
@@ -88,12 +101,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ObjectUnit(Unit):
-    """Cells of one object and baseline, with pictures in ``folder/pictures``."""
+    """Cells of one object and baseline, with the ``factors`` of each key; pictures go to ``folder/pictures``."""
 
     dataset: Dataset
     item: Item
     baseline: str
-    wanted: tuple[Wanted, ...]
+    factors: Mapping[str, Mapping[str, str | int]]
     config: ReconstructionBench
     folder: Path
 
@@ -104,11 +117,6 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
     name = "reconstruction"
     title = LAYOUT.title
 
-    @property
-    def data(self) -> str:
-        """The data set's kind."""
-        return self.config.data.kind
-
     def stages(self) -> Sequence[Sequence[ObjectUnit]]:
         """Every cell of the design with its key."""
         data = self.config.data
@@ -118,22 +126,31 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
 
     def prepare(self, unit: ObjectUnit, rows: Rows) -> ObjectUnit:
         """The unit without the cells that are known."""
-        wanted = tuple(want for want in unit.wanted if want.key not in rows)
-        return replace(unit, wanted=wanted, keys=tuple(want.key for want in wanted))
+        return replace(unit, keys=tuple(key for key in unit.keys if key not in rows))
 
     @staticmethod
     def measure(unit: ObjectUnit, registry: Registry) -> Iterator[Cell]:
-        """The unit's cells; an object that cannot be loaded gives cells that say so.
+        """The unit's cells; a :class:`Gvla2Error` becomes a cell's ``status``, with no measures.
 
         A worker process first runs a refined cell unmeasured, once per baseline, so that loading compiled code is not
         timed.
         """
-        if in_a_worker() and unit.wanted and unit.baseline not in _warmed():
+        try:
+            bench = ObjectBench(unit, registry)
+        except Gvla2Error as error:
+            yield from (_failed(unit, key, error) for key in unit.keys)
+            return
+        if in_a_worker() and unit.baseline not in _warmed():
             _warmed().add(unit.baseline)
-            refined = (want for want in unit.wanted if want.factors["variant"] == "ab_fusion")
-            list(_measured(replace(unit, wanted=(next(refined, unit.wanted[0]),)), registry))
-        for cell, picture in _measured(unit, registry):
-            yield pictured(cell, picture, unit.folder, "-".join(cell.texts(*_PICTURE_NAME)))
+            refined = [key for key in unit.keys if unit.factors[key]["variant"] == "ab_fusion"]
+            with suppress(Gvla2Error):
+                bench.cell((refined or unit.keys)[0])
+            bench = ObjectBench(unit, registry)
+        for key in unit.keys:
+            try:
+                yield bench.cell(key)
+            except Gvla2Error as error:
+                yield _failed(unit, key, error)
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
@@ -162,7 +179,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
         for item in dataset.items:
             fingerprint = item.fingerprint()
             for baseline in baselines:
-                wanted = []
+                cells: dict[str, dict[str, str | int]] = {}
                 for seed, noise, drift, variant in product(seeds, noises, drifts, variants):
                     factors: dict[str, str | int] = {
                         "data": dataset.kind,
@@ -178,12 +195,9 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                         "branch": config.branch.label(),
                     }
                     key = cell_key(self.name, factors, chosen[baseline, seed, noise], protocol, fingerprint)
-                    wanted.append(Wanted(key, factors))
-                keys = tuple(want.key for want in wanted)
+                    cells[key] = factors
                 label = f"{item.name}, {baseline}"
-                yield ObjectUnit(
-                    keys, label, dataset, item, baseline, tuple(wanted), config, self.bench.folder
-                )
+                yield ObjectUnit(tuple(cells), label, dataset, item, baseline, cells, config, self.folder)
 
 
 def _check_names(config: ReconstructionBench) -> None:
@@ -209,14 +223,8 @@ def _prior_label(config: ReconstructionBench) -> str:
 
 def _protocol_label(config: ReconstructionBench) -> str:
     """How the measuring differs from the protocol; "" where it does not."""
-    usual = ReconstructionBench()
-    changed = {
-        "surface_samples": (config.surface_samples, usual.surface_samples),
-        "lpips_weights": (config.lpips_weights, usual.lpips_weights),
-        "size": (config.data.size, usual.data.size),
-        "samples": (config.data.samples, usual.data.samples),
-    }
-    return ", ".join(f"{name}={value}" for name, (value, default) in changed.items() if value != default)
+    own = changed_options(config, ("surface_samples", "lpips_weights"))
+    return ", ".join(filter(None, (own, changed_options(config.data, ("size", "samples")))))
 
 
 def chosen_components(
@@ -248,29 +256,79 @@ def lpips_of(path: str | None) -> Lpips | None:
         return None
 
 
-def _measured(unit: ObjectUnit, registry: Registry) -> Iterator[tuple[Cell, bytes | None]]:
-    config = unit.config
-    try:
-        views = unit.dataset.load(unit.item)
-    except Gvla2Error as error:
-        yield from ((want.failed(error), None) for want in unit.wanted)
-        return
-    built: dict[tuple[str, str], Any] = {}
+class ObjectBench:
+    """Measures the cells of one object and baseline; raises :class:`Gvla2Error` for an object that cannot be loaded.
 
-    def parts_for(seed: int, noise: str) -> AblationParts:
-        """The components for a seed and a noise, each built once for its options: one G0 serves all priors."""
-        root = chosen_components(config, registry, unit.baseline, seed, noise)
+    Components are built once for their options, so that one G0 serves all priors; the true shape is prepared once.
+    """
+
+    def __init__(self, unit: ObjectUnit, registry: Registry) -> None:
+        self._unit, self._registry = unit, registry
+        self._views = unit.dataset.load(unit.item)
+        self._built: dict[tuple[str, str], Any] = {}
+        self._first: dict[int, tuple[Reconstruction, float]] = {}
+        self._judge: ReconstructionJudge | None = None
+        self._pictured: set[tuple[str, ...]] = set()
+
+    def cell(self, key: str) -> Cell:
+        """One cell: the baseline's seconds are the reconstruction's; any other row's are only its own.
+
+        The first of each drift, noise and pictured row has a picture of the first target view.
+        """
+        unit, views = self._unit, self._views
+        factors = unit.factors[key]
+        drift, noise, variant = (str(factors[name]) for name in ("drift", "noise", "variant"))
+        chosen = self._components(int(factors["seed"]), noise)
+        judge = self._judge = self._judge or self._new_judge(chosen.renderer)
+        g0, seconds = self._reconstructed(chosen)
+        size = DRIFTS[drift]
+        start = g0 if size is None else Drift.drawn(size, views.name, int(factors["seed"])).applied(g0)
+        began = time.perf_counter()
+        made, notes = refined_row(variant, start, views.inputs, chosen, unit.config.branch)
+        if variant != REFERENCE:
+            seconds = time.perf_counter() - began
+        scores = judge.measure(made)
+        notes = {"status": "ok", "cd_points": scores.cd_points, **notes}
+        place = drift, noise, variant
+        if variant in PICTURED and place not in self._pictured and made.gaussians is not None:
+            self._pictured.add(place)
+            picture = np.rint(255 * judge.pictures(made.gaussians, 1)[0]).astype(np.uint8)
+            if variant == REFERENCE:  # beside the true view
+                picture = np.hstack([views.targets[0].image, picture])
+            name = "-".join(str(factors[name]) for name in _PICTURE_NAME)
+            path = write_bytes(unit.folder / "pictures" / f"{name}.png", png(Image.fromarray(picture)))
+            notes["picture"] = str(path.absolute())
+        return Cell(key, factors, {**scores.measures, "seconds": seconds}, notes)
+
+    def _components(self, seed: int, noise: str) -> AblationComponents:
+        root = chosen_components(self._unit.config, self._registry, self._unit.baseline, seed, noise)
         for kind in GEOMETRY:
-            if (kind, repr(root[kind])) not in built:
-                built[kind, repr(root[kind])] = registry.build(root, kind)
-        return AblationParts(**{kind: built[kind, repr(root[kind])] for kind in GEOMETRY})
+            if (kind, repr(root[kind])) not in self._built:
+                self._built[kind, repr(root[kind])] = self._registry.build(root, kind)
+        return AblationComponents(**{kind: self._built[kind, repr(root[kind])] for kind in GEOMETRY})
 
-    def judge_for(renderer: Renderer) -> ReconstructionJudge:
-        threads = 1 if in_a_worker() else -1
+    def _reconstructed(self, chosen: AblationComponents) -> tuple[Reconstruction, float]:
+        """G0 and its seconds; a reconstructor runs once."""
+        name = id(chosen.reconstructor)
+        if name not in self._first:
+            began = time.perf_counter()
+            made = chosen.reconstructor.reconstruct(self._views.inputs)
+            if made is None:
+                raise Gvla2Error(
+                    "The reconstructor made nothing; choose baselines that reconstruct, such as hull."
+                )
+            self._first[name] = made, time.perf_counter() - began
+        return self._first[name]
+
+    def _new_judge(self, renderer: Renderer) -> ReconstructionJudge:
+        config, threads = self._unit.config, 1 if in_a_worker() else -1
         lpips = lpips_of(config.lpips_weights)
-        return ReconstructionJudge(views, renderer, lpips, threads, config.surface_samples)
+        return ReconstructionJudge(self._views, renderer, lpips, threads, config.surface_samples)
 
-    yield from measure_object(views, unit.wanted, parts_for, judge_for, config.branch)
+
+def _failed(unit: ObjectUnit, key: str, error: Exception) -> Cell:
+    empty = dict.fromkeys((*MEASURES, "seconds"))
+    return Cell(key, unit.factors[key], empty, {"status": f"failed: {error}"})
 
 
 @cache

@@ -50,13 +50,13 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         return EXPLORATION if stage == 0 else self.name
 
     def prepare(self, unit: EpisodeUnit, rows: Rows) -> EpisodeUnit:
-        """An episode of the test with what its arm has learnt."""
+        """An episode of the test with what its arm has learned."""
         if unit.arm.name == EXPLORED:
             return unit
         place = place_of(unit.config)
         if place not in self._schools:
-            self._schools[place] = School(self.designs[place], self.registry, self.bench.folder, rows)
-        return self._schools[place].taught(unit)
+            self._schools[place] = School(self.designs[place], self.registry, self.folder, rows)
+        return replace(unit, lessons=self._schools[place].lessons(unit))
 
     @staticmethod
     def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
@@ -76,11 +76,12 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
 class School:
     """Teaches the arms of one planner from its exploration. A bank is written, once, when an episode needs it.
 
-    Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learnt less would be mistaken for full ones.
+    Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learned less would be mistaken for full ones.
     """
 
     def __init__(self, design: Design, registry: Registry, folder: Path, rows: Rows) -> None:
-        self._design, self._registry, self._folder = design, registry, folder
+        self._design, self._registry = design, registry
+        self._folder = (folder / "banks" / design.place).absolute()
         self._lessons: dict[tuple[str, str], Lessons] = {}
         self._experiences: dict[str, list[Experience]] = {}
         explored = [(unit, rows[unit.keys[0]]) for unit in design.exploring]
@@ -95,49 +96,38 @@ class School:
             found = map(Experience.from_json, cell.notes.get("experience") or ())
             self._experiences.setdefault(unit.subject, []).extend(found)
 
-    def taught(self, unit: EpisodeUnit) -> EpisodeUnit:
-        """The episode with what its arm has learnt."""
-        place = unit.subject, unit.arm.name
-        if place not in self._lessons:
-            self._lessons[place] = self._learnt(unit)
-        return replace(unit, lessons=self._lessons[place])
-
-    def _learnt(self, unit: EpisodeUnit) -> Lessons:
-        learnt = first_layouts(self._experiences, unit.arm.explored)
-        if unit.arm.source == "shuffled":
-            others = others_of(unit.subject, list(self._design.subjects))
-            others.sort(key=lambda other: other.partition(FAMILY)[0] != unit.subject.partition(FAMILY)[0])
-            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
+    def lessons(self, unit: EpisodeUnit) -> Lessons:
+        """What the arm of a row has learned."""
+        subject, arm = unit.subject, unit.arm
+        key = subject, arm.name
+        if key in self._lessons:
+            return self._lessons[key]
+        known = dict(self._experiences)
+        rows = list(self._design.subjects)
+        bank, asked = arm.name, None
+        if arm.source == "best_theta":
+            known = {subject: known.get(subject, [])}
+        if arm.source == "shuffled":
+            others = others_of(subject, rows)
+            # Another family of the same task comes first: only the family's own numbers differ.
+            others.sort(key=lambda other: other.partition(FAMILY)[0] != subject.partition(FAMILY)[0])
+            asked = next((e.episode.task for other in others for e in known.get(other, ())), None)
             # An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
-            learnt = {subject: some for subject, some in learnt.items() if subject != unit.subject}
-            number = list(self._design.subjects).index(unit.subject)
-            return Lessons(self._bank(unit, f"{unit.arm.name}-{number}", learnt), asked=asked)
-        if has_bank(self._registry, unit.arm):
-            return Lessons(self._bank(unit, unit.arm.name, learnt))
-        if unit.arm.source == "best_theta":
-            return Lessons(experiences=tuple(learnt.get(unit.subject, ())))
-        return Lessons(experiences=tuple(e for some in learnt.values() for e in some))
+            known.pop(subject, None)
+            bank = f"{arm.name}-{rows.index(subject)}"
+        if has_bank(self._registry, arm):
+            self._lessons[key] = Lessons(self._bank(unit, bank, known), asked=asked)
+        else:
+            self._lessons[key] = Lessons(experiences=tuple(e for some in known.values() for e in some))
+        return self._lessons[key]
 
-    def _bank(self, unit: EpisodeUnit, name: str, learnt: Mapping[str, Sequence[Experience]]) -> str:
+    def _bank(self, unit: EpisodeUnit, name: str, known: Mapping[str, Sequence[Experience]]) -> str:
         """The file of a bank that knows these lessons, taught unless another row of the arm has done so."""
-        path = (self._folder / "banks" / self._design.place).absolute() / f"{name}.db"
+        path = self._folder / f"{name}.db"
         if str(path) not in {lessons.bank for lessons in self._lessons.values()}:
             path.parent.mkdir(parents=True, exist_ok=True)
             root = chosen_memory(self._design.config, self._registry, unit.arm, str(path))
             with closing(self._registry.build(root, "memory")) as memory:
-                for some in learnt.values():
+                for some in known.values():
                     teach(memory, some)
         return str(path)
-
-
-def first_layouts(
-    experiences: Mapping[str, Sequence[Experience]], layouts: int | None
-) -> Mapping[str, Sequence[Experience]]:
-    """Experience from the first ``layouts`` explored layouts of each row; all of it for None."""
-    if layouts is None:
-        return experiences
-    found = {}
-    for subject, learnt in experiences.items():
-        seeds = list(dict.fromkeys(one.seed for one in learnt))[:layouts]
-        found[subject] = [one for one in learnt if one.seed in seeds]
-    return found

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
-from types import MappingProxyType
 from typing import Any
 
 from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import MEMORY, WITHOUT_BANK, BenchArm, chosen_arms, chosen_memory
+from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory
 from gvla2.evaluation.components import (
+    changed_options,
     code_of,
     configured,
     given_label,
     given_options,
     model_label,
+    named_tasks,
     noise_label,
     options_of,
     require_among,
     task_options,
 )
-from gvla2.evaluation.config import RobotBench
+from gvla2.evaluation.config import LEARNABLE, RobotBench
 from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
 from gvla2.plugins.assembly import GEOMETRY, LOOP
-from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
 
 SUITE = "robot"
@@ -35,13 +36,30 @@ VERSION = 2
 EXPLORATION = "robot_exploration"
 """The name under which the results database stores the arms' experience."""
 PROFILES = ("relaxed", "strict")
-LEARNABLE = "learnable"
 FAMILY = ", family "
 """Between a task and the number of a family in a row's name."""
 STRIDE = 10_000
 """Layouts of one seed; those below it are for exploration and for layouts that are named."""
 NAMED = "layouts"
 """The ``seed`` of episodes whose layouts were named and have no seed; ``episode`` is the layout then."""
+TASKS = (
+    "put_block", "play_jenga", "open_jar", "close_box", "open_box", "pickup_cup", "push_block", "take_umbrella",
+    "sort_mustard", "open_wine", "lamp_on", "put_knife", "pick_and_lift", "insert_block",
+)  # fmt: skip
+"""The paper's tasks in its order, measured where none are named."""
+HOUSE = (
+    "robot",
+    "perceiver",
+    "parts",
+    "branch",
+    "verifier",
+    "depth_noise",
+    "scale",
+    "world",
+    "replan",
+    "max_parts",
+)
+"""Factors that planners must share to be compared; tables leave out those with the usual value."""
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
     "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
@@ -50,43 +68,20 @@ MEASURING_CODE = (
 """Code whose change outdates stored rows, besides the chosen plugins."""
 ASKING_CODE = ("gvla2.language",)
 """The same, for rows that used a language model."""
-PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "put_block": (90.3, 75.0),
-        "play_jenga": (85.3, 63.3),
-        "open_jar": (85.0, 68.7),
-        "close_box": (54.7, 31.0),
-        "open_box": (38.3, 10.0),
-        "pickup_cup": (87.3, 76.7),
-        "push_block": (25.0, 15.0),
-        "take_umbrella": (68.0, 48.0),
-        "sort_mustard": (79.3, 57.3),
-        "open_wine": (44.7, 26.3),
-        "lamp_on": (78.7, 58.7),
-        "put_knife": (63.7, 43.7),
-        "pick_and_lift": (90.7, 66.0),
-        "insert_block": (34.3, 13.3),
-    }
-)
-"""Success in per cent, with and without memory, as the paper reports it: from another simulator, so not a baseline."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """One planner's episodes in one world; ``config`` is the bench with it.
+    """One planner's episodes in one world; ``config`` is the bench with it, ``place`` a folder name of its own.
 
     ``subjects`` are the rows: their names with the task's name and options.
     """
 
     config: RobotBench
+    place: str
     subjects: Mapping[str, Mapping[str, Any]]
     plan: Sequence[EpisodeUnit]
     exploring: Sequence[EpisodeUnit]
-
-    @property
-    def place(self) -> str:
-        """A folder name unique among the designs of the bench."""
-        return place_of(self.config)
 
 
 def place_of(config: RobotBench) -> str:
@@ -105,47 +100,42 @@ def designs(config: RobotBench, registry: Registry) -> list[Design]:
     """
     arms = chosen_arms(config, registry)
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
-    teachers = [config.teacher] if config.teacher else []
-    require_among("planner_options", config.planner_options, [*planners, *teachers], "planners")
+    require_among("planner_options", config.planner_options, {*planners, config.teacher} - {""}, "planners")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
-    worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
+    seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
     return [
         _design(
-            with_planner(world, registry, name),
-            with_planner(world, registry, config.teacher or name),
+            with_planner(replace(config, seeds=world), registry, name),
+            with_planner(replace(config, seeds=world), registry, config.teacher or name),
             registry,
             arms,
         )
-        for world in (worlds if config.world == LEARNABLE else [config])
+        for world in seeds
         for name in planners
     ]
 
 
 def _check_seeds(config: RobotBench, learns: bool) -> None:
     """Raises :class:`ConfigurationError` if exploration could use a test's layout, or would do nothing."""
-    usable = [seed for seed in config.exploration_seeds if 0 <= seed < STRIDE]
-    shared = sorted(set(usable) & set(config.layouts))
-    for holds, message in (
-        (learns or not config.teacher, f"teacher is '{config.teacher}', but no arm learns."),
+    usable = all(0 <= seed < STRIDE for seed in config.exploration_seeds)
+    shared = sorted(set(config.exploration_seeds) & set(config.layouts)) if learns else []
+    for wrong, message in (
+        (config.teacher and not learns, f"teacher is '{config.teacher}', but no arm learns."),
         (
-            config.exploration_seeds or not learns,
+            learns and not config.exploration_seeds,
             "exploration_seeds is empty, but there are arms that learn.",
         ),
-        (config.episodes <= STRIDE, f"episodes is {config.episodes}; {STRIDE} at most fit to one seed."),
+        (config.episodes > STRIDE, f"episodes is {config.episodes}; {STRIDE} at most fit to one seed."),
         (
-            usable == config.exploration_seeds,
+            not usable,
             f"exploration_seeds {config.exploration_seeds} are not in [0, {STRIDE}): higher ones lay out the test.",
         ),
         (
-            not shared or not learns,
+            shared,
             f"layouts {shared} are among the exploration_seeds: an explored layout cannot be a test. Choose others.",
         ),
-        (
-            config.world == LEARNABLE or config.families == RobotBench().families,
-            f"families is {config.families}; there are families in world={LEARNABLE} only.",
-        ),
     ):
-        if not holds:
+        if wrong:
             raise ConfigurationError(message)
 
 
@@ -156,7 +146,7 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
-    names = ordered(config.tasks or _default_tasks(config, registry))
+    names = ordered(named_tasks(config, registry) or _default_tasks(config, registry))
     require_among("task_options", config.task_options, names, "tasks")
     world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
@@ -164,7 +154,7 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
-        if "family" not in options_of(registry, "task", name):
+        if OWN_TASK in name or "family" not in options_of(registry, "task", name):
             raise ConfigurationError(f"world is {LEARNABLE}, but the task '{name}' has no option 'family'.")
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
@@ -174,36 +164,30 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
 def _default_tasks(config: RobotBench, registry: Registry) -> list[str]:
     """The paper's fourteen, or in a learnable world all that have something to learn."""
     if config.world != LEARNABLE:
-        return list(PAPER)
+        return list(TASKS)
 
     def learnable(name: str) -> bool:
+        if "family" not in options_of(registry, "task", name):
+            return False
         try:
             registry.build({"task": {"name": name, "world": LEARNABLE}}, "task")
         except ConfigurationError:
             return False
         return True
 
-    return [
-        name
-        for name in registry.components("task")
-        if "family" in options_of(registry, "task", name) and learnable(name)
-    ]
+    return list(filter(learnable, registry.components("task")))
 
 
 def ordered(tasks: Sequence[str]) -> list[str]:
-    """Each task once, the paper's first in its order; the paper's fourteen if none are given."""
-    chosen = list(dict.fromkeys(tasks)) or list(PAPER)
-    return [name for name in PAPER if name in chosen] + [name for name in chosen if name not in PAPER]
+    """Each task once, the paper's first in its order."""
+    chosen = list(dict.fromkeys(tasks))
+    return [name for name in TASKS if name in chosen] + [name for name in chosen if name not in TASKS]
 
 
 def others_of(subject: str, rows: Sequence[str]) -> list[str]:
-    """The rows that could stand in for one, for the control ``shuffled``: the next one first, never itself.
-
-    Where it is the only one, the paper's tasks.
-    """
-    circle = list(rows) if len(rows) > 1 else [subject, *(name for name in PAPER if name != subject)]
-    place = circle.index(subject)
-    return circle[place + 1 :] + circle[:place]
+    """The rows that could stand in for one, for the control ``shuffled``: the next one first, never itself."""
+    place = list(rows).index(subject)
+    return [*rows[place + 1 :], *rows[:place]]
 
 
 def with_planner(config: RobotBench, registry: Registry, name: str) -> RobotBench:
@@ -224,49 +208,34 @@ def _design(config: RobotBench, teaching: RobotBench, registry: Registry, arms: 
     ``teaching`` is the bench with the planner that explores.
     """
     rows = subjects(config, registry)
-    explored = dict(rows) if any(arm.learns for arm in arms) else {}
-    if any(arm.source == "shuffled" for arm in arms) and len(rows) == 1:  # the control needs another task
-        other = others_of(next(iter(rows)), list(rows))[0]
-        explored[other] = {"name": other, **({"scale": config.scale} if config.scale != 1 else {})}
+    if len(rows) == 1 and any(arm.source == "shuffled" for arm in arms):
+        raise ConfigurationError("The arm 'shuffled' recalls for another task: name two tasks or more.")
+    explored = rows if any(arm.learns for arm in arms) else {}
     around, taught = _around(config, registry, rows), _around(teaching, registry, explored)
     how = (config.exploration, config.exploration_replan)
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     exploring = []
     for subject, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
         here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
-        key = cell_key(EXPLORATION, here, taught[subject], *how)
+        keys = (cell_key(EXPLORATION, here, taught[subject], *how),)
         factors = {**here, "planner": planner_label(teaching)}
-        exploring.append(_unit(teaching, subject, explored[subject], explorer, seed, {"both": key}, factors))
-    learnt = (list(explored), config.exploration_seeds, *how, [taught[subject] for subject in explored])
-    common = _common(config, registry)
-    teacher = planner_label(teaching) if planner_label(teaching) != planner_label(config) else ""
+        name = f"{teaching.planner.name}, {subject}, {EXPLORED}"
+        exploring.append(EpisodeUnit(keys, name, teaching, subject, rows[subject], explorer, seed, factors))
+    lessons = (list(explored), config.exploration_seeds, *how, list(taught.values()))
+    common, label, teacher = _common(config, registry), planner_label(config), planner_label(teaching)
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
-        past: Any = (learnt, _memory_key(config, registry, arm)) if arm.learns else ()
-        own = {"learning": _learning_label(config, arm)} if arm.learns else {}
-        own |= {"teacher": teacher} if arm.learns and teacher else {}
-        own |= {"variant": arm.variant} if arm.variant else {}
-        if arm.replan is not None or arm.explored is not None:
-            past = (past, arm.replan, arm.explored)
+        past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
+        past = (past, arm.replan)
+        own = {"variant": arm.variant} if arm.variant else {}
+        if arm.learns:
+            own |= {"learning": _learning_label(config), "teacher": teacher if teacher != label else ""}
         for place, layout in _places(config):
             here = {"task": subject, "arm": arm.name, **place}
-            keys = {p: cell_key(SUITE, here, p, around[subject], past) for p in PROFILES}
-            plan.append(_unit(config, subject, task, arm, layout, keys, {**here, **own, **common}))
-    return Design(config, rows, plan, exploring)
-
-
-def _unit(
-    config: RobotBench,
-    subject: str,
-    task: Mapping[str, Any],
-    arm: BenchArm,
-    layout: int,
-    by_profile: Mapping[str, str],
-    factors: Mapping[str, str | int],
-) -> EpisodeUnit:
-    label = f"{config.planner.name}, {subject}, {arm.name}"
-    keys = tuple(by_profile.values())
-    return EpisodeUnit(keys, label, config, subject, task, arm, layout, by_profile, factors)
+            keys = tuple(cell_key(SUITE, here, p, around[subject], past) for p in PROFILES)
+            name, factors = f"{config.planner.name}, {subject}, {arm.name}", {**here, **own, **common}
+            plan.append(EpisodeUnit(keys, name, config, subject, task, arm, layout, factors, PROFILES))
+    return Design(config, place_of(config), rows, plan, exploring)
 
 
 def _around(
@@ -274,18 +243,13 @@ def _around(
 ) -> dict[str, tuple[Any, ...]]:
     """What all episodes of a row share that could change their outcome, by the row's name."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    tries = (config.replan, config.max_parts)
+    shared = (asdict(config.depth_noise), asdict(config.branch), config.replan, config.max_parts, versions())
     found = {}
     for subject, task in rows.items():
-        typed = configured(registry, components(config, task), (*LOOP, *GEOMETRY))
-        options = (
-            list(map(asdict, typed)),
-            asdict(config.depth_noise),
-            asdict(config.branch),
-            tries,
-            versions(),
-        )
-        found[subject] = (*options, code_of(typed, *MEASURING_CODE, *asking), VERSION)
+        kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
+        typed = configured(registry, components(config, task), kinds)
+        code = code_of(typed, *MEASURING_CODE, *asking)
+        found[subject] = (list(map(asdict, typed)), *shared, code, VERSION)
     return found
 
 
@@ -336,7 +300,7 @@ def planner_label(config: RobotBench) -> str:
 
 
 def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
-    """The factors that all episodes of a design share: what is at work, without options that are as usual."""
+    """The factors that all episodes of a design share; those with the usual value are left out."""
     refined = config.reconstructor.name not in ("", NONE)
     also = {kind: getattr(config, kind) for kind in ("camera", *(GEOMETRY if refined else ()))}
     parts = [f"{kind} {described(one)}" for kind, one in also.items() if one.name not in ("", NONE)]
@@ -357,28 +321,13 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
     }
 
 
-def _learning_label(config: RobotBench, arm: BenchArm) -> str:
-    """What arms learn from and with in a table: the exploration, and what memory's helpers have changed."""
-    usual, changed = RobotBench(), []
-    if config.exploration_seeds != usual.exploration_seeds:
-        changed.append(f"seeds {_ranged(config.exploration_seeds)}")
-    for name in ("exploration", "exploration_replan"):
-        if getattr(config, name) != getattr(usual, name):
-            changed.append(f"{name}={getattr(config, name)}")
-    if arm.source not in WITHOUT_BANK:
-        for kind in MEMORY[1:]:
-            helper = getattr(config, kind)
-            if helper.name and described(helper) != KINDS[kind].default:
-                changed.append(f"{kind} {described(helper)}")
-    return ", ".join(changed)
-
-
-def _ranged(numbers: Iterable[int]) -> str:
-    """Numbers in few words: "0-3, 7"."""
-    spans: list[list[int]] = []
-    for number in sorted(set(numbers)):
-        if spans and spans[-1][-1] == number - 1:
-            spans[-1].append(number)
-        else:
-            spans.append([number])
-    return ", ".join(f"{one[0]}-{one[-1]}" if len(one) > 1 else str(one[0]) for one in spans)
+def _learning_label(config: RobotBench) -> str:
+    """How arms learn, where it is unusual: the exploration, and the components that memories use."""
+    exploring = changed_options(config, ("exploration_seeds", "exploration", "exploration_replan"))
+    helpers = {kind: getattr(config, kind) for kind in MEMORY[1:]}
+    unusual = [
+        f"{kind} {described(one)}"
+        for kind, one in helpers.items()
+        if one.name and described(one) != KINDS[kind].default
+    ]
+    return ", ".join(filter(None, (exploring, *unusual)))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
-from gvla2.episode.record import EpisodeRecord, Stage
+from gvla2.episode.record import VOID, EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
     BenchArm,
@@ -30,15 +30,15 @@ from gvla2.plugins.registry import Registry
 
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
-NOT_MEASURED = ("timeout", "unavailable")
-"""Kinds of failure that do not count against an arm: its planner timed out, or its model was unavailable."""
+NOT_MEASURED = ("timeout", "unavailable", VOID)
+"""Kinds of failure that do not count against an arm: its planner timed out, its model was unavailable, or the simulated
+world blew up."""
 UNSEEN = ("nothing_matches", "ambiguous", "perception")
-GRASP = ("slipped",)
 
 
 @dataclass(frozen=True)
 class Lessons:
-    """What an arm has learnt before an episode: ``bank`` is its frozen bank's file, "" if it keeps none.
+    """What an arm has learned before an episode: ``bank`` is its frozen bank's file, "" if it keeps none.
 
     ``experiences`` are what an arm without a file learns from; ``asked`` is what ``shuffled`` asks instead of the
     episode's own question (None: no such question).
@@ -53,8 +53,8 @@ class Lessons:
 class EpisodeUnit(Unit):
     """An episode of the design: a row of the bench in one arm, laid out by the seed ``layout``.
 
-    ``subject`` names the row; ``task`` is the task's name and options; ``by_profile`` has the keys of its cells and
-    ``factors`` what these have in common; ``config`` is the bench with the planner that plans.
+    ``subject`` names the row; ``task`` is the task's name and options; ``profiles`` are those of its cells, in the
+    order of ``keys``, and ``factors`` what the cells have in common; ``config`` is the bench with the planner.
     """
 
     config: RobotBench
@@ -62,26 +62,23 @@ class EpisodeUnit(Unit):
     task: Mapping[str, Any]
     arm: BenchArm
     layout: int
-    by_profile: Mapping[str, str]
     factors: Mapping[str, str | int]
+    profiles: tuple[str, ...] = ("",)
     lessons: Lessons = Lessons()
 
 
 def components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
     """What to build for a task, by kind, without its memory."""
     kinds = ("camera", *LOOP, *GEOMETRY, *MEMORY[1:], "language")
-    return {
-        **{kind: getattr(config, kind) for kind in kinds if kind != "task"},
-        "task": dict(task),
-        "memory": {"name": "none"},
-    }
+    chosen = {kind: getattr(config, kind) for kind in kinds if kind != "task"}
+    return {**chosen, "task": dict(task), "memory": {"name": "none"}}
 
 
 def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
     """Run the episode here. One in which a component crashed is a failure; the next has fresh components."""
     exploring = unit.arm.name == EXPLORED
     with _memory(unit, registry) as memory:
-        parts = replace(_parts_of(unit, registry), memory=memory)
+        parts = replace(_components_of(unit, registry), memory=memory)
         if exploring:
             parts = replace(parts, planner=_exploring(unit, registry, parts))
         record, seconds = _run(unit, parts)
@@ -103,12 +100,15 @@ class _Latest(SilentListener):
 
 def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds."""
-    same = ("depth_noise", "planner_timeout", "max_parts")
-    options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
-    replan = unit.config.replan if unit.arm.replan is None else unit.arm.replan
-    source = f"{unit.subject}-{unit.arm.name}-{unit.layout}"
-    request = EpisodeRequest(seed=unit.layout, source=source, replan=replan, **options)
-    listener = _Latest()
+    config, arm, listener = unit.config, unit.arm, _Latest()
+    request = EpisodeRequest(
+        seed=unit.layout,
+        source=f"{unit.subject}-{arm.name}-{unit.layout}",
+        replan=config.replan if arm.replan is None else arm.replan,
+        depth_noise=config.depth_noise,
+        planner_timeout=config.planner_timeout,
+        max_parts=config.max_parts,
+    )
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
         run_episode(parts, request, listener)
@@ -126,15 +126,17 @@ def cells_of(
     why = failure_class(record) or ("" if relaxed else "unnoticed")
     message = record.failure.message if record.failure else ""
     measured = why not in NOT_MEASURED
-    status = "ok" if measured else f"not measured: {why}"
-    notes: dict[str, Any] = {"status": status, "layout": unit.layout, **_notes(record)}
-    if explored:
-        notes["experience"] = [one.to_json() for one in explored]
+    notes: dict[str, Any] = {
+        "status": "ok" if measured else f"not measured: {why}",
+        "layout": unit.layout,
+        **_notes(record),
+        **({"experience": [one.to_json() for one in explored]} if explored else {}),
+    }
     cells = []
-    for profile, key in unit.by_profile.items():
+    for profile, key in zip(unit.profiles, unit.keys, strict=True):
         done = strict if profile == "strict" else relaxed
         failure = {} if done else {"failure": why or "not_strictly", "message": message}
-        factors = dict(unit.factors) | ({} if profile == "both" else {"profile": profile})
+        factors = dict(unit.factors) | ({"profile": profile} if profile else {})
         measures = {"success": done if measured else None, "seconds": seconds, **spent_on(record)}
         cells.append(Cell(key, factors, measures, {"failure": "", "message": "", **notes, **failure}))
     return cells
@@ -154,12 +156,12 @@ def failure_class(record: EpisodeRecord) -> str:
         return ""
     if failure.kind in NOT_MEASURED:
         return failure.kind
-    if failure.kind in ("crashed", "error", "interrupted", "simulation"):
+    if failure.kind in ("crashed", "error", "interrupted"):
         return "error"
     if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
         return "perception"
     if failure.stage == "execute":
-        return "grasp" if failure.kind in GRASP else "execution"
+        return "grasp" if failure.kind == "slipped" else "execution"
     by_stage = {"plan": "abstained", "check": "plan_rejected", "success_check": "unnoticed"}
     return by_stage.get(failure.stage, "not_achieved")
 
@@ -173,10 +175,8 @@ def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
     timings = [each.timings for each in _all_of(record) if "plan" in each.timings]
     planning = [each["plan"] + each.get("check", 0.0) for each in timings]
     tallies = record.language.values()
-    counts: dict[str, float | None] = {
-        name: sum(tally.get(name, 0) for tally in tallies)
-        for name in ("calls", "cached", "prompt_tokens", "completion_tokens")
-    }
+    names = ("calls", "cached", "prompt_tokens", "completion_tokens")
+    counts: dict[str, float | None] = {name: sum(t.get(name, 0) for t in tallies) for name in names}
     if any(tally.get("unmetered") for tally in tallies):
         counts |= {"prompt_tokens": None, "completion_tokens": None}
     return {"planning_seconds": round(sum(planning), 4) if planning else None, **counts}
@@ -193,17 +193,14 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     return {
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
-        "skills": [part.plan.skill if part.plan else "" for part in record.whole],
         "fallback": fallbacks[0] if fallbacks else "",
         "language": {purpose: dict(tally) for purpose, tally in record.language.items()},
         "verdict": record.verdict.outcome if record.verdict else "",
-        "quality": record.verdict.quality if record.verdict else None,
         "recalled": [item.id for item in recalled.items] if recalled else [],
         "abstained": recalled.abstained if recalled else "",
         "degraded": recalled.degraded if recalled else "",
         "parameters": dict(plan.parameters) if plan else {},
         "timings": dict(record.timings),
-        "parts": [dict(part.timings) for part in record.parts],
     }
 
 
@@ -233,7 +230,7 @@ _kept: dict[str, Components] = {}
 """The components of the task that this process worked on last: a robot takes a second to build."""
 
 
-def _parts_of(unit: EpisodeUnit, registry: Registry) -> Components:
+def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
     key = repr((unit.config, unit.task))
     if key not in _kept:
         release()

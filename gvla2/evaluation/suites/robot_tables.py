@@ -1,10 +1,10 @@
-"""The robot suite's tables: success with intervals and costs, what memory adds, and how the rest failed."""
+"""The robot suite's tables: success with intervals and costs, what memory adds, and the failures."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
@@ -17,61 +17,32 @@ from gvla2.evaluation.statistics import (
     wilson_interval,
     won_and_lost,
 )
-from gvla2.evaluation.suites.robot_design import NAMED, PAPER, PROFILES, ordered
-from gvla2.evaluation.tables import (
-    NONE,
-    Sheet,
-    SheetCell,
-    SheetRow,
-    Tone,
-    runs_of,
-    text_cell,
-)
+from gvla2.evaluation.suites.robot_design import HOUSE, NAMED, PROFILES, ordered
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of, text_cell
 from gvla2.record.text import count
 
-HOUSE = (
-    "robot",
-    "perceiver",
-    "parts",
-    "branch",
-    "verifier",
-    "depth_noise",
-    "scale",
-    "world",
-    "replan",
-    "max_parts",
-)
-"""Factors that planners must share to be compared."""
 PLANNER = ("planner", "model")
-"""Further factors that the arms of a table share."""
+"""Factors that the arms of a comparison share, besides the house."""
 EPISODE = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a house."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
-
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
-    "p < .05). "
+    "p < .05). Planning seconds include checks and answers to rejected plans; tokens are those of prompts + answers as "
+    "the server counted them. Answers from a cache cost neither tokens nor time. In a learnable world each seed is "
+    "another world, and a row pools the families of that number."
 )
-COSTS = (
-    "Below a rate: an episode's median seconds of planning (checks and answers to rejected plans included), its mean "
-    "number of calls to a language model, and the mean tokens of their prompts + answers as the server counted them. "
-    "Answers from a cache cost neither tokens nor time and are listed separately; so are episodes in which the "
-    "fallback planned. "
-)
-OF_WORLDS = (
-    "Each seed is another world: a row pools the families of that number; intervals are over episodes. "
-)
-OF_PAPER = "The paper's rows are from another simulator: a level to exceed, not a like-for-like comparison."
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
     "lost; exact McNemar p over all pairs; tasks that differ after Holm."
 )
 FAILURES = (
-    "Episodes that missed the relaxed goal, by cause; agreement of the robot's own verifier with the success "
-    "check where it said success or failure; median seconds of an episode. Not measured: the planner timed out or its "
-    "language model was unavailable; such episodes are not counted and are measured again next time."
+    "Failures by cause, where the relaxed goal was not reached (unnoticed: the robot's own verifier saw nothing wrong; "
+    "abstained: the planner found no plan), and how often the verifier agreed with the simulator where it was sure. "
+    "An episode is not measured if the planner did not answer in time, or its language model was unavailable; it is "
+    "not counted, and measured again next time."
 )
 
 Columns = Mapping[str, Sequence[Cell]]
@@ -87,43 +58,42 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(_with_arms(found))]
 
 
+def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with their arms' names in tables: with a variant's options, the exploring planner if another, and how
+    it learns where cells differ.
+    """
+    several, named = len(_learnings(cells)) > 1, []
+    for cell in cells:
+        arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
+        taught = f"taught by {teacher}" if teacher else ""
+        options = ", ".join(filter(None, (variant, taught, learning if several else "")))
+        named.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
+    return named
+
+
+def _learnings(cells: Sequence[Cell]) -> set[str]:
+    """How memory learns in these cells, "" for as usual; arms that do not learn are left out."""
+    return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
+
+
 def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
     tasks = ordered([task for (task,) in grouped(cells, "task")])
     columns = _columns(cells)
     title = _title(cells, HOUSE if len(grouped(cells, "planner")) > 1 else (*HOUSE, *PLANNER))
     sheets = [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
     for found in grouped(cells, *PLANNER).values():
-        if len(_arms(found)) > 1:
-            sheets.append(_effects(found, tasks, f"{_title(found, (*HOUSE, *PLANNER))}: what memory adds"))
-    sheets.append(_failures(columns, tasks, f"{title}: failures"))
-    return [replace(sheet, runs=runs_of(cells)) for sheet in sheets]
-
-
-def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with their arms' names in tables: with a variant's options, the exploring planner if
-    another, and how it learns where cells differ.
-    """
-    several = len(_learnings(cells)) > 1
-    named = []
-    for cell in cells:
-        arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
-        taught = f"taught by {teacher}" if teacher else ""
-        options = ", ".join(one for one in (variant, taught, learning if several else "") if one)
-        name = f"{arm} ({options})" if options else arm
-        named.append(replace(cell, factors={**cell.factors, "arm": name}))
-    return named
-
-
-def _learnings(cells: Sequence[Cell]) -> set[str]:
-    """How memory learns in these cells, "" for as usual; arms without lessons are left out."""
-    return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
+        if len(grouped(found, "arm")) > 1:
+            sheets.append(_effects(found, f"{_title(found, (*HOUSE, *PLANNER))}: what memory adds"))
+    sheets.append(_failures(columns, f"{title}: failures"))
+    counted = f"{count(len(tasks), 'task')}, {count(len(_of_profile(cells, PROFILES[0])), 'episode')}"
+    return [replace(sheet, counts=counted, runs=runs_of(cells)) for sheet in sheets]
 
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
     """What all these cells share; how memory learns is among it unless the arms' names say so."""
     shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
-    learning = _learnings(cells)
-    shared += [f"memory with {learning.pop()}"] if len(learning) == 1 and learning != {""} else []
+    learnings = _learnings(cells)
+    shared += [f"memory with {one}" for one in learnings if one and len(learnings) == 1]
     return f"Robot ({', '.join(shared)})"
 
 
@@ -152,120 +122,75 @@ def _counts(cell: Cell) -> bool:
     return cell.measures.get("success") is not None
 
 
-def _of_profile(columns: Columns, profile: str) -> tuple[Columns, Columns]:
-    """The columns' cells of a profile, and the measured ones of these."""
-    found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
-    return found, {name: list(filter(_counts, some)) for name, some in found.items()}
+def _of_profile(cells: Iterable[Cell], profile: str) -> list[Cell]:
+    return [cell for cell in cells if cell.factors.get("profile") == profile]
 
 
 def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -> Sheet:
     """Tasks down, planners and arms across, a row of means, then the cost of an episode where a model was asked."""
-    found, sound = _of_profile(columns, profile)
-    cells = [cell for some in sound.values() for cell in some]
-    asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in cells)
-    costs = profile == PROFILES[0] and (asked or len(grouped(cells, "planner")) > 1)
-    known = len(grouped(cells, *PLANNER)) == 1 and bool(PAPER.keys() & set(tasks))
-    paper = _paper if known else lambda tasks: []
-    sure = {name: _different(_pairs(_off_of(some, sound), some)) for name, some in sound.items()}
-    rows = []
-    for task in tasks:
-        of_task = {
-            name: [cell for cell in some if cell.texts("task") == (task,)] for name, some in found.items()
-        }
-        rates = [_rate(some, sure[name].get(task, 0), costs) for name, some in of_task.items()]
-        rows.append(SheetRow(task, (*rates, *paper([task]))))
-    means = (SheetCell(_mean_lines(some, tasks)) if some else NONE for some in sound.values())
-    rows.append(SheetRow("mean over tasks", (*means, *paper(tasks))))
+    found = {name: _of_profile(some, profile) for name, some in columns.items()}
+    everything = [cell for some in found.values() for cell in some]
+    entries: dict[str, list[SheetCell]] = {task: [] for task in (*tasks, "mean over tasks")}
+    for some in found.values():
+        off = [c for c in everything if c.texts("arm", *PLANNER) == ("off", *some[0].texts(*PLANNER))]
+        sure, by_task = _different(_pairs(off, some)), grouped(some, "task")
+        for task in tasks:
+            entries[task].append(_rate(by_task.get((task,), []), sure.get(task, 0)))
+        entries["mean over tasks"].append(_mean([cell for cell in some if _counts(cell)]))
+    rows = [SheetRow(label, tuple(line)) for label, line in entries.items()]
+    asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in everything)
     lines: dict[str, Callable[[Sequence[Cell]], str]] = {}
-    if costs:
-        lines["planning seconds, median"] = lambda some: _seconds(some).removesuffix(" s")
+    if profile == PROFILES[0] and (asked or len(grouped(everything, "planner")) > 1):
+        lines["planning seconds, median"] = lambda some: _middle(measured(some, "planning_seconds"))
         lines["calls an episode"] = lambda some: f"{_average(some, 'calls') or 0:.1f}"
-        lines["prompt + answer tokens an episode"] = lambda some: _tokens(some).removesuffix(" tokens")
-        if _cached(cells):
-            lines["answers from the cache"] = lambda some: f"{_cached(some):.0f}"
-    if _fallbacks(cells):
-        lines["episodes with the fallback"] = lambda some: f"{_fallbacks(some)} of {len(some)}"
-    lines["episodes"] = lambda some: str(len(some))
-    blank = paper([]) and [text_cell(""), text_cell("")]
-    rows += [
-        replace(row, cells=(*row.cells, *blank)) for row in (_line(*line, sound) for line in lines.items())
-    ]
-    models = sorted({model for (model,) in grouped(cells, "model")} - {""})
-    counts = f"{count(len(cells), 'episode')}, {count(len(tasks), 'task')}"
-    counts += f"; language model {', '.join(models)}" if models else ""
-    worlds = any(cell.factors.get("world") for cell in cells)
-    explained = (
-        SUCCESS + (COSTS if costs else "") + (OF_WORLDS if worlds else "") + (OF_PAPER if known else "")
-    )
-    headings = (*columns, *(("paper, with memory", "paper, without") if known else ()))
-    return Sheet(title, headings, tuple(rows), counts, (), explained.strip())
+        lines["prompt + answer tokens an episode"] = _tokens
+        lines["answers from the cache"] = lambda some: f"{sum(measured(some, 'cached')):.0f}"
+    lines["episodes with the fallback"] = lambda some: str(sum(bool(c.notes.get("fallback")) for c in some))
+    lines["not measured"] = lambda some: str(sum(not _counts(cell) for cell in some))
+    lines["episodes"] = lambda some: str(sum(map(_counts, some)))
+    rows += [_line(label, text, found) for label, text in lines.items()]
+    filled = [row for row in rows if any(cell.lines not in (("0",), ("",)) for cell in row.cells)]
+    return Sheet(title, tuple(columns), tuple(filled), "", (), SUCCESS)
 
 
-def _off_of(cells: Sequence[Cell], columns: Columns) -> list[Cell]:
-    """The cells with memory off of the same planner and model as these."""
-    same = cells[0].texts(*PLANNER) if cells else ()
-    everything = (cell for some in columns.values() for cell in some)
-    return [cell for cell in everything if cell.texts("arm") == ("off",) and cell.texts(*PLANNER) == same]
-
-
-def _rate(cells: Sequence[Cell], sure: int, costs: bool) -> SheetCell:
-    """The rate in per cent, its interval with the counts, and what an episode cost."""
-    sound = list(filter(_counts, cells))
-    gaps = f"{len(cells) - len(sound)} not measured" if len(sound) < len(cells) else ""
+def _rate(cells: Sequence[Cell], sure: int) -> SheetCell:
+    """The rate in per cent, and its interval with the counts."""
+    sound = [cell for cell in cells if _counts(cell)]
     if not sound:
-        return SheetCell((gaps,), none=True) if gaps else NONE
+        return NONE
     won = sum(bool(cell.measures["success"]) for cell in sound)
     low, high = wilson_interval(won, len(sound))
-    lines = [
-        f"{100 * won / len(sound):.1f}{' *' if sure else ''}",
-        f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(sound)}",
-    ]
-    if costs:
-        lines.append(_seconds(sound))
-        if calls := _average(sound, "calls"):
-            lines += [f"{calls:.1f} {'call' if calls == 1 else 'calls'}", _tokens(sound)]
-        lines += [f"{_cached(sound):.0f} from the cache"] if _cached(sound) else []
-        lines += [f"fallback in {_fallbacks(sound)}"] if _fallbacks(sound) else []
     tone: Tone = "" if not sure else "better" if sure > 0 else "worse"
-    return SheetCell(tuple(line for line in (*lines, gaps) if line), tone=tone)
+    rate = f"{100 * won / len(sound):.1f}{' *' if sure else ''}"
+    return SheetCell((rate, f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(sound)}"), tone=tone)
 
 
-def _mean_lines(cells: Sequence[Cell], tasks: Sequence[str]) -> tuple[str, str]:
-    """The mean over tasks of their rates in per cent, and over what it is.
-
-    With the standard deviation over seeds if there are several, each with the same episodes of every task.
-    """
-    by_task = grouped(cells, "task")
-    rates = [fmean(measured(some, "success")) for some in by_task.values()]
-    mean, by_seed = 100 * fmean(rates), grouped(cells, "seed")
-    reached = f"{sum(rate > 0 for rate in rates)} of {len(rates)} tasks above 0"
-    lacking = f"{len(rates)} of {len(tasks)} tasks, " if len(rates) < len(tasks) else ""
-    over, episodes = f"{lacking}{count(len(by_seed), 'seed')}", {
-        tuple(sorted(cell.texts("task", "episode") for cell in some)) for some in by_seed.values()
-    }  # fmt: skip
+def _mean(cells: Sequence[Cell]) -> SheetCell:
+    """The mean over tasks of their rates in per cent, its deviation over seeds, and what it covers."""
+    if not cells:
+        return NONE
+    rates, by_seed = _rates(cells), grouped(cells, "seed")
+    above = f"{sum(rate > 0 for rate in rates)} of {count(len(rates), 'task')} above 0"
     if (NAMED,) in by_seed:
-        over = f"{lacking}named layouts"
-    elif len(episodes) > 1:
-        over += ", not all complete"
-    elif len(by_seed) > 1:
-        of_seeds = [
-            100 * fmean(fmean(measured(of_task, "success")) for of_task in grouped(some, "task").values())
-            for some in by_seed.values()
-        ]
-        return f"{mean:.1f} ± {mean_and_deviation(of_seeds)[1]:.1f}", f"{over}; {reached}"
-    return f"{mean:.1f}", f"{over}; {reached}"
+        return SheetCell((f"{fmean(rates):.1f}", f"named layouts; {above}"))
+    deviation = mean_and_deviation([fmean(_rates(some)) for some in by_seed.values()])[1]
+    spread = f" ± {deviation:.1f}" if len(by_seed) > 1 else ""
+    return SheetCell((f"{fmean(rates):.1f}{spread}", f"{count(len(by_seed), 'seed')}; {above}"))
 
 
-def _paper(tasks: Sequence[str]) -> list[SheetCell]:
-    """The paper's means over these tasks, with memory and without; empty where it has none of them."""
-    columns = zip(*(PAPER[task] for task in tasks if task in PAPER), strict=True)
-    return [text_cell(f"{fmean(column):.1f}") for column in columns] or [text_cell("")] * 2
+def _rates(cells: Sequence[Cell]) -> list[float]:
+    """Success in per cent, task by task."""
+    return [100 * fmean(measured(some, "success")) for some in grouped(cells, "task").values()]
 
 
 def _pairs(first: Sequence[Cell], second: Sequence[Cell]) -> dict[str, list[Pair]]:
-    """By task the episodes that two arms share, if there are any."""
+    """By task the measured episodes that two arms share, if there are any."""
     one, two = (
-        {cell.texts("task", "seed", "episode"): bool(cell.measures["success"]) for cell in arm}
+        {
+            cell.texts("task", "seed", "episode"): bool(cell.measures["success"])
+            for cell in arm
+            if _counts(cell)
+        }
         for arm in (first, second)
     )
     by_task: dict[str, list[Pair]] = {}
@@ -281,18 +206,18 @@ def _different(pairs: Mapping[str, Sequence[Pair]]) -> dict[str, int]:
     return {task: 1 if (wl := won_and_lost(pairs[task]))[0] > wl[1] else -1 for task in sure}
 
 
-def _effects(cells: Sequence[Cell], tasks: Sequence[str], title: str) -> Sheet:
+def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     """Every arm against memory off, and memory on against every other."""
     arms = _arms(cells)
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
     on = next((arm for arm in arms if arm == "on" or arm.startswith("on (taught by ")), "")
     against += [(on, arm) for arm in arms if on and arm not in (on, "off")]
-    by_arm = grouped(filter(_counts, cells), "arm", "profile")
+    by_arm = grouped(cells, "arm", "profile")
     rows = []
     for second, first in against:
         pairs = (_pairs(by_arm.get((first, p), []), by_arm.get((second, p), [])) for p in PROFILES)
         rows.append(SheetRow(f"{second} against {first}", tuple(map(_effect, pairs))))
-    return Sheet(title, PROFILES, tuple(rows), count(len(tasks), "task"), (), EFFECT)
+    return Sheet(title, PROFILES, tuple(rows), "", (), EFFECT)
 
 
 def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
@@ -300,42 +225,37 @@ def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
         return NONE
     change = pooled_difference(by_task)
     everything = [pair for pairs in by_task.values() for pair in pairs]
-    (won, lost), p, sure = won_and_lost(everything), exact_mcnemar(everything), _different(by_task)
-    named = (
-        ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in sure.items()) or "no task by itself"
-    )
+    (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
+    sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in _different(by_task).items())
     unsure = change.low <= 0 <= change.high or p >= SURE
     tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
     lines = (
         f"{change.value:+.1f} points",
         f"[{change.low:+.1f}, {change.high:+.1f}]",
         f"{won} : {lost} of {len(everything)}, p {p:.3g}",
-        named,
+        sure or "no task by itself",
     )
     return SheetCell(lines, tone=tone)
 
 
-def _failures(columns: Columns, tasks: Sequence[str], title: str) -> Sheet:
-    found, sound = _of_profile(columns, PROFILES[0])
-    kinds = sorted({_failure(cell) for some in sound.values() for cell in some} - {""})
-    rows = [_line(kind.replace("_", " "), partial(_failed, kind), sound) for kind in kinds]
-    rows.append(_line("episodes", lambda some: str(len(some)), sound))
-    if not all(map(_counts, (cell for some in found.values() for cell in some))):
-        rows.append(_line("not measured", lambda some: str(sum(not _counts(cell) for cell in some)), found))
-    rows += [_line("verifier agrees", _agreement, sound), _line("seconds, median", _median, sound)]
-    return Sheet(title, tuple(columns), tuple(rows), count(len(tasks), "task"), (), FAILURES)
+def _failures(columns: Columns, title: str) -> Sheet:
+    found = {
+        name: [c for c in _of_profile(some, PROFILES[0]) if _counts(c)] for name, some in columns.items()
+    }
+    causes = {name: Counter(str(c.notes.get("failure", "")) for c in some) for name, some in found.items()}
+    kinds = sorted({kind for counts in causes.values() for kind in counts} - {""})
+    rows = [
+        SheetRow(kind.replace("_", " "), tuple(text_cell(counts[kind]) for counts in causes.values()))
+        for kind in kinds
+    ]
+    rows.append(_line("episodes", lambda some: str(len(some)), found))
+    rows.append(_line("verifier agrees", _agreement, found))
+    rows.append(_line("seconds, median", lambda some: _middle(measured(some, "seconds")), found))
+    return Sheet(title, tuple(columns), tuple(rows), "", (), FAILURES)
 
 
 def _line(label: str, text: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:
     return SheetRow(label, tuple(text_cell(text(some) if some else "") for some in columns.values()))
-
-
-def _failed(kind: str, cells: Sequence[Cell]) -> str:
-    return str(sum(_failure(cell) == kind for cell in cells))
-
-
-def _failure(cell: Cell) -> str:
-    return str(cell.notes.get("failure", ""))
 
 
 def _agreement(cells: Sequence[Cell]) -> str:
@@ -344,13 +264,8 @@ def _agreement(cells: Sequence[Cell]) -> str:
     return f"{same} of {len(sure)}"
 
 
-def _median(cells: Sequence[Cell]) -> str:
-    return f"{median(float(cell.measures['seconds'] or 0) for cell in cells):.1f}"
-
-
-def _seconds(cells: Sequence[Cell]) -> str:
-    spent = measured(cells, "planning_seconds")
-    return f"{median(spent):.1f} s" if spent else ""
+def _middle(values: Sequence[float]) -> str:
+    return f"{median(values):.1f}" if values else ""
 
 
 def _average(cells: Sequence[Cell], measure: str) -> float | None:
@@ -360,12 +275,4 @@ def _average(cells: Sequence[Cell], measure: str) -> float | None:
 
 def _tokens(cells: Sequence[Cell]) -> str:
     prompt, answer = _average(cells, "prompt_tokens"), _average(cells, "completion_tokens")
-    return "not counted" if prompt is None or answer is None else f"{prompt:.0f} + {answer:.0f} tokens"
-
-
-def _cached(cells: Sequence[Cell]) -> float:
-    return sum(measured(cells, "cached"))
-
-
-def _fallbacks(cells: Sequence[Cell]) -> int:
-    return sum(bool(cell.notes.get("fallback")) for cell in cells)
+    return "not counted" if prompt is None or answer is None else f"{prompt:.0f} + {answer:.0f}"

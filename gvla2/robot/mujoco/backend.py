@@ -121,11 +121,11 @@ class MujocoArm:
         faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
         return execute(faster, scene, MotionPlanner(made.arm), driver, listener, options)
 
-    def success_check(self) -> SuccessCheck:
-        """Whether the world's own check was met at any step, within its steps."""
+    def success_check(self) -> SuccessCheck | None:
+        """Whether the world's own check was met at any step, within its steps; None without a check."""
         state, _, _ = self._ready("judged")
         done = state.world.succeeded()
-        return SuccessCheck(done, done)
+        return None if done is None else SuccessCheck(done, done)
 
     def true_state(self) -> WorldState:
         """Raises :class:`ConfigurationError`: there is no scripted demonstration that would read it."""

@@ -124,7 +124,8 @@ class EnvWorld:
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """One control step; the hand's command moves by its own speed, up or down."""
-        stride = self._hand.speed * round(self.env.control_timestep / self.env.model_timestep)
+        times = 1 if self._absolute else round(self.env.control_timestep / self.env.model_timestep)
+        stride = self._hand.speed * times  # 1.4 moves it with every step of the physics
         off = 2 * opening - 1 - self._sent
         sign = 0.0 if abs(off) < 0.5 * stride else float(np.sign(off))
         self._sent = float(np.clip(self._sent + sign * stride, -1.0, 1.0))

@@ -47,8 +47,8 @@ class World(Protocol):
         """One step towards joints (dof,) and an opening in [0, 1] of the hand."""
         ...
 
-    def succeeded(self) -> bool:
-        """Whether the task's goal was reached at any step of the episode."""
+    def succeeded(self) -> bool | None:
+        """Whether the task's goal was reached at any step of the episode; None where the world cannot know."""
         ...
 
 

@@ -17,9 +17,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.grasps import Grasp
 from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for
-from gvla2.skills.proposals import Path, pointing
+from gvla2.skills.proposals import Grasp, Path, pointing
 from gvla2.skills.schemas.pick_place import let_go, take
 
 HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]

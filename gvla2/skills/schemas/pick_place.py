@@ -16,8 +16,8 @@ from gvla2.planning.part_hierarchy import CLEAR
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.skills.grasps import Grasp, grasps
-from gvla2.skills.proposals import Path
+from gvla2.skills.grasps import grasps
+from gvla2.skills.proposals import Grasp, Path
 
 LEANING = 0.03
 """A stuck object that leans by a smaller share of its length is lifted straight up."""

@@ -12,8 +12,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard
-from gvla2.skills.grasps import Grasp
 from gvla2.skills.mechanisms import UP, Slide, Stuck, slide_for, stuck
+from gvla2.skills.proposals import Grasp
 from gvla2.skills.schemas.pick_place import TURNS, carry, goal_spots, let_go, over_spot, put_down, take
 
 PLAY = 0.006

@@ -11,8 +11,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.grasps import Grasp, grasps, spans
-from gvla2.skills.proposals import horizontal, pointing
+from gvla2.skills.grasps import grasps, spans
+from gvla2.skills.proposals import Grasp, horizontal, pointing
 from gvla2.skills.schemas.pick_place import FREE_TURNS, carry, goal_spots, over_spot, put_down, take
 
 STEP = np.deg2rad(45.0)

@@ -54,21 +54,9 @@ TAMPERING = {
         "UPDATE memory_event SET why = 'other' WHERE seq = 3",
         ["event 3: its content was changed"],
     ),
-    "an event's change is edited": (
-        "UPDATE memory_event SET change = replace(change, '20 cm', '99 cm') WHERE seq = 3",
-        ["event 3: its content was changed"],
-    ),
-    "an event's scores are edited": (
-        "UPDATE memory_event SET scores = '{}' WHERE seq = 1",
-        ["event 1: its content was changed"],
-    ),
     "an event's actor is edited": (
         "UPDATE memory_event SET actor = 'somebody' WHERE seq = 2",
         ["event 2: its header was changed"],
-    ),
-    "an event's time is edited": (
-        "UPDATE memory_event SET at = at - 5 WHERE seq = 3",
-        ["event 3: its header was changed", "event 3: it is older"],
     ),
     "an event is deleted": (
         "DELETE FROM memory_event WHERE seq = 3",
@@ -77,10 +65,6 @@ TAMPERING = {
     "the last event is deleted": (
         "DELETE FROM memory_event WHERE seq = 6",
         ["chain: it ends with event 5, the bank's own row says event 6"],
-    ),
-    "all events are deleted": (
-        "DELETE FROM memory_event",
-        ["chain: it ends with event 0", "record 1: no event created it", "record 2: no event created it"],
     ),
     "events are swapped": (
         "UPDATE memory_event SET seq = CASE seq WHEN 2 THEN 30 WHEN 3 THEN 2 ELSE seq END;"
@@ -107,10 +91,6 @@ TAMPERING = {
         ["record 3: no event created it"],
     ),
     "a link is taken away": ("DELETE FROM memory_link", ["link 1 conflict 2"]),
-    "a link is slipped in": (
-        "INSERT INTO memory_link VALUES ('b', '2', 'conflict', '1', 1.0)",
-        ["link 2 conflict 1"],
-    ),
     "an episode is edited": (
         "UPDATE memory_episode SET data = replace(data, 'it moved', 'it flew')",
         ["episode run/1: it is not what was stored"],

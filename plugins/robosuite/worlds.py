@@ -1,0 +1,98 @@
+"""A task of robosuite as a world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, did_you_mean
+from gvla2.planning.scene import Box
+from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
+from gvla2_plugins.robosuite import RobosuiteConfig
+
+SUITE = "robosuite/"
+SENTENCES: Mapping[str, str] = MappingProxyType(
+    {
+        f"{SUITE}Lift": "lift the red cube",
+        f"{SUITE}Stack": "put the red cube on the green cube",
+        f"{SUITE}NutAssemblySquare": "put the square nut on the square peg",
+        f"{SUITE}NutAssemblyRound": "put the round nut on the round peg",
+        f"{SUITE}Door": "open the door",
+        f"{SUITE}PickPlaceMilk": "put the milk in the bin",
+        f"{SUITE}PickPlaceBread": "put the bread in the bin",
+        f"{SUITE}PickPlaceCereal": "put the cereal in the bin",
+        f"{SUITE}PickPlaceCan": "put the can in the bin",
+    }
+)
+"""Ours: robosuite has none."""
+
+TABLE = 0.8
+"""Height of the table of all tasks, metres."""
+
+LOW, HIGH = (-0.38, -0.40, TABLE), (0.38, 0.45, TABLE + 0.8)
+"""Where the tool may go, metres."""
+
+
+class RobosuiteWorlds:
+    """Implements :class:`gvla2.robot.mujoco.world.Worlds`."""
+
+    def __init__(self, config: RobosuiteConfig) -> None:
+        self._config = config
+        self._robosuite = import_robosuite("1.5", "robot=robosuite", "robosuite")
+        if config.arm not in self._robosuite.ALL_ROBOTS:
+            raise ConfigurationError(
+                f"robot.arm={config.arm} is no robot of robosuite: {', '.join(self._robosuite.ALL_ROBOTS)}."
+            )
+
+    def tasks(self) -> Mapping[str, str]:
+        """Our sentences by the tasks' names."""
+        return SENTENCES
+
+    def load(self, task: str | None) -> RobosuiteWorld:
+        """The world of a task."""
+        if task is None or task not in SENTENCES:
+            raise ConfigurationError(
+                f"robot=robosuite has no task '{task or 'none'}'.{did_you_mean(task or '', SENTENCES)} It has "
+                f"{', '.join(SENTENCES)}."
+            )
+        config = self._config
+        control = {"type": "BASIC", "body_parts": {"right": _arm_controller(config.stiffness)}}
+        with silent():
+            env = self._robosuite.make(
+                task.removeprefix(SUITE),
+                robots=config.arm,
+                gripper_types=config.gripper,
+                seed=0,
+                **EnvWorld.options(control),
+            )
+        return RobosuiteWorld(env, task, config)
+
+
+def _arm_controller(stiffness: float) -> dict[str, object]:
+    return {**joint_controller(stiffness), "input_type": "absolute", "gripper": {"type": "GRIP"}}
+
+
+class RobosuiteWorld(EnvWorld):
+    """One task, laid out by a seed."""
+
+    def __init__(self, env: object, task: str, config: RobosuiteConfig) -> None:
+        super().__init__(
+            env,
+            instruction=SENTENCES[task],
+            goal=f"robosuite's own check of {task.removeprefix(SUITE)}",
+            workspace=Box(np.array(LOW), np.array(HIGH)),
+            table_height=TABLE,
+            stiffness=config.stiffness,
+            max_steps=config.max_steps,
+        )
+        self._settle_steps = config.settle_steps
+
+    def begin(self, seed: int) -> None:
+        """The state that robosuite draws for the seed."""
+        self.env.rng.bit_generator.state = np.random.default_rng(
+            seed
+        ).bit_generator.state  # shared with its samplers
+        self.reset(seed)
+        self.settle(self._settle_steps)
