@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shlex
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -204,3 +205,10 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
     assert sweeps.done_before(tmp_path, digest) is None, "its memory was not there"
     (tmp_path / sweeps.JOB).write_text("{half")
     assert sweeps.done_before(tmp_path, digest) is None
+
+
+def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
+    config = compose_run()
+    with closing(registry.build(config, "memory")) as memory:
+        line = run.bank_line(config, memory)
+    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", line)

@@ -17,42 +17,33 @@ from gvla2.language.contracts import (
     Completion,
     LanguageModel,
     LanguageModelError,
-    Ledger,
     MalformedAnswerError,
     Message,
     ModelRefusedError,
     ModelUnavailableError,
     Request,
-    Server,
-    Tally,
-    Token,
     UnusableAnswerError,
     Usage,
     picture,
 )
 from gvla2.language.options import AskingOptions, EndpointOptions
-from gvla2.language.typed import Answered, ask_typed, json_in
+from gvla2.language.typed import ask_typed, json_in
 
 if TYPE_CHECKING:
     from gvla2.language.endpoint import Endpoint
 
 __all__ = [
-    "Answered",
     "AskingOptions",
     "Completion",
     "Endpoint",
     "EndpointOptions",
     "LanguageModel",
     "LanguageModelError",
-    "Ledger",
     "MalformedAnswerError",
     "Message",
     "ModelRefusedError",
     "ModelUnavailableError",
     "Request",
-    "Server",
-    "Tally",
-    "Token",
     "UnusableAnswerError",
     "Usage",
     "ask_typed",

@@ -14,16 +14,21 @@ from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.admission import (
+    Origin,
     Weighed,
+    adds,
+    believed,
     confirmed,
     counted,
     credible,
     invalid,
     invalid_json,
+    least,
     new_record,
     phrasings,
     restarted,
     standing,
+    trust_of,
     weigh,
 )
 from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
@@ -35,7 +40,6 @@ from gvla2.memory.index import STATES
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import Ledger, OpenBank, deciding
 from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
-from gvla2.memory.trust import Origin, adds, believed, least, trust_of
 
 CHUNK = 256
 """Lessons without an episode that share a transaction."""

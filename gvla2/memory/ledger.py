@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.memory.admission import Origin
 from gvla2.memory.contracts import Embedder, Inducer
 from gvla2.memory.embedding import record_vectors
 from gvla2.memory.index import STATES, Index
@@ -16,7 +17,6 @@ from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
 from gvla2.memory.transaction import Transaction
-from gvla2.memory.trust import Origin
 
 _UNLIKE = 0.1
 """Records with a smaller cosine are not rivals and need not be read. Lessons of one wording for different tasks may

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import ConfigurationError, GeometryError, did_you_mean
 from gvla2.geometry.mesh import Texture, TexturedMesh, TriangleMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray, transform_points
@@ -282,8 +281,7 @@ def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]
     for name in names:
         known = name if name in library else plain.get(spoken(name))
         if known is None:
-            near = get_close_matches(name, library, n=1)
-            hint = f" Did you mean '{near[0]}'?" if near else ""
+            hint = did_you_mean(name, library)
             raise ConfigurationError(f"There is no object '{name}'.{hint} Available: {', '.join(library)}.")
         if known in picked:
             raise ConfigurationError(

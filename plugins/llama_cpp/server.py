@@ -38,7 +38,7 @@ _COMMAND = [sys.executable, "-m", "gvla2_plugins.llama_cpp.serving"]
 
 
 class LlamaServer:
-    """A :class:`gvla2.language.Server` that starts when its address is requested.
+    """A :class:`gvla2.language.contracts.Server` that starts when its address is requested.
 
     Raises :class:`ConfigurationError` without a model's file and for invalid options, and
     :class:`MissingDependencyError` without xllamacpp; it starts nothing yet.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import pairwise
 from typing import cast
 
@@ -26,14 +26,6 @@ FINISHED_BY = {"pick": {"pull", "place"}, "pull": {"place"}}
 CONTAINERS = frozenset(("bin", "tray", "basket", "container", "crate"))
 
 
-@dataclass(frozen=True)
-class SentenceReading:
-    """What a sentence asks for, by the ids of a scene, and what was assumed in reading it."""
-
-    calls: tuple[SkillCall, ...]
-    notes: tuple[str, ...] = ()
-
-
 class SkillPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner` by a grammar and grounding. Deterministic."""
 
@@ -46,11 +38,10 @@ class SkillPlanner:
         found = read(request.instruction, request.scene)
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, options=self.options)
-        made = carry_out(found.calls, request, self.options)
-        return replace(made, notes=(*found.notes, *made.notes))
+        return carry_out(found, request, self.options)
 
 
-def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
+def read(sentence: str, scene: Scene) -> tuple[SkillCall, ...] | Abstention:
     """The skill calls of a sentence; an abstention where it has no reading that fits the scene, or several."""
     try:
         found = readings(sentence)
@@ -67,7 +58,7 @@ def read(sentence: str, scene: Scene) -> SentenceReading | Abstention:
         except UngroundedError as error:
             refused.append(error.abstention)
     if len(grounded) == 1:
-        return SentenceReading(next(iter(grounded.values())))
+        return next(iter(grounded.values()))
     if grounded:
         message = f"The instruction may mean {' or '.join(list(grounded)[:3])}; say it in another way."
         return Abstention("ambiguous", message)

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from gvla2.language import (
-    Answered,
     Endpoint,
     EndpointOptions,
     LanguageModelError,
@@ -18,6 +17,7 @@ from gvla2.language import (
     json_in,
     picture,
 )
+from gvla2.language.typed import Answered
 from gvla2.testing.language import LocalModel, Reply, refused, said
 
 ASK = [{"role": "system", "content": "Numbers alone."}, {"role": "user", "content": "How many?"}]

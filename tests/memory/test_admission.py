@@ -6,11 +6,10 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.admission import credible, weigh
+from gvla2.memory.admission import Origin, credible, weigh
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.options import BankOptions
-from gvla2.memory.trust import Origin
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
 NO = Verdict.from_criteria({"completion": 0.1, "safety": 0.2}, verifier="bench")

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gvla2.memory.admission import Origin, adds, least, trust_of
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryItem, MemoryTask, Verdict
-from gvla2.memory.trust import Origin, adds, least, trust_of
 
 OURS, LAB, CLUB = Origin(True, "episode-7"), Origin(False, "lab"), Origin(False, "club")
 ORIGINS = st.lists(

@@ -102,28 +102,6 @@ def test_a_grasped_cube_is_lifted_and_stays(panda, seed, size, mass, off):
     assert not panda.success_check().strict
 
 
-def test_a_pressed_button_comes_back_and_its_peak_stays(panda):
-    instance = panda.reset(TASKS["lamp_on"], 1)
-    lamp, button = instance.layout.bodies
-    tip = panda.arm.hand.tip_beyond_tcp
-    top = button.world_from_body[:3, 3] + (0, 0, 0.007 + tip)
-    closing = lamp.world_from_body[:3, 1]
-    drive, world = driver(panda), panda._world
-    drive.grip(0.0)
-    move(panda, drive, above(top, closing, 0.06), 0.0, straight=False)
-    assert world.travel("press") == pytest.approx(0.0, abs=1e-4)  # it carries its own weight
-    pressed, _ = move(panda, drive, above(top, closing, -0.009), 0.0, speed=0.05)
-    assert {"panda_leftfinger", "panda_rightfinger"} & set(pressed.contacts)
-    assert world.travel("press") == pytest.approx(0.009, abs=0.0015)
-    moved = button.world_from_body[2, 3] - world.body_pose("button")[2, 3]
-    assert moved == pytest.approx(world.travel("press"), abs=1e-4)
-    move(panda, drive, above(top, closing, 0.06), 0.0)
-    assert world.travel("press") == pytest.approx(0.0, abs=2e-4)
-    assert 0.0075 < world.peaks["press"] < 0.0101
-    verdict = panda.success_check()
-    assert (verdict.relaxed, verdict.strict) == (True, True)
-
-
 def test_the_same_seed_is_the_same_episode_to_the_bit():
     def episode():
         robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))

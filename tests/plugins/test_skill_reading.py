@@ -41,7 +41,7 @@ def scene(*objects: SceneObject) -> Scene:
 def calls(sentence: str, where: Scene) -> list[str]:
     found = read(sentence, where)
     assert not isinstance(found, Abstention), (sentence, found)
-    return [str(call) for call in found.calls]
+    return [str(call) for call in found]
 
 
 def refusal(sentence: str, where: Scene) -> Abstention:
@@ -105,7 +105,7 @@ KITCHEN = scene(
     ],
 )
 def test_perceived_names_and_relations_decide(sentence, done):
-    part = first_part(read(sentence, KITCHEN).calls, KITCHEN)
+    part = first_part(read(sentence, KITCHEN), KITCHEN)
     (call,) = part.calls
     assert str(call) in (f"place({done})", f"push({done})")
 
@@ -158,7 +158,7 @@ def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
     found = read(sentence, gallery(*named))
     if meant_:
         assert not isinstance(found, Abstention), found
-        assert [call.theme for call in found.calls] == [meant_]
+        assert [call.theme for call in found] == [meant_]
     else:
         assert isinstance(found, Abstention), found
         assert found.kind == "nothing_matches"
@@ -263,7 +263,7 @@ def test_every_wording_of_every_task_is_read_in_all_colours(task):
         sentence = wording.format(colour=colour, target=target, one=colour, other=other)
         found = read(sentence, where)
         assert not isinstance(found, Abstention), (sentence, found)
-        part = first_part(found.calls, where)
+        part = first_part(found, where)
         what = [meant(call, where) for call in part.calls]
         assert all(isinstance(w, Meant) for w in what), (sentence, what)
         assert {w.skill for w in what if isinstance(w, Meant)} == {SKILLS[task]}, (sentence, what)
@@ -289,9 +289,9 @@ def test_every_wording_about_scanned_objects_is_read(kind, wording):
     )
     found = read(wording.format(x="cans" if kind == "sort" else "potted meat can", y="bowl"), where)
     assert not isinstance(found, Abstention), found
-    assert {c.theme for c in found.calls} == ({"a", "b"} if kind == "sort" else {"a"})
-    assert {c.goal for c in found.calls} - {""} == (set() if kind == "lift" else {"y"})
-    assert {c.relation for c in found.calls} - {""} == (
+    assert {c.theme for c in found} == ({"a", "b"} if kind == "sort" else {"a"})
+    assert {c.goal for c in found} - {""} == (set() if kind == "lift" else {"y"})
+    assert {c.relation for c in found} - {""} == (
         {"left_of"} if kind == "left_of" else set() if kind == "lift" else {"in"}
     )
 
@@ -406,4 +406,4 @@ RIGHT = {"a": "red_bin", "b": "blue_bin", "c": "red_bin"}
 def test_which_object_goes_where(sentence, right):
     found = read(sentence, scene(*BINS, *LOOSE))
     assert not isinstance(found, Abstention), found
-    assert {call.theme: call.goal for call in found.calls} == right
+    assert {call.theme: call.goal for call in found} == right
