@@ -96,7 +96,9 @@ class EnvWorld:
             env.modify_observable(observed, "enabled", False)
         self._sent = 0.0  # where the hand's command is, from -1 (closed) to 1
         # Version 1.4 moves it with every step of the physics, 1.5 with every step of control.
-        self._stride = self._hand.speed * (1 if self._absolute else round(env.control_timestep / env.model_timestep))
+        self._stride = self._hand.speed * (
+            1 if self._absolute else round(env.control_timestep / env.model_timestep)
+        )
         self.hand_steps = round(2 / self._stride)
 
     @staticmethod
