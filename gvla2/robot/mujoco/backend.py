@@ -25,8 +25,9 @@ from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Task, TaskInstance, WorldState
 
-JUDGE_STEPS = 20
-"""Steps that the arm holds still before a task counts as failed: what was let go must come to rest."""
+JUDGE_STEPS = 100
+"""Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
+must come to rest, and LIBERO's objects fall slowly."""
 
 _SILENT = ExecutionListener()
 
