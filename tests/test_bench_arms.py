@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.arms import arm_named, chosen_arms
+from gvla2.evaluation.arms import chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects
 from tests.composing import bench_config
 
@@ -25,14 +25,8 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
     assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "best_theta", "mine"]
 
 
-def test_options_of_a_plain_arm_are_in_its_name(registry):
-    config = config_of(registry, "arms=[off,on]", "arms.on.admission=false")
-    assert [arm.name for arm in chosen_arms(config, registry)] == ["off", "on"]
-    assert arm_named(config, "on").variant == "admission=False"
-
-
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["arms.mine={memory: gouverned}"], "No arm 'gouverned'.*governed"),
         (["arms.mine={memory: governed, admision: false}"], "admision.*Did you mean 'admission'"),
@@ -41,8 +35,8 @@ def test_options_of_a_plain_arm_are_in_its_name(registry):
         (["arms.mine={memory: off, replan: yes}"], "a count"),
     ],
 )
-def test_wrong_arms_say_what_there_is(registry, arguments, said):
-    with pytest.raises(ConfigurationError, match=said):
+def test_errors_of_arms_list_the_available_ones(registry, arguments, message):
+    with pytest.raises(ConfigurationError, match=message):
         chosen_arms(config_of(registry, *arguments), registry)
 
 
@@ -75,11 +69,11 @@ def test_task_options_are_in_the_rows_name_and_key(registry):
     one, other = designs(plain, registry)[0].plan[0], designs(stiff, registry)[0].plan[0]
     assert other.subject == "open_jar (turn=175)"
     assert set(one.keys).isdisjoint(other.keys)
-    for wrong, said in (
+    for wrong, message in (
         ("task_options.open_jar.trun=3", "Did you mean 'turn'"),
         ("task_options.lamp_on.travel=3", "not among the tasks"),
     ):  # fmt: skip
-        with pytest.raises(ConfigurationError, match=said):
+        with pytest.raises(ConfigurationError, match=message):
             subjects(config_of(registry, "tasks=[open_jar]", wrong), registry)
 
 
@@ -119,7 +113,7 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
     ],
 )
-def test_whatever_changes_an_episode_is_reported_in_its_row(registry, override: str, factor: str, shown: str):
+def test_a_rows_factors_name_every_unusual_option(registry, override: str, factor: str, shown: str):
     def shown_of(*given: str) -> tuple[str, str]:
         (design,) = designs(config_of(registry, "tasks=[lamp_on]", "arms=[on]", *given), registry)
         return str(design.plan[0].factors.get(factor, "")), design.plan[0].keys[1]
@@ -140,7 +134,7 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         (["arms=[off,on]", "exploration_seeds=[]"], "exploration_seeds is empty"),
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
@@ -149,6 +143,6 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
         (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )
-def test_designs_that_make_no_sense_are_refused(registry, given: list[str], said: str):
-    with pytest.raises(ConfigurationError, match=said):
+def test_designs_that_make_no_sense_are_refused(registry, given: list[str], message: str):
+    with pytest.raises(ConfigurationError, match=message):
         designs(config_of(registry, "tasks=[lamp_on]", *given), registry)

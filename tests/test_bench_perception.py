@@ -8,12 +8,10 @@ import pytest
 
 from gvla2.commands.bench import run_bench
 from gvla2.component import Component, ComponentConfig
-from gvla2.errors import ConfigurationError, PerceptionError, UnknownComponentError
+from gvla2.errors import ConfigurationError, PerceptionError
 from gvla2.evaluation.config import PerceptionBench, ResultsConfig
 from gvla2.evaluation.suites.perception import (
     LayoutUnit,
-    chosen_components,
-    chosen_tasks,
     measure_layout,
 )
 from gvla2.plugins.discovery import Plugin
@@ -138,20 +136,6 @@ def test_a_layout_that_does_not_fit_is_a_failed_row(parts, tmp_path):
     assert row["status"] == "failed: No room."
     with pytest.raises(ConfigurationError, match="has no option scale"):
         run_bench(config_for(registry, tmp_path, tasks=["crowded"], scale=1.1), registry, tmp_path / "out")
-
-
-def test_choices(parts, tmp_path):
-    config = config_for(parts, tmp_path, tasks=[], scale=0.9)
-    assert len(chosen_tasks(config, parts)) >= 17
-    assert "none" not in chosen_tasks(config, parts)
-    assert chosen_components(config, parts, "open_jar", "classical")["task"] == {
-        "name": "open_jar",
-        "scale": 0.9,
-    }
-    with pytest.raises(UnknownComponentError, match="pickup_cup"):
-        chosen_components(config, parts, "pickup_cups", "classical")
-    with pytest.raises(ConfigurationError, match="perceivers must name"):
-        config_for(parts, tmp_path, perceivers=[])
 
 
 def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):

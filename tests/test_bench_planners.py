@@ -1,6 +1,6 @@
-"""Planners side by side in the robot suite: what is run, under which keys, who teaches whom, and what it costs.
+"""Planners side by side in the robot suite: the episodes, their keys, the teachers and the costs.
 
-Most episodes are made up here, since what is tested is the design; the last test moves a robot.
+Most episodes are made up, since the design is tested; the last test moves a robot.
 """
 
 import json
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.commands.bench import as_overrides, run_bench
+from gvla2.commands.bench import run_bench
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.arms import Experience
@@ -158,15 +158,6 @@ def test_an_impossible_comparison_is_an_error_before_anything_runs(
     with pytest.raises(Gvla2Error, match=message):
         run_bench(config, registry, tmp_path / "out")
     assert not units
-
-
-def test_a_leading_word_is_the_suite():
-    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["bench_suite=robot", "tasks=[lamp_on]"]
-    assert as_overrides(["--help"]) == ["--help"]
-    assert as_overrides(["suite=agents", "arms.on.top_k=2"]) == [
-        "bench_suite=agents",
-        "++own_arms.on.top_k=2",
-    ]
 
 
 def test_what_an_episode_cost_is_counted_over_attempts_and_parts():

@@ -242,7 +242,7 @@ class PerceptionBench(SimulatedBench):
 
 @dataclass
 class AgentTasksConfig:
-    """``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
+    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
 
     ``sandbox`` is bubblewrap or docker. ``state`` is where memories are stored between the tasks (by default in the
     output folder: give one to resume an interrupted bench).

@@ -77,7 +77,8 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
     def stages(self) -> Sequence[Sequence[UnitT]]:
         """The units in stages; a stage may use the rows of earlier ones, and the last one's rows are the result.
 
-        Raises :class:`ConfigurationError` for whatever does not exist or does not fit, before anything is measured.
+        Raises :class:`ConfigurationError` for names that do not exist and options that do not fit, before anything is
+        measured.
         """
 
     @staticmethod
@@ -111,7 +112,7 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
 
 
 def run_suite(suite: Suite[Any, Any]) -> list[Cell]:
-    """Measure whatever the results database lacks; all rows of the suite's last stage, in order."""
+    """Measure the rows that the results database lacks; all rows of the suite's last stage, in order."""
     try:
         stages = suite.stages()
         keys = list(dict.fromkeys(key for units in stages for unit in units for key in unit.keys))

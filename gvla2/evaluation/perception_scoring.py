@@ -90,7 +90,7 @@ class ObjectScore:
 
     Of an object that was found, ``label`` and ``colour`` say whether the words are right (None: not judged),
     ``extents_mm`` (3,) how much longer the sides along the true box's axes were perceived, and ``centre_mm`` the
-    distance of the boxes' centres; axes of which less than :data:`IN_SIGHT` is seen do not count.
+    distance of the boxes' centres; axes that are seen by less than :data:`IN_SIGHT` do not count.
     """
 
     true: TrueObject

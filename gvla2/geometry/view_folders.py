@@ -105,9 +105,9 @@ def resized(view: View, size: int) -> View:
         view,
         camera=smaller,
         image=np.asarray(image),
-        depth=None if view.depth is None else _nearest(view.depth, width, height),
+        depth=None if view.depth is None else nearest(view.depth, height, width),
         mask=None if view.mask is None else _averaged(view.mask, width, height),
-        robot_mask=None if view.robot_mask is None else _nearest(view.robot_mask, width, height),
+        robot_mask=None if view.robot_mask is None else nearest(view.robot_mask, height, width),
     )
 
 
@@ -118,10 +118,11 @@ def _averaged(mask: NDArray[np.float32], width: int, height: int) -> NDArray[np.
     ) / np.float32(255)
 
 
-def _nearest(array: NDArray, width: int, height: int) -> NDArray:  # type: ignore[type-arg]
-    rows = ((np.arange(height) + 0.5) * array.shape[0] / height).astype(np.intp)
-    columns = ((np.arange(width) + 0.5) * array.shape[1] / width).astype(np.intp)
-    return np.ascontiguousarray(array[rows][:, columns])
+def nearest(maps: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+    """Maps (..., h, w) at another size, by the nearest pixel, which invents no depth between two surfaces."""
+    rows = ((np.arange(height) + 0.5) * maps.shape[-2] / height).astype(np.intp)
+    columns = ((np.arange(width) + 0.5) * maps.shape[-1] / width).astype(np.intp)
+    return np.ascontiguousarray(maps[..., rows[:, None], columns])
 
 
 ARCHIVE = "views.npz"

@@ -72,8 +72,13 @@ def components(points: FloatArray, reach: float = REACH) -> IntArray:
         np.stack([np.bincount(inverse.reshape(-1), points[:, k]) for k in range(3)], axis=1) / counts[:, None]
     )
     pairs = cKDTree(centres).query_pairs(reach, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(len(cells), len(cells)))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)[inverse.reshape(-1)]
+    return connected(len(cells), pairs)[inverse.reshape(-1)]
+
+
+def connected(count: int, pairs: NDArray[np.integer]) -> IntArray:
+    """(count,) the connected component of each node, given edges (E, 2)."""
+    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def without_specks(mask: BoolArray, least: int = 3) -> BoolArray:
@@ -152,9 +157,7 @@ def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> li
     ]
     if not kept:
         return []
-    rows = np.array(pairs, dtype=int).reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(rows)), rows.T), shape=(len(kept), len(kept)))
-    groups = connected_components(graph, directed=False)[1]
+    groups = connected(len(kept), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     objects, spread = [], []
     for group in np.unique(groups):
         own = np.nonzero(groups == group)[0]

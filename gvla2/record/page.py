@@ -36,7 +36,7 @@ def render_page(
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
-    Pictures and film are data URIs, styles and the one script are inside, and a content policy keeps the
+    Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy keeps the
     browser from loading anything else. ``beside`` are names of files beside the page.
     """
     return render(
@@ -66,7 +66,7 @@ def templates() -> Environment:
         lstrip_blocks=True,
         bytecode_cache=_bytecode_cache(),
     )
-    script = _source("page.js").strip()
+    script = f"{_source('page.js')}{_source('viewer.js')}".strip()
     environment.globals.update(
         source=lambda name: Markup(_source(name)),
         script=Markup(script),
@@ -80,6 +80,7 @@ def templates() -> Environment:
         wording=wording,
     )
     environment.filters.update(
+        base64=lambda data: base64.b64encode(data).decode("ascii"),
         called=wording.called,
         counted=count,
         css=css_colour,

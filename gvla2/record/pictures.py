@@ -210,7 +210,8 @@ class Pictures:
     """The page's pictures; empty if not made.
 
     ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects, ``depth`` their depth,
-    ``plan`` the planned path in some of them. ``film`` is the motion as MP4.
+    ``plan`` the planned path in some of them. ``film`` is the motion as MP4, ``model`` the scene with
+    the plan as GLB.
     """
 
     plain: Shots = field(default_factory=dict)
@@ -220,6 +221,7 @@ class Pictures:
     before: bytes = b""
     after: bytes = b""
     film: bytes = b""
+    model: bytes = b""
 
 
 def main_picture(observation: Observation) -> bytes:

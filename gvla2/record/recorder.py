@@ -28,6 +28,7 @@ from gvla2.record.drawing import contact_sheet_of
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
+from gvla2.record.scene_model import scene_glb
 from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
@@ -145,7 +146,7 @@ class RunRecorder(FolderRecorder):
         "result.json",
         *STAGE_FILES,
         *(shown.file for shown in SHOWN.values() if shown.file),
-        *("views.npz", FILM, STATES, "index.html"),
+        *("views.npz", "scene.glb", FILM, STATES, "index.html"),
     )
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
@@ -177,6 +178,7 @@ class RunRecorder(FolderRecorder):
         """Write everything still missing, the film and the page; returns the page's path."""
         self._write_numbers(record)
         self._write_pictures(record)
+        self._write_model(record)
         self.attempt("The film", self._finish_film)
         self.settle()
         page = self.folder / "index.html"
@@ -209,6 +211,13 @@ class RunRecorder(FolderRecorder):
         if record.scene is not None and record.observation is not None:
             keep = partial(self._keep_views, record.scene, record.instruction, record.observation)
             self._once("The views", keep, record.observation)
+        if record.checks is not None:
+            self._write_model(record)
+
+    def _write_model(self, record: EpisodeRecord) -> None:
+        """The scene in 3D, once for what it shows; at the latest at the end."""
+        make = partial(self._show, "model", "scene.glb", scene_glb, record)
+        self._once("The 3D scene", make, record.observation, record.scene, record.plan, record.checks)
 
     def _show(self, name: str, file: str, make: Callable[..., bytes | Shots], *inputs: Any) -> None:
         """Put what ``make(*inputs)`` gives on the page, and into ``file`` if it has one: several on one sheet."""

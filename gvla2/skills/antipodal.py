@@ -277,15 +277,19 @@ def _stretches(
         left, right = there < there.min() + edge, there > there.max() - edge
         sides = (members[left], members[right])
         face = min(float(facing[side].mean()) for side in sides)
+        if face < least:
+            continue
         (low_at, high_at), (left_at, right_at) = _shared(height, sides), _shared(across, sides)
-        if face >= least and left_at < ASIDE and right_at > -ASIDE:
+        if left_at < ASIDE and right_at > -ASIDE:
             yield 0.5 * (low + high), width, width + 2 * spare, face, max(0.0, high_at - low_at)
 
 
 def _shared(values: FloatArray, sides: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
-    """The interval in which both sides have values."""
-    spans = [np.quantile(values[side], (0.1, 0.9)) for side in sides]
-    return float(max(s[0] for s in spans)), float(min(s[1] for s in spans))
+    """The interval in which both sides have values, without a tenth at either end of each."""
+    one, other = (np.sort(values[side]) for side in sides)  # np.quantile is ten times as slow
+    tenths = [(len(ordered) - 1) // 10 for ordered in (one, other)]
+    low = max(one[tenths[0]], other[tenths[1]])
+    return float(low), float(min(one[-1 - tenths[0]], other[-1 - tenths[1]]))
 
 
 def _tips_by_table(

@@ -10,11 +10,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.perception.clusters import connected
 from gvla2_plugins.classical.composites import SceneDraft
 from gvla2_plugins.classical.levels import leaning_plate, split_by_height, split_by_top
 from gvla2_plugins.classical.outline import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, seen_through
-from gvla2_plugins.classical.segmentation import alike, components, groups
+from gvla2_plugins.classical.segmentation import alike, groups
 from gvla2_plugins.classical.shaping import GOOD, shape_object
 from gvla2_plugins.classical.solids import THIN, SeenObject
 
@@ -186,7 +187,7 @@ def join_overlapping(
         stands = stands or _is_above(one, other) or _is_above(other, one)
         if body[a] == body[b] >= 0 and not stands and any(rule(one, other) for rule in RULES):
             pairs.append((a, b))
-    wholes = components(len(left), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    wholes = connected(len(left), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     for whole in np.unique(wholes):
         mine = [left[i] for i in np.nonzero(wholes == whole)[0]]
         if len(mine) < 2:

@@ -11,11 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, distance_transform_edt
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.perception.clusters import connected
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, appearance_of, choose, seen_through
 
@@ -30,7 +29,7 @@ def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray
     """(N,) piece of each pixel: connected within its image, without a jump of depth or colour."""
     pairs = pixels.neighbours(jump)
     change = np.linalg.norm(pixels.look[pairs[:, 0]] - pixels.look[pairs[:, 1]], axis=1)
-    return components(len(pixels), pairs[change < colour_step])
+    return connected(len(pixels), pairs[change < colour_step])
 
 
 def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: bool = True) -> IntArray:
@@ -58,7 +57,7 @@ def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: 
         own = piece_looks(pixels, pieces)
         like = alike(own[keys[:, 0]], own[keys[:, 1]])
     joined = keys[like & (counts >= np.maximum(2, (0.12 if looks else 0.08) * small))]
-    objects = components(len(sizes), joined)[pieces]
+    objects = connected(len(sizes), joined)[pieces]
     objects[sizes[pieces] < LEAST] = -1
     return objects
 
@@ -122,12 +121,6 @@ def grow_down(
     return grown
 
 
-def components(count: int, pairs: IntArray) -> IntArray:
-    """(count,) the connected component of each node, given edges (E, 2)."""
-    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
 def groups(labels: IntArray, least: int) -> list[IntArray]:
     """The indices of each label in (N,), -1 for none, that at least ``least`` have."""
     members = (np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0]))
@@ -148,7 +141,7 @@ def bodies_of(
     """(N,) body of each pixel, -1 for specks: neighbours in an image within ``jump`` metres of one another, and
     points of different views within ``reach``.
     """
-    pieces = components(len(pixels), pixels.neighbours(jump))
+    pieces = connected(len(pixels), pixels.neighbours(jump))
     labels = join_across_views(pixels, pieces, reach, looks=False)
     return _with_fragments(frames, pixels, labels, least)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.geometry.view_folders import nearest
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
 
@@ -100,6 +101,4 @@ class FilePrior:
             raise self._error(
                 f"its pictures are {own_width}x{own_height}, the views {width}x{height}: not the same shape"
             )
-        rows = ((np.arange(height) + 0.5) * own_height / height).astype(int)
-        columns = ((np.arange(width) + 0.5) * own_width / width).astype(int)
-        return pictures[:, rows[:, None], columns]
+        return nearest(pictures, height, width)

@@ -22,7 +22,7 @@ import rerun.blueprint as rrb
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.record.motion import FILM, STATES
-from gvla2_plugins.rerun_view.scene import CLOSED, FAILED, OPEN, cloud, solid_of, waypoint_text
+from gvla2.record.scene_model import CLOSED, FAILED, OPEN, cloud, solid_of, waypoint_text
 
 if TYPE_CHECKING:
     from gvla2.geometry.views import Observation

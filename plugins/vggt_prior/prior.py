@@ -11,6 +11,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError, MissingDependencyError, PluginError
+from gvla2.geometry.view_folders import nearest
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.contracts import GeometryEstimate
 
@@ -140,7 +141,7 @@ class VggtPrior:
                 f"The network's pose_enc has shape {poses.shape}, expected (1, {len(views)}, 9)."
             )
         world_from_camera, _ = decode_poses(poses[0])
-        depth, confidence = (_resized(maps, height, width) for maps in (depth, confidence))
+        depth, confidence = (nearest(maps, height, width) for maps in (depth, confidence))
         known = np.isfinite(depth) & (depth > 0) & np.isfinite(confidence)
         return GeometryEstimate(
             np.where(known, depth, np.nan).astype(np.float32),
@@ -181,10 +182,3 @@ class VggtPrior:
         if maps.ndim != 4 or maps.shape[:2] != (1, count):
             raise PluginError(f"The network's {key} has shape {maps.shape}, expected (1, {count}, h, w).")
         return np.asarray(maps[0])
-
-
-def _resized(maps: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
-    """Maps (S, h, w) at another size, by the nearest pixel, which invents no depth between surfaces."""
-    rows = ((np.arange(height) + 0.5) * maps.shape[1] / height).astype(int)
-    columns = ((np.arange(width) + 0.5) * maps.shape[2] / width).astype(int)
-    return np.asarray(maps[:, rows[:, None], columns])

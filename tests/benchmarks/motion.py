@@ -19,13 +19,13 @@ from gvla2_plugins.sapien import SapienPandaConfig
 
 def clutter(rng: np.random.Generator, arm: Any) -> Scene:
     """Five blocks and a wall 0.3 m high that stands between left and right."""
-    things = [
+    objects = [
         SceneObject(f"block{i}", "block", "box", "", rigid(None, (x, y, 0.782)), np.full(3, 0.06), np.zeros((0, 3)))
         for i, (x, y) in enumerate(rng.uniform((0.1, -0.4), (0.45, 0.4), (5, 2)))
     ]  # fmt: skip
     wall = rigid(None, (0.32, rng.uniform(-0.05, 0.05), 0.902))
-    things.append(SceneObject("wall", "wall", "box", "", wall, np.array([0.3, 0.03, 0.3]), np.zeros((0, 3))))
-    return Scene(tuple(things), 0.752, arm.workspace)
+    objects.append(SceneObject("wall", "wall", "box", "", wall, np.array([0.3, 0.03, 0.3]), np.zeros((0, 3))))
+    return Scene(tuple(objects), 0.752, arm.workspace)
 
 
 def measure(calls: int, body: Callable[[int], object]) -> tuple[list[float], list[object]]:

@@ -112,11 +112,11 @@ def main():
                 frames, table, _ = frames_of(observation.views, WORKSPACE)
                 found = clusters(frames, [raised(f, table, WORKSPACE) for f in frames])
                 points = found.points(frames, 0) if found.count else np.zeros((0, 3))
-                thing = SceneObject("o1", "thing", "other", "", np.eye(4), np.ones(3), points)
-                scene = Scene((thing,), table.height_at(0.3, 0.0), WORKSPACE)
-                (answer,) = whole.names([thing], scene, observation)
+                obj = SceneObject("o1", "object", "other", "", np.eye(4), np.ones(3), points)
+                scene = Scene((obj,), table.height_at(0.3, 0.0), WORKSPACE)
+                (answer,) = whole.names([obj], scene, observation)
                 counts["unknown" if not answer.label else "right" if answer.label == name else "wrong"] += 1
-                (stranger,) = without.names([thing], scene, observation)
+                (stranger,) = without.names([obj], scene, observation)
                 counts["left out: named"] += bool(stranger.label)
                 if answer.label != name or stranger.label:
                     print(f"  {name} ({pose}): '{answer.label}'; left out: '{stranger.label}'", flush=True)

@@ -3,7 +3,7 @@ import sqlite3
 import pytest
 
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.results import Cell, Results, cell_key, file_of
+from gvla2.evaluation.results import Cell, Results, file_of
 
 
 def cell(key: str, **factors) -> Cell:
@@ -45,12 +45,6 @@ def test_all_cells_of_one_call_or_none(tmp_path):
         with pytest.raises(TypeError):
             results.add(run, "s", [cell("a"), broken])
         assert results.cells("s") == []
-
-
-def test_keys_name_all_their_parts():
-    assert cell_key("s", {"a": 1, "b": 2}) == cell_key("s", {"b": 2, "a": 1})
-    assert cell_key("s", {"a": 1}) != cell_key("s", {"a": 2})
-    assert cell_key("s", {"a": 1}) != cell_key("t", {"a": 1})
 
 
 def test_addresses(tmp_path):

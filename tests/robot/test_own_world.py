@@ -1,21 +1,28 @@
 """A world that somebody else built, as a robot backend with tasks of its own."""
 
+import json
 from contextlib import closing
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from gvla2 import Component, ComponentConfig, hookimpl, register, unregister
 from gvla2.commands import tasks
+from gvla2.commands.bench import run_bench
 from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
-from gvla2.errors import UnknownComponentError
+from gvla2.errors import ConfigurationError, UnknownComponentError
+from gvla2.evaluation.suites.robot_design import designs
 from gvla2.gym.env import TaskEnv
+from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import TaskInstance
 from gvla2.testing import inputs
 from gvla2.testing.robot import check_robot
+from tests.composing import bench_config
 
 SENTENCES = {"kitchen/0": "lift the red cube", "kitchen/1": "lift the blue cube"}
 
@@ -106,3 +113,17 @@ def test_as_an_environment():
 
 def test_it_conforms():
     check_robot(Kitchen(ComponentConfig()), move=False)
+
+
+def test_a_bench_takes_the_robots_tasks_by_a_pattern(tmp_path: Path):
+    registry = load_plugins()
+    arms = ("arms=[off]", "layouts=[10,11]", "workers=1", "quiet=true")
+    config = bench_config(registry, "suite=robot", "robot=kitchen", "tasks=[kitchen/*]", *arms)
+    config.results.url = f"sqlite:///{tmp_path / 'results.sqlite'}"
+    (design,) = designs(config, registry)
+    assert [(unit.subject, unit.layout) for unit in design.plan] == list(product(SENTENCES, (10, 11)))
+    run_bench(config, registry, tmp_path / "out")
+    rows = json.loads((tmp_path / "out" / "result.json").read_text())["rows"]
+    assert {row["instruction"] for row in rows} == set(SENTENCES.values())
+    with pytest.raises(ConfigurationError, match="no task like 'garden/"):
+        designs(replace(config, tasks=["garden/*"]), registry)

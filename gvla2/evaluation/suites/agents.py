@@ -247,7 +247,7 @@ def _keep(unit: SequenceUnit, bank: Path, done: int) -> None:
 
 def _measured(cell: Cell, made: Attempt, spent: Mapping[str, Mapping[str, float]]) -> Cell:
     """The row of an attempt; ``spent`` are the tokens by purpose."""
-    agent = _tokens(made.run.usage)  # a cached answer counts too: what is compared is the agents' work
+    agent = _tokens(made.run.usage)  # a cached answer counts too: the agents' work is compared
     extra = sum(_tokens(tally) for purpose, tally in spent.items() if purpose != "agent")
     measures: dict[str, float | None] = {
         "solved": 100.0 * made.solved,

@@ -24,7 +24,7 @@ def cube(
 
 
 def seen_as(body: Body, points: np.ndarray | None = None, **changes) -> SceneObject:
-    """The body's first solid, as a perceiver would tell it."""
+    """The body's first solid, as a perceiver would describe it."""
     solid = body.solids[0]
     what = {
         "id": body.name, "label": body.label, "shape": "box", "colour": "red",
@@ -78,7 +78,7 @@ class World:
         return tuple(self._names), self.ids
 
     def points(self, *names: str, every: int = 1) -> np.ndarray:
-        """(N, 3) what the cameras see of bodies or parts; every so many pixels."""
+        """(N, 3) what the cameras see of bodies or parts; every n-th pixel."""
         wanted = [self._names.index(name) for name in names]
         found = [
             view.points()[np.isin(ids, wanted)]

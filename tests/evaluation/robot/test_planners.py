@@ -85,10 +85,3 @@ def test_models_and_arms_are_columns_of_their_own():
     assert failures.headings == relaxed.headings
     assert "planner agent3d, model small" in effects.title
     assert [row.label for row in effects.rows] == ["on against off"]
-
-
-def test_one_planner_that_asks_no_model_has_no_costs():
-    sheets = robot_sheets(BOTH[:6])
-    titles = [sheet.title.rpartition(": ")[2] for sheet in sheets]
-    assert titles == ["success, relaxed", "success, strict", "failures"]
-    assert not any("tokens" in row.label for row in sheets[0].rows)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.suites.robot_tables import robot_sheets
-from gvla2.evaluation.tables import render_report, to_latex, to_markdown
 
 
 def cell(
@@ -70,13 +69,6 @@ def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_ru
     seen = [replace(c, key=c.key + "o", factors={**c.factors, "perceiver": "oracle"}) for c in cells()]
     titles = [table.title for table in robot_sheets([*cells(), *seen])]
     assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
-
-
-def test_every_format_can_be_made():
-    tables = robot_sheets(cells())
-    assert "lamp_on" in render_report(tables, [], "gvla2: Robot")
-    assert "| lamp_on |" in to_markdown(tables)
-    assert r"lamp\_on" in to_latex(tables)
 
 
 def test_arms_that_learned_otherwise_have_columns_of_their_own():
