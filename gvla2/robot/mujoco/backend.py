@@ -79,6 +79,7 @@ class MujocoArm:
     def _load(self, task: str | None) -> None:
         self.close()
         world = self._worlds.load(task)
+        world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world_from_base(world.model, world.data, world.names)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
         self._made = arm_from_urdf(
@@ -129,7 +130,8 @@ class MujocoArm:
         """Whether the world's own check was met at any step, within its steps; None without a check."""
         state, _, made = self._ready("judged")
         driver, until = WorldDriver(state, made.arm.hand.max_width), state.world.steps + JUDGE_STEPS
-        while state.world.succeeded() is False and not driver.expired() and state.world.steps < until:
+        moved = state.world.steps > 0
+        while moved and state.world.succeeded() is False and state.world.steps < until and not driver.expired():
             driver.hold(1)
         done = state.world.succeeded()
         return None if done is None else SuccessCheck(done, done)
