@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from gvla2.agents.contracts import AgentTask
 from gvla2.errors import ConfigurationError
@@ -44,7 +45,7 @@ def read_task(folder: Path) -> AgentTask:
         settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
         instruction = (folder / "instruction.md").read_text(encoding="utf-8").strip()
         metadata = settings.get("metadata", {})
-        limits = {
+        limits: dict[str, Any] = {
             field: type(usual)(settings.get(section, {}).get(name, usual))
             for field, section, name, usual in (
                 ("agent_seconds", "agent", "timeout_sec", 600.0),

@@ -105,7 +105,7 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], p
     lines.append(line)
     changes = {name: 100 * (ours[name] / theirs[name] - 1) for name in both if theirs[name] != 0}
     if any(changes.values()):  # if nothing has changed, no object is the worst
-        worst = (max if measure.better == "lower" else min)(changes, key=changes.__getitem__)
+        worst = sorted(changes, key=changes.__getitem__)[-1 if measure.better == "lower" else 0]
         lines.append(f"worst {changes[worst] + 0.0:+.2f} % ({worst})")
     return SheetCell(tuple(lines), tone=tone)
 

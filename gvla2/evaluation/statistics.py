@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 
 import numpy as np
+from numpy.typing import NDArray
 
 NORMAL_95 = 1.959963984540054
 """Two-sided 95 % quantile of the standard normal distribution."""
@@ -60,7 +61,7 @@ def relative_change(before: Sequence[float], after: Sequence[float], *, draws: i
     if not np.isfinite([old, new]).all() or old.mean() == 0:
         raise ValueError("Values must be finite and the mean before must not be zero.")
 
-    def change(one: np.ndarray, two: np.ndarray, axis: int = -1) -> np.ndarray:
+    def change(one: NDArray[np.float64], two: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
         return np.asarray(100 * (two.mean(axis=axis) / one.mean(axis=axis) - 1))
 
     value = float(change(old, new))

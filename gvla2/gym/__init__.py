@@ -42,8 +42,8 @@ def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
     tasks = [name for name in (registry or load_plugins()).components("task") if name != "none"]
     for name in tasks:
         if env_id(name) not in known:
-            options = {"kwargs": {"task": name}, "max_episode_steps": MAX_STEPS}
-            register(env_id(name), entry_point="gvla2.gym.env:TaskEnv", **options)
+            entry, own = "gvla2.gym.env:TaskEnv", {"task": name}
+            register(env_id(name), entry_point=entry, kwargs=own, max_episode_steps=MAX_STEPS)
     return tuple(map(env_id, tasks))
 
 

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 UNSEEN = 10
 """Pseudo-records added to a bank's count: in a small bank every word would be rare."""
 SECONDS_PER_DAY = 86_400.0
+_TERMS = 1000
+"""Number of terms whose records are kept."""
 
 
 class HeldRecord:
@@ -45,6 +47,7 @@ class Candidates:
     def __init__(self, held: Sequence[HeldRecord], now: float) -> None:
         self._held, self.now = sorted(held, key=lambda one: one.record.id), now
         self._asked: tuple[str, Array] | None = None
+        self._by_term: dict[str, NDArray[np.bool_]] = {}
 
     def __len__(self) -> int:
         return len(self._held)
@@ -99,7 +102,9 @@ class Candidates:
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
         """(N,) the records of this skill or of none; all of them for ""."""
-        return np.array([not skill or one.record.skill in ("", skill) for one in self._held], np.bool_)
+        if not skill:
+            return np.ones(len(self), np.bool_)
+        return np.array([one.record.skill in ("", skill) for one in self._held], np.bool_)
 
     def numbers(self, name: str) -> Array:
         """(N,) a number of the scenes' signatures, nan where there is none."""
@@ -125,8 +130,23 @@ class Candidates:
         if not asked or not self._held:
             return np.zeros(len(self))
         every = sorted(asked[0])  # the whole query's, which include those of its sentences
-        has = np.array([[term in one.terms for one in self._held] for term in every], np.float64)  # (T, N)
-        holders = has.sum(axis=1)
+        has = np.stack([self._holders(term) for term in every])  # (T, N)
+        holders = np.count_nonzero(has, axis=1)
         idf = np.log1p((len(self) + UNSEEN - holders + 0.5) / (holders + 0.5))  # (T,)
         weights = np.array([[term in some for term in every] for some in asked]) * idf  # (Q, T)
-        return np.asarray((weights @ has / weights.sum(axis=1, keepdims=True)).max(axis=0))
+        best = np.zeros(len(self))
+        for some in weights / weights.sum(axis=1, keepdims=True):
+            share = np.zeros(len(self))
+            for row in np.flatnonzero(some):
+                share[has[row]] += some[row]
+            np.maximum(best, share, out=best)
+        return best
+
+    def _holders(self, term: str) -> NDArray[np.bool_]:
+        """(N,) which records have a term in their words; kept, since queries repeat terms."""
+        if len(self._by_term) > _TERMS:
+            self._by_term.clear()
+        if term not in self._by_term:
+            found = (term in one.terms for one in self._held)
+            self._by_term[term] = np.fromiter(found, np.bool_, len(self))
+        return self._by_term[term]

@@ -79,7 +79,8 @@ class Index:
 
     def candidates(self, states: Sequence[str], *, now: float = 0.0) -> Candidates:
         """The records of these states, as a retriever ranks them; ``now`` in seconds since the epoch."""
-        wanted = tuple(states)
+        present = {one.record.state for one in self._held.values()}
+        wanted = tuple(state for state in states if state in present)
         if wanted not in self._candidates:
             held = [one for one in self._held.values() if one.record.state in wanted]
             self._candidates[wanted] = Candidates(held, now)

@@ -41,6 +41,7 @@ from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import Ledger, OpenBank, deciding
 from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
 
+COUNTED = "already rests on this episode, which counts once"
 CHUNK = 256
 """Lessons without an episode that share a transaction."""
 MAX_CONTENT = 2000
@@ -247,8 +248,7 @@ class Learning:
         earlier = ledger.origins(known.id) if known else []
         live = known is not None and known.state != "archive"
         if known and live and not origin.own and (known.trust == "own" or not adds(earlier, origin)):
-            why = f"{known.id} gains nothing from it: its source is already counted, or the lesson is ours"
-            self._discard(known.id, why)
+            self._unchanged(known, "gains nothing: the source is already counted, or the lesson is ours")
             return
         trust = trust_of([*earlier, origin])
         if candidate.state != "active":
@@ -257,9 +257,9 @@ class Learning:
             note = candidate.note or "no two independent sources have confirmed it"
             self._hold_back(replace(fresh, trust=trust, state="provisional", note=note), known, origin)
         elif known and counted(known, self._episode) and known.state == "archive":
-            self._discard(known.id, f"{known.id} stays archived: it rests on this episode already")
+            self._unchanged(known, "stays archived: it rests on this episode already")
         elif known and counted(known, self._episode) and known.state == "active":
-            self._repeat(known, self._tally.merged)
+            self._unchanged(known, COUNTED, self._tally.merged)
         elif known and known.state == "active":
             grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
             self._store(replace(grown, trust=trust), "MERGE", "one more episode says the same", origin)
@@ -286,11 +286,11 @@ class Learning:
         if known is None:
             self._provisional(fresh, "PROVISIONAL", origin)
         elif known.state == "archive":
-            self._discard(known.id, "an unverified repeat of what was archived changes nothing")
+            self._unchanged(known, "was archived: an unverified repeat changes nothing")
         elif known.state == "active":
-            self._discard(known.id, f"{known.id} is already believed: an unbelieved repeat changes nothing")
+            self._unchanged(known, "is already believed: a repeat that is not believed changes nothing")
         elif counted(known, self._episode):
-            self._repeat(known, self._tally.provisional)
+            self._unchanged(known, COUNTED, self._tally.provisional)
         else:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             outcome = fresh.outcome if origin else known.outcome
@@ -301,18 +301,13 @@ class Learning:
         self._tally.provisional.append(record.id)
         self._tally.note(f"{record.id} is provisional: {record.note}.")
 
-    def _discard(self, id: str, why: str) -> None:
-        self._tally.discarded += 1
-        self._tally.note(f"{why}." if why.startswith(id) else f"{why[0].upper()}{why[1:]}.")
-        self._ledger.transaction.decide("DISCARD", id, why=why)
-        self.touched.append(id)
-
-    def _repeat(self, known: Record, listed: list[str]) -> None:
-        """The same source again: it counts only once."""
-        why = f"{known.id} already rests on this episode, which counts once"
-        listed.append(known.id)
-        self._tally.note(f"{why}.")
-        self._ledger.transaction.decide("REPEATED", known.id, why=why)
+    def _unchanged(self, known: Record, why: str, listed: list[str] | None = None) -> None:
+        """The record that is known stays as it is; the lesson counts as discarded, unless it is ``listed``."""
+        self._tally.discarded += listed is None
+        if listed is not None:
+            listed.append(known.id)
+        self._tally.note(f"{known.id} {why}.")
+        self._ledger.transaction.decide("DISCARD" if listed is None else "REPEATED", known.id, why=why)
         self.touched.append(known.id)
 
     def _activate(

@@ -42,6 +42,8 @@ POSES = 4
 """Starts of a scan that are refined."""
 REFINED, THOROUGH = 6, 2
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
+AS_WELL = 0.002
+"""A turned scan fits as well if the seen points are, on average, hardly farther from it, metres."""
 ROUNDS = 14
 """Iterations of closest points."""
 NEAR = 0.008
@@ -183,6 +185,22 @@ def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
         through=through / max(1, through + shown) + sunk,
         colour=colour,
     )
+
+
+def turned(fit: Fit, seen: Seen) -> Fit:
+    """The fit at the turn about the vertical at which the colours agree best, where the shape allows others.
+
+    The surface of a can or a bottle does not tell how it is turned; its label does.
+    """
+    middle = fit.world_from_scan[:3, 3]
+    around = rigid(None, middle) @ np.stack([rigid(turn) for turn in TURNS[1:]]) @ rigid(None, -middle)
+    found = [fit]
+    for motion in around:
+        pose = motion @ fit.world_from_scan
+        points = transform_points(invert_rigid(pose), seen.points[:: max(1, len(seen.points) // FINE)])
+        if _truncated(fit.scan.nearest, points).mean() < fit.gap + AS_WELL:
+            found.append(judged(fit.scan, seen, pose))
+    return max(found, key=ODDS.of)
 
 
 Sights = tuple[list[Camera], list[FloatArray], list[FloatArray]]
@@ -342,7 +360,8 @@ class Gallery:
         fits = [(best(scan, poses[:1]), poses[1:]) for _, scan, poses in starts]
         fits.sort(key=lambda each: ODDS.of(each[0]), reverse=True)
         likeliest = [
-            fit if not more else max(fit, best(fit.scan, more), key=ODDS.of) for fit, more in fits[:THOROUGH]
+            turned(fit if not more else max(fit, best(fit.scan, more), key=ODDS.of), seen)
+            for fit, more in fits[:THOROUGH]
         ]
         return sorted([*likeliest, *(fit for fit, _ in fits[THOROUGH:])], key=ODDS.of, reverse=True)
 

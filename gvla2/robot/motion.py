@@ -317,7 +317,6 @@ def rrt_connect(
         simplifier = og.PathSimplifier(information)
         simplifier.reduceVertices(path)
         simplifier.partialShortcutPath(path, SHORTCUTS, SHORTCUTS, 1.0)
-        simplifier.ropeShortcutPath(path)
         simplifier.reduceVertices(path)
         return np.array([[s[j] for j in range(dof)] for s in path.getStates()])
 

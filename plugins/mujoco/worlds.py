@@ -43,7 +43,7 @@ class MjcfWorlds:
 class MjcfWorld:
     """Implements :class:`gvla2.robot.mujoco.world.World`."""
 
-    instruction, goal, max_steps, scenery = "", "", 0, SCENERY
+    instruction, goal, max_steps, scenery, hand_steps = "", "", 0, SCENERY, 1
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()

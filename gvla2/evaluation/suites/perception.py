@@ -199,7 +199,7 @@ def _measure(
     seconds = time.perf_counter() - started
     result = score(truths, scene, clear)
     split = {owner for _, owner in result.false}
-    measures = {"false": float(len(result.false)), "seconds": seconds}
+    measures: dict[str, float | None] = {"false": float(len(result.false)), "seconds": seconds}
     notes = {
         "status": "ok",
         "instruction": instance.instruction,

@@ -25,6 +25,10 @@ from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Task, TaskInstance, WorldState
 
+JUDGE_STEPS = 100
+"""Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
+must come to rest, and LIBERO's objects fall slowly."""
+
 _SILENT = ExecutionListener()
 
 
@@ -123,7 +127,10 @@ class MujocoArm:
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the world's own check was met at any step, within its steps; None without a check."""
-        state, _, _ = self._ready("judged")
+        state, _, made = self._ready("judged")
+        driver, until = WorldDriver(state, made.arm.hand.max_width), state.world.steps + JUDGE_STEPS
+        while state.world.succeeded() is False and not driver.expired() and state.world.steps < until:
+            driver.hold(1)
         done = state.world.succeeded()
         return None if done is None else SuccessCheck(done, done)
 

@@ -95,6 +95,11 @@ class EnvWorld:
         for observed in env.observation_names:  # nobody reads them, and they take longer than the physics
             env.modify_observable(observed, "enabled", False)
         self._sent = 0.0  # where the hand's command is, from -1 (closed) to 1
+        # Version 1.4 moves it with every step of the physics, 1.5 with every step of control.
+        self._stride = self._hand.speed * (
+            1 if self._absolute else round(env.control_timestep / env.model_timestep)
+        )
+        self.hand_steps = round(2 / self._stride)
 
     @staticmethod
     def options(controller: dict[str, Any]) -> dict[str, Any]:
@@ -124,11 +129,9 @@ class EnvWorld:
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """One control step; the hand's command moves by its own speed, up or down."""
-        times = 1 if self._absolute else round(self.env.control_timestep / self.env.model_timestep)
-        stride = self._hand.speed * times  # 1.4 moves it with every step of the physics
         off = 2 * opening - 1 - self._sent
-        sign = 0.0 if abs(off) < 0.5 * stride else float(np.sign(off))
-        self._sent = float(np.clip(self._sent + sign * stride, -1.0, 1.0))
+        sign = 0.0 if abs(off) < 0.5 * self._stride else float(np.sign(off))
+        self._sent = float(np.clip(self._sent + sign * self._stride, -1.0, 1.0))
         indexes = self.env.robots[0]._ref_joint_pos_indexes
         here = np.zeros(len(joints)) if self._absolute else self.data.qpos[indexes]
         self.env.step(np.append(joints - here, -sign))

