@@ -34,13 +34,13 @@ TALLER = 0.02
 """Metres by which a resting pose may differ in height from the seen surface."""
 TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
 """(20, 3, 3) turns about the vertical that are tried for each resting pose."""
-COARSE, BACK, FINE = 60, 60, 260
+COARSE, BACK, FINE = 60, 60, 200
 """Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
 CHECKED = 40
 """Starts of a scan that are checked in reverse."""
 POSES = 4
 """Starts of a scan that are refined."""
-REFINED, THOROUGH = 8, 2
+REFINED, THOROUGH = 6, 2
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
 AS_WELL = 0.002
 """A turned scan fits as well if the seen points are, on average, hardly farther from it, metres."""
