@@ -131,7 +131,9 @@ class MujocoArm:
         state, _, made = self._ready("judged")
         driver, until = WorldDriver(state, made.arm.hand.max_width), state.world.steps + JUDGE_STEPS
         moved = state.world.steps > 0
-        while moved and state.world.succeeded() is False and state.world.steps < until and not driver.expired():
+        while (
+            moved and state.world.succeeded() is False and state.world.steps < until and not driver.expired()
+        ):
             driver.hold(1)
         done = state.world.succeeded()
         return None if done is None else SuccessCheck(done, done)
