@@ -23,6 +23,7 @@ class RobosuiteConfig(MujocoConfig):
 
     name: str = "robosuite"
     cameras: list[str] = field(default_factory=lambda: ["agentview", "frontview", "sideview", "birdview"])
+    image_size: int = 512
     arm: str = "Panda"
     gripper: str = "PandaGripper"
     settle_steps: int = 10

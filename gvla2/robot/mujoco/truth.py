@@ -18,9 +18,6 @@ MOST_POINTS = 1500
 THIN = 2e-3
 """Least side of an object, metres."""
 
-ROUNDNESS = 0.03
-"""A body is taken for a cylinder when its outline strays less from a circle, as a share of its radius."""
-
 DEEP, AROUND = 0.3, 0.5
 """A body is hollow when nothing of its middle reaches within this share of its height of its top; and the share of
 its half width that is its middle."""
@@ -29,7 +26,7 @@ its half width that is its middle."""
 def true_scene(world: World) -> Scene:
     """Every body that is neither the robot nor the room; a body on another's joint is a part of it.
 
-    Labels are the bodies' names without numbers, colours those of their material, shapes guessed from their vertices.
+    Labels are the bodies' names without numbers, colours those of their material, shapes boxes and plates.
     """
     model = world.model
     robot = set(robot_bodies(model, world.names.base))
@@ -61,10 +58,8 @@ def _object(
     inner = local[away < AROUND * 0.5 * min(extents[:2])]
     wall = away[local[:, 2] > high[2] - 0.15 * extents[2]]
     hollow = len(inner) > 0 and inner[:, 2].max() < high[2] - DEEP * extents[2]
-    sides = [float(np.percentile(away[_towards(local, middle, k)], 98)) for k in range(8)]
-    round_ = np.ptp(sides) < 2 * ROUNDNESS * max(sides)
     flat = extents[2] < 0.3 * min(extents[:2])
-    shape: Shape = ("disc" if flat else "cylinder") if round_ else ("plate" if flat else "box")
+    shape: Shape = "plate" if flat else "box"
     words = (word for word in re.split(r"[\W_]+", name) if word and not word.isdigit() and word != "main")
     return SceneObject(
         name,
@@ -78,13 +73,6 @@ def _object(
         parent,
         opening=2 * float(np.percentile(wall, 2)) if hollow and len(wall) else 0.0,
     )
-
-
-def _towards(local: FloatArray, middle: FloatArray, eighth: int) -> Any:
-    """Which points (N, 3) lie in an eighth of the directions about the middle."""
-    angles = np.arctan2(local[:, 1] - middle[1], local[:, 0] - middle[0])
-    inside = np.floor((angles + np.pi) / (2 * np.pi) * 8).astype(int) % 8 == eighth
-    return inside if inside.any() else slice(None)
 
 
 def _looks(world: World, body: int) -> tuple[FloatArray, FloatArray]:
@@ -118,17 +106,7 @@ def _drawn(world: World, body: int) -> Iterator[tuple[FloatArray, FloatArray]]:
 
 
 def _colour(model: Any, geom: int) -> FloatArray:
-    """(3,) the mean of its texture times its material's colour, else its own colour."""
-    import mujoco
-
+    """(3,) its material's colour, else its own; textures are not read."""
     material = model.geom_matid[geom]
-    if material < 0:
-        return np.array(model.geom_rgba[geom][:3], dtype=np.float64)
-    rgb = np.array(model.mat_rgba[material][:3], dtype=np.float64)
-    texture = int(np.ravel(model.mat_texid[material])[mujoco.mjtTextureRole.mjTEXROLE_RGB])
-    if texture < 0:
-        return rgb
-    first = model.tex_adr[texture]
-    count = int(model.tex_width[texture]) * int(model.tex_height[texture]) * int(model.tex_nchannel[texture])
-    pixels = model.tex_data[first : first + count].reshape(-1, model.tex_nchannel[texture])[:, :3]
-    return rgb * pixels[:: max(1, len(pixels) // 5000)].mean(axis=0) / 255.0
+    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+    return np.array(rgba[:3], dtype=np.float64)
