@@ -101,8 +101,8 @@ class MjcfWorld:
     def step(self, joints: FloatArray, opening: float) -> None:
         """Physics steps of one control period: positions for servos, computed torques for motors."""
         for actuator in self._hand:
-            low, high = self.model.actuator_ctrlrange[actuator]
-            self.data.ctrl[actuator] = low + opening * (high - low)
+            closed, opened = sorted(self.model.actuator_ctrlrange[actuator], key=abs)  # either sign may open
+            self.data.ctrl[actuator] = closed + opening * (opened - closed)
         servo = np.array([self.model.actuator_biastype[motor] != 0 for motor in self._motors])
         self.data.ctrl[np.array(self._motors)[servo]] = joints[servo]
         for _ in range(max(1, round(1.0 / (self.rate * self.model.opt.timestep)))):
