@@ -217,8 +217,9 @@ def _read_plain(cameras: Path, numbers: Sequence[int] | None) -> Views:
         raise GeometryError(
             f"Cannot read the cameras {cameras}: {error!r}; it needs a list 'views'."
         ) from error
-    if not entries or max(numbers or (0,)) >= len(entries):
-        raise GeometryError(f"{cameras} lists {len(entries)} views (from 0), too few for what was asked.")
+    highest = max(numbers or (0,))
+    if highest >= len(entries):
+        raise GeometryError(f"{cameras} lists {len(entries)} views (from 0); there is no view {highest}.")
     chosen = entries if numbers is None else [entries[n] for n in numbers]
     return Views(tuple(_plain_view(cameras, entry) for entry in chosen))
 

@@ -9,7 +9,7 @@ from gvla2.language.score_tokens import LETTERS, phi, score_answer
 from gvla2.memory.contracts import Evidence
 from gvla2.plugins.registry import Registry
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.questions import SOFTWARE
+from gvla2_plugins.llm_verifier.verifier import criteria_set
 
 pytestmark = [pytest.mark.model, pytest.mark.timeout(600)]
 
@@ -28,15 +28,16 @@ def language(local_model: Path, registry: Registry, tmp_path_factory) -> Languag
 def test_two_transcripts_are_judged(language: LanguageModel):
     (component,) = gvla2_verifiers()
     judge = component.build(LlmVerifierConfig(criteria="software"), language=language)
+    questions = criteria_set("software")
     for transcript in (GOOD, BAD):
         verdict = judge.verify(Evidence("fix the crash on empty input", transcript))
         assert verdict.outcome != "unavailable", verdict.reasons
-        assert list(verdict.criteria) == list(verdict.mass) == [c.name for c in SOFTWARE]
+        assert list(verdict.criteria) == list(verdict.mass) == [c.name for c in questions]
         assert all(0 <= score <= 1 for score in verdict.criteria.values())
         # Real log-probabilities of real letters.
         assert all(0 < mass <= 1 for mass in verdict.mass.values())
         assert not any("no valid score" in reason for reason in verdict.reasons)
-        assert verdict.usage["calls"] == len(SOFTWARE)
+        assert verdict.usage["calls"] == len(questions)
         assert verdict.usage["prompt_tokens"] > 3 * 200
         assert verdict.usage["completion_tokens"] > 0
     assert language.ledger.totals()["verify"]["unmetered"] == 0
