@@ -230,22 +230,23 @@ def score(truths: Sequence[TrueObject], scene: Scene, observation: Observation) 
     piles: dict[int, list[int]] = {}
     for row in [row for row, true in enumerate(truths) if true.bodies > 1]:
         pieces = sorted(np.flatnonzero(on[row] > OF_IT).tolist(), key=lambda k: -int(masks[k].sum()))
-        union = overlaps(trues[[row]], masks[pieces].any(axis=0, keepdims=True))[0, 0]
+        union = overlaps(trues[[row]], np.any(masks[pieces], axis=0, keepdims=True))[0, 0]
         if pieces and union > best[row].max():
             best[row, pieces[0]], piles[row] = union, pieces  # the largest stands for all of them
     matches: dict[int, int] = {}
     scores = [ObjectScore(true) for true in truths]
-    for row, column in zip(*linear_sum_assignment(-best), strict=True):
+    rows, columns = linear_sum_assignment(-best)
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         if best[row, column] > FOUND:
-            matches[int(column)] = int(row)
+            matches[column] = row
             family = families[column] if together[row, column] > alone[row, column] else [column]
-            box = box_about([objects[k] for k in piles.get(int(row)) or family], objects[column])
-            scores[row] = _score(truths[row], int(column), float(best[row, column]), box)
+            box = box_about([objects[k] for k in piles.get(row) or family], objects[column])
+            scores[row] = _score(truths[row], column, float(best[row, column]), box)
         elif best[row, column] > 0:
-            scores[row] = ObjectScore(truths[row], int(column), float(best[row, column]))
+            scores[row] = ObjectScore(truths[row], column, float(best[row, column]))
     false = []
     for k in set(range(len(objects))) - matches.keys():
-        owners = np.flatnonzero(on[:, k] > OF_IT)
+        owners = np.flatnonzero(on[:, k] > OF_IT).tolist()
         a_part = any(a in matches and matches[a] in owners for a in above[k])
         if not a_part and not any(truths[row].bodies > 1 for row in owners):
             false.append((k, truths[int(np.argmax(on[:, k]))].name if len(owners) else ""))

@@ -228,9 +228,10 @@ def file_of(url: str) -> Path | None:
 
 def _cell(row: Row) -> Cell:
     try:
-        return Cell(row.key, *(json.loads(t) for t in (row.factors, row.measures, row.notes)), row.run_id)
+        factors, measures, notes = map(json.loads, (row.factors, row.measures, row.notes))
     except json.JSONDecodeError as error:
         raise Gvla2Error(f"A row of the results database is damaged (key {row.key}): {error}") from error
+    return Cell(row.key, factors, measures, notes, row.run_id)
 
 
 def versions() -> dict[str, str]:

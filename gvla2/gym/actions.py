@@ -86,7 +86,8 @@ class WaypointActions:
         place = 2.0 * (xyz - low) / (high - low) - 1.0
         with warnings.catch_warnings(action="ignore"):  # at a pitch of 90 degrees the yaw is taken to be 0
             angles = Rotation.from_matrix(pose[:3, :3] @ _DOWN.T).as_euler("xyz") / np.pi
-        return np.clip([*place, *angles, gripper], self.space.low, self.space.high).astype(np.float32)
+        numbers = np.clip([*place, *angles, gripper], self.space.low, self.space.high)
+        return np.asarray(numbers, dtype=np.float32)
 
     def step(self, action: ArrayLike) -> SuccessCheck:
         """Bring the tool to a pose, then the fingers to an opening, and look; returns the success.
@@ -149,6 +150,7 @@ class JointActions:
         self.space = spaces.Box(np.array([-1.0] * dof + [0.0], np.float32), np.ones(dof + 1, np.float32))
         self.info: dict[str, Any] = {}
         self.state: DriverState
+        self._seen: Observation | None
 
     def begin(self, instance: TaskInstance, seen: Observation) -> None:
         """Start an episode where the robot stands."""

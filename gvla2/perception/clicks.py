@@ -23,8 +23,9 @@ from gvla2.language.contracts import LanguageModel, LanguageModelError
 from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.clusters import TOUCHING, Fused, MaskCandidate, in_sight, iou, objects_of
-from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
+from gvla2.perception.frames import BoolArray, ViewFrame
 from gvla2.perception.options import VisionOptions
+from gvla2.perception.registration import TablePlane
 from gvla2.planning.scene import Scene, SceneObject
 
 

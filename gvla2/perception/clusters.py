@@ -16,8 +16,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
+from gvla2.perception.frames import BoolArray, ViewFrame
 from gvla2.perception.objects import object_of
+from gvla2.perception.registration import TablePlane
 from gvla2.planning.scene import SceneObject
 
 IntArray = NDArray[np.int64]

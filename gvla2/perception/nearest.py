@@ -60,7 +60,7 @@ def closest_points(
     """
     count, reach = len(points), 0.02
     index, gaps = np.empty(count, np.int64), np.empty(count)
-    off, row, centre = np.empty(3), np.empty(6), np.empty(3)
+    off, row, centre, step = np.empty(3), np.empty(6), np.empty(3), np.empty(6)
     for _ in range(rounds):
         for n in range(count):
             x = min(max(int((points[n, 0] - low[0]) / cell), 0), table.shape[0] - 1)
@@ -98,7 +98,7 @@ def closest_points(
                     side[i] -= row[i] * wrong
                     for j in range(6):
                         system[i, j] += row[i] * row[j]
-        step = np.linalg.solve(system, side)
+        step[:] = np.linalg.solve(system, side)
         turn = _turn(step, size)
         for n in range(count):
             _move(points[n], turn, centre, step)
@@ -119,9 +119,10 @@ def _turn(step: FloatArray, size: float) -> FloatArray:
     """(3, 3) of the rotation vector step[:3] / size, each of its components at most 0.2 (Rodrigues)."""
     x, y, z = min(max(step[0] / size, -0.2), 0.2), min(max(step[1] / size, -0.2), 0.2), step[2] / size
     z = min(max(z, -0.2), 0.2)
-    angle = np.sqrt(x * x + y * y + z * z) + 1e-12
+    angle: float = np.sqrt(x * x + y * y + z * z) + 1e-12
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
-    return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew)
+    turn: FloatArray = np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew)
+    return turn
 
 
 @compiled

@@ -315,7 +315,7 @@ def fault_of(offered: object) -> str:
             return f"'{name}' has {what}s that are not a sequence of {kind.__name__}: {value!r:.200}."
     if offered.role("theme") is None:
         return f"'{name}' has no role 'theme': every skill handles something."
-    if not callable(offered.propose) or not callable(offered.defaults):
+    if not all(map(callable, (offered.propose, offered.defaults))):
         return f"'{name}' has a propose or defaults that cannot be called."
     known = {p.name for p in offered.parameters}
     for used in (

@@ -111,7 +111,9 @@ class _Caller:
             self._report(plugin, KINDS_HOOK, fault)
             return
         self.kinds[kind.name] = kind
-        self._manager.add_hookspecs(SimpleNamespace(**{kind.hook: hookspec(lambda: None)}))
+        specification = ModuleType(kind.name)
+        setattr(specification, kind.hook, hookspec(lambda: None))
+        self._manager.add_hookspecs(specification)
 
     def call(self, hook: str) -> Iterator[tuple[Any, Plugin]]:
         """The valid items that all plugins return, each with its plugin."""

@@ -26,7 +26,7 @@ _SHARPEST = 1e-5  # residuals below count as zero; a step of an 8-bit image is 4
 
 
 def fit_affine(
-    rendered: FloatArray, observed: FloatArray, mask: FloatArray, beta: float = 0.01
+    rendered: NDArray[np.floating], observed: FloatArray, mask: FloatArray, beta: float = 0.01
 ) -> tuple[FloatArray, FloatArray] | None:
     """The gain (3,) and bias (3,) that minimise the paper's masked L1 with a ridge toward identity.
 

@@ -121,12 +121,14 @@ def forward(
 ) -> Frame:
     """Render, and keep what the gradients need. Raises :class:`GeometryError` for a K that is not a pinhole's."""
     count, height, width = len(gaussians), camera.height, camera.width
-    packed, arrays = _pack(camera, rasteriser), _contiguous(gaussians)
+    packed = _pack(camera, rasteriser)
+    centres, log_scales, rotations, logits, sh_dc, sh_rest = _contiguous(gaussians)
     splats = np.empty((count, SPLAT_COLUMNS), np.float32)
     boxes = np.empty((count, 4), np.int32)
 
     def project_some(start: int, stop: int) -> None:
-        project(start, stop, packed, width, height, *arrays, splats, boxes)
+        given = centres, log_scales, rotations, logits, sh_dc, sh_rest
+        project(start, stop, packed, width, height, *given, splats, boxes)
 
     run_chunks(project_some, count, _FEWEST_FOR_THREADS)
     # Sorted once, nearest first and equal depths in the Gaussians' order: so is each tile's list then.
@@ -218,7 +220,9 @@ def _parts(count: int) -> int:
 
 
 @compiled
-def _tile_lists(order: Ints, boxes: Ints, across: int, down: int) -> tuple[Ints, Ints]:
+def _tile_lists(
+    order: Ints, boxes: Ints, across: int, down: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Offsets (tiles + 1,) and members (entries,): each tile's Gaussians in the given order (N,)."""
     ends = np.zeros(across * down + 1, np.int64)
     for i in order:

@@ -295,7 +295,7 @@ def check_instance(instance: object) -> None:
 
 
 def _check_joints(layout: Layout, names: list[str]) -> None:
-    ties = [*layout.joints, *layout.threads]
+    ties: list[Joint | Thread] = [*layout.joints, *layout.threads]
     for tie in ties:
         require(
             {tie.parent, tie.child} <= set(names),

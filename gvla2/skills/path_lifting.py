@@ -130,7 +130,9 @@ def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOpti
     """The plan of a path without a grasp: the closed hand pushes or presses."""
     scene, hand = request.scene, request.arm.hand
     level = [(a, b) for a, b in pairwise(points) if abs(b.xyz[2] - a.xyz[2]) < LEVEL]
-    a, b = max(level, key=lambda move: math.dist(move[0].xyz[:2], move[1].xyz[:2]), default=points[:1] * 2)
+    a, b = max(
+        level, key=lambda move: math.dist(move[0].xyz[:2], move[1].xyz[:2]), default=(points[0], points[0])
+    )
     shift = (b.array - a.array) * [1.0, 1.0, 0.0]
     length = float(np.linalg.norm(shift))
     struck = _struck(a, b, scene) if length > LEVEL else None

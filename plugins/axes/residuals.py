@@ -51,7 +51,9 @@ def mask_contour(mask: NDArray[np.float32], count: int) -> Contour:
         return Contour(uv, uv.copy(), np.zeros(0))
     smooth = gaussian_filter(values, _SMOOTHING, mode="nearest")
     at = uv[:, ::-1].T - 0.5
-    down, across = (map_coordinates(slope, at, order=1, mode="nearest") for slope in np.gradient(smooth))
+    down, across = (
+        map_coordinates(np.gradient(smooth, axis=axis), at, order=1, mode="nearest") for axis in (0, 1)
+    )
     normal = -np.stack([across, down], axis=1)
     size = np.linalg.norm(normal, axis=1)
     kept = size > 1e-6  # a speck that vanishes after smoothing has no direction

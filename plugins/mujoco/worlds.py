@@ -15,7 +15,7 @@ from gvla2.robot.mujoco.description import ArmNames
 from gvla2.robot.mujoco.eyes import import_mujoco
 from gvla2_plugins.mujoco import MjcfConfig
 
-SCENERY = ("floor", "table", "wall", "ground")
+SCENERY: tuple[str, ...] = ("floor", "table", "wall", "ground")
 
 
 class MjcfWorlds:

@@ -36,7 +36,7 @@ def choose_profiles(rs: Any, device: Any, size: tuple[int, int], fps: int) -> Ch
     depths = [(s, p) for s, p in video if p.stream_type() == rs.stream.depth and p.format() == rs.format.z16]
     who = f"The camera {name_of(rs, device)} '{serial_of(rs, device)}'"
 
-    def nearest(what: str, found: list[Any], most: float) -> tuple[Any, Any]:
+    def nearest(what: str, found: list[tuple[Any, Any]], most: float) -> tuple[Any, Any]:
         def distance(pair: Any) -> int:
             width, height, _ = _key(pair[1])
             return abs(width - size[0]) + abs(height - size[1])

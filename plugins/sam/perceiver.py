@@ -159,8 +159,8 @@ class SamPerceiver:
             for number, given in enumerate(answers)
             for each in self._drawn(number, found.maps[number], whole, given)
         ]
-        objects, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
-        objects = numbered(over_workspace(objects, workspace))
+        placed, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
+        objects = numbered(over_workspace(placed, workspace))
         scene = Scene(objects, table.height_over(workspace), workspace, "sam", (*notes, *small))
         if self._vision is not None:
             scene = localized(scene, frames, self._segmenter, table, instruction, self._vision, config.vision)

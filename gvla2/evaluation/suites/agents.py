@@ -87,7 +87,12 @@ class SequenceUnit(Unit):
     def unknown(self, place: int, status: str) -> Cell:
         """The row of the task at a place without measures, with why there are none."""
         task = self.tasks[place]
-        own = {"seed": self.seed, "task": task.name, "family": task.family, "place": place}
+        own: dict[str, str | int] = {
+            "seed": self.seed,
+            "task": task.name,
+            "family": task.family,
+            "place": place,
+        }
         return Cell(self.keys[place], {**self.factors, **own}, UNKNOWN, {"status": status})
 
     def kept(self, done: int) -> Path:

@@ -217,7 +217,7 @@ def _design(config: RobotBench, teaching: RobotBench, registry: Registry, arms: 
     exploring = []
     for subject, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
         here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
-        keys = (cell_key(EXPLORATION, here, taught[subject], *how),)
+        keys: tuple[str, ...] = (cell_key(EXPLORATION, here, taught[subject], *how),)
         factors = {**here, "planner": planner_label(teaching)}
         name = f"{teaching.planner.name}, {subject}, {EXPLORED}"
         exploring.append(EpisodeUnit(keys, name, teaching, subject, rows[subject], explorer, seed, factors))

@@ -20,10 +20,10 @@ from gvla2.robot.mujoco.eyes import import_mujoco
 RATE = 20.0
 """Control steps a second of the published evaluations."""
 
-DRAWN = (1,)
+DRAWN: tuple[int, ...] = (1,)
 """Group of the geoms that robosuite draws; group 0 are collision shapes."""
 
-SCENERY = (
+SCENERY: tuple[str, ...] = (
     "floor",
     "wall",
     "table",
@@ -87,7 +87,7 @@ class EnvWorld:
     ) -> None:
         self.env, self.instruction, self.goal = env, instruction, goal
         self.workspace, self.table_height, self.max_steps = workspace, table_height, max_steps
-        self.lag = 2.0 / np.sqrt(stiffness)  # of a critically damped joint
+        self.lag: float = 2.0 / np.sqrt(stiffness)  # of a critically damped joint
         self.steps, self._reached = 0, False
         self.model, self.data = env.sim.model._model, env.sim.data._data
         self.names = self._named()
