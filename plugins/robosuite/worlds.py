@@ -60,11 +60,11 @@ class RobosuiteWorlds:
         config = self._config
         control = {"type": "BASIC", "body_parts": {"right": _arm_controller(config.stiffness)}}
         with silent():
+            np.random.seed(0)
             env = self._robosuite.make(
                 task.removeprefix(SUITE),
                 robots=config.arm,
                 gripper_types=config.gripper,
-                seed=0,
                 **EnvWorld.options(control),
             )
         return RobosuiteWorld(env, task, config)
@@ -91,8 +91,7 @@ class RobosuiteWorld(EnvWorld):
 
     def begin(self, seed: int) -> None:
         """The state that robosuite draws for the seed."""
-        self.env.rng.bit_generator.state = np.random.default_rng(
-            seed
-        ).bit_generator.state  # shared with its samplers
+        if hasattr(self.env, "rng"):  # since 1.5.2, shared with its samplers; numpy's global state before
+            self.env.rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state
         self.reset(seed)
         self.settle(self._settle_steps)
