@@ -71,7 +71,7 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
         material = paints.get(material.get("name"))
     paint = None if material is None else material.find("color")
     rgb: Any = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
-    shape = next(iter(solid.find("geometry") or ()), None)
+    shape = solid.find("geometry/*")
     mesh = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))
     if shape is not None and shape.tag == "mesh":
         mesh = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
