@@ -59,6 +59,7 @@ EXTRAS = {
     "plugins/test_sam.py": "",
     "plugins/test_trackers.py": "",
     "record/test_motion.py": "",
+    "robot/test_own_world.py": "",
     "testing/test_conformance.py": "",
     "test_examples.py": "",
     "test_notebooks.py": "",

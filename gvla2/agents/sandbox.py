@@ -180,7 +180,7 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
     ) as root:
         shutil.copytree(task.files, Path(root, "app"), symlinks=True)
         sandbox = BubblewrapSandbox(Path(root), task.disk_mb, task.memory_mb)
-        tried = sandbox.run("true", seconds=10)
+        tried = sandbox.run("true", seconds=30)
         if tried.status != 0:
             raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
         yield sandbox

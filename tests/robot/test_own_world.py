@@ -15,7 +15,6 @@ from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.evaluation.suites.robot_design import designs
-from gvla2.gym.env import TaskEnv
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import ExecutionReport
@@ -103,6 +102,9 @@ def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]):
 
 
 def test_as_an_environment():
+    pytest.importorskip("gymnasium", reason="pip install 'gvla2[gym]'")
+    from gvla2.gym.env import TaskEnv
+
     with closing(TaskEnv("kitchen/0", robot="kitchen")) as env:
         _, info = env.reset(seed=0)
         assert info["instruction"] == "lift the red cube"
