@@ -48,6 +48,10 @@ _ADVICE = {
 }
 
 
+class _UnreachableError(ModelUnavailableError):
+    """No connection, or one that broke off."""
+
+
 class Endpoint:
     """A :class:`LanguageModel` at an OpenAI-compatible server. It keeps no connection: there is nothing to close.
 
@@ -92,23 +96,29 @@ class Endpoint:
 
     async def _ask_all(self, requests: Sequence[Request]) -> list[Completion | LanguageModelError]:
         if not self._model:
-            async with self._client() as client:
+            async with self._client(self._server.address()) as client:
                 self._model = await self._only_model(client)
         keys = [self._key_of(request) for request in requests]
         answers = [self._kept(key) for key in keys]
         fresh = [i for i, answer in enumerate(answers) if answer is None]
         if not fresh:
             return [answer for answer in answers if answer is not None]
-        async with self._client() as client:
-            asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in fresh))
-        new = dict(zip(fresh, asked, strict=True))
+        new: dict[int, Completion | LanguageModelError] = {}
+        address = ""
+        for _ in range(2):  # again, if a server of ours that had just stopped is at another address now
+            left = [i for i in fresh if i not in new or isinstance(new[i], _UnreachableError)]
+            if not left or (now := self._server.address()) == address:
+                break
+            address = now
+            async with self._client(address) as client:
+                asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in left))
+            new |= dict(zip(left, asked, strict=True))
         return [answer if answer is not None else new[i] for i, answer in enumerate(answers)]
 
-    def _client(self) -> openai.AsyncOpenAI:
+    def _client(self, address: str) -> openai.AsyncOpenAI:
         """A client to be used as an async context."""
         import openai
 
-        address = self._server.address()
         # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server
         # that drips bytes would never meet them, so _sent() keeps the deadline. No proxy stands before this machine.
         here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
@@ -198,7 +208,7 @@ class Endpoint:
         except openai.APIConnectionError as error:
             cause = error.__cause__ or error
             message = f"{where} cannot be reached or broke off ({type(cause).__name__}: {cause})."
-            raise ModelUnavailableError(f"{message} Is a server running there?") from error
+            raise _UnreachableError(f"{message} Is a server running there?") from error
         try:
             answer = json.loads(self._redacted(received.decode(errors="replace")))
         except (ValueError, RecursionError) as error:

@@ -147,7 +147,7 @@ def test_it_ends_when_the_run_is_killed(weights: Path, tmp_path: Path):
 
 
 def test_a_server_that_was_killed_is_started_again(weights: Path):
-    endpoint = language(weights, retries=5)
+    endpoint = language(weights, retries=0)
     process = who(endpoint)
     os.kill(process, signal.SIGKILL)
     assert gone(process)
