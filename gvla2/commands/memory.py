@@ -74,7 +74,7 @@ class NotFoundError(Gvla2Error):
 
 
 @dataclass(frozen=True)
-class Request:
+class MemoryRequest:
     """A verb's words and the configuration. ``yes``: `forget` does not ask; ``json``: a program reads the answer."""
 
     words: Sequence[str]
@@ -155,7 +155,7 @@ def find_record(view: BankView, word: str, *, whole: bool = False) -> Record:
     raise NotFoundError(f"No record '{word}' in bank '{view.bank}'.{hint}")
 
 
-def list_records(request: Request) -> Answer:
+def list_records(request: MemoryRequest) -> Answer:
     """The records, most recently changed first."""
     with request.store() as store, store.reading(request.config.bank) as view:
         records = view.records(request.config.states or None)
@@ -170,7 +170,7 @@ def list_records(request: Request) -> Answer:
     return Answer([_columns(record) for record in shown], lines)
 
 
-def show(request: Request) -> Answer:
+def show(request: MemoryRequest) -> Answer:
     """Everything about one record: its fields, links and events, oldest first."""
     with request.store() as store, store.reading(request.config.bank) as view:
         record = find_record(view, request.words[0])
@@ -186,7 +186,7 @@ def show(request: Request) -> Answer:
     )
 
 
-def search(request: Request) -> Answer:
+def search(request: MemoryRequest) -> Answer:
     """The records that match the words, best first, with every term of their scores."""
     words = " ".join(request.words)
     with request.knowledge_bank() as bank:
@@ -210,7 +210,7 @@ def search(request: Request) -> Answer:
     return Answer({"query": words, "found": found}, lines if rows else ["Nothing is similar."])
 
 
-def verify(request: Request) -> Answer:
+def verify(request: MemoryRequest) -> Answer:
     """Count what the bank holds, and check its chain of events, rows and vectors; the exit status is 1 for damage."""
     with request.knowledge_bank() as bank:
         problems, counts = bank.verify(head=request.config.head), bank.stats()
@@ -229,7 +229,7 @@ def verify(request: Request) -> Answer:
     return Answer({**data, "sound": not problems, "problems": problems}, lines, int(bool(problems)))
 
 
-def import_records(request: Request) -> Answer:
+def import_records(request: MemoryRequest) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
@@ -251,7 +251,7 @@ def import_records(request: Request) -> Answer:
     return Answer(done, [*lines, *done.broken[:ROWS_SHOWN]], status=int(bool(done.broken)))
 
 
-def export(request: Request) -> Answer:
+def export(request: MemoryRequest) -> Answer:
     """Write the bank as a file of JSON lines that import reads."""
     from gvla2.memory.transfer import export_jsonl
 
@@ -262,7 +262,7 @@ def export(request: Request) -> Answer:
     return Answer(done, [f"{count(done.records, 'record')}: {done.file}.{left_out}"])
 
 
-def forget(request: Request) -> Answer:
+def forget(request: MemoryRequest) -> Answer:
     """Remove records permanently, after asking."""
     with request.store() as store:
         with store.reading(request.config.bank) as view:
@@ -286,7 +286,7 @@ def _confirmed() -> bool:
     return sys.stdin.readline().strip().casefold() in ("y", "yes")
 
 
-VERBS: Mapping[str, tuple[Callable[[Request], Answer], Mapping[str, str | None], Sequence[str]]] = {
+VERBS: Mapping[str, tuple[Callable[[MemoryRequest], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("states=[active]", "limit=20")),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
@@ -315,7 +315,7 @@ def main(argv: Sequence[str]) -> int:
     given = given[0] if given and isinstance(given[0], list) else given
     try:
         config = read_options(overrides)
-        answer = function(Request(given, config, getattr(asked, "yes", False), asked.json))
+        answer = function(MemoryRequest(given, config, getattr(asked, "yes", False), asked.json))
     except Exception as error:
         from gvla2.commands.hydra_job import report
 

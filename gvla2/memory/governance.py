@@ -9,14 +9,14 @@ from collections import defaultdict
 
 from gvla2.memory.admission import evidence, warns
 from gvla2.memory.candidates import SECONDS_PER_DAY
-from gvla2.memory.ledger import Ledger, OpenBank
+from gvla2.memory.ledger import LessonLedger, OpenBank
 from gvla2.memory.records import Record, dump
 
 PROGRAMS = 3
 """Number of programs kept per skill, language and kinds of objects."""
 
 
-def govern(bank: OpenBank, ledger: Ledger) -> None:
+def govern(bank: OpenBank, ledger: LessonLedger) -> None:
     """Retire stale failures (looked for once an hour), and archive programs and records beyond the budgets."""
     if ledger.now - bank.retired_at > SECONDS_PER_DAY / 24:
         bank.retired_at = ledger.now
@@ -38,7 +38,7 @@ def retention(record: Record, now: float) -> float:
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
 
-def retire(ledger: Ledger) -> None:
+def retire(ledger: LessonLedger) -> None:
     """Archive failures unused for ``retire_days``."""
     limit = ledger.options.retire_days
     for record in ledger.held("active"):
@@ -47,7 +47,7 @@ def retire(ledger: Ledger) -> None:
             ledger.archive(record, "RETIRE", f"a failure unused for {limit:g} days")
 
 
-def keep_few_programs(ledger: Ledger) -> None:
+def keep_few_programs(ledger: LessonLedger) -> None:
     """Of the programs of one skill, language and kinds of objects, keep those with most evidence."""
     groups: dict[str, list[Record]] = defaultdict(list)
     for record in ledger.held("active"):
@@ -59,7 +59,7 @@ def keep_few_programs(ledger: Ledger) -> None:
             ledger.archive(record, "ARCHIVE", f"{PROGRAMS} others have more evidence")
 
 
-def cut(ledger: Ledger) -> None:
+def cut(ledger: LessonLedger) -> None:
     """Archive records beyond the budgets, least worth keeping first."""
     budgets = {"active": ledger.options.active_budget, "provisional": ledger.options.provisional_budget}
     for state, budget in budgets.items():

@@ -38,7 +38,7 @@ from gvla2.memory.events import StoredEpisode
 from gvla2.memory.governance import govern
 from gvla2.memory.index import STATES
 from gvla2.memory.induction import RulesInducer, ungrounded
-from gvla2.memory.ledger import Ledger, OpenBank, deciding
+from gvla2.memory.ledger import LessonLedger, OpenBank, deciding
 from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
 
 COUNTED = "already rests on this episode, which counts once"
@@ -184,7 +184,10 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
 
 
 def _store_lessons(
-    bank: OpenBank, ledger: Ledger, weighed: Sequence[tuple[JudgedEpisode, list[Weighed]]], tally: LessonTally
+    bank: OpenBank,
+    ledger: LessonLedger,
+    weighed: Sequence[tuple[JudgedEpisode, list[Weighed]]],
+    tally: LessonTally,
 ) -> None:
     for one, some in weighed:
         learning = Learning(ledger, one, tally)
@@ -197,7 +200,7 @@ def _store_lessons(
         govern(bank, ledger)
 
 
-def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
+def _credit(ledger: LessonLedger, context: MemoryContext, verdict: Verdict) -> None:
     """Count what was recalled now that the outcome is known; only a success refreshes and rewards it."""
     if verdict.outcome not in ("verified_success", "verified_fail"):
         return
@@ -234,7 +237,7 @@ def _kept(
 class Learning:
     """Adds the lessons of one episode to a bank, within one transaction."""
 
-    def __init__(self, ledger: Ledger, judged: JudgedEpisode, tally: LessonTally) -> None:
+    def __init__(self, ledger: LessonLedger, judged: JudgedEpisode, tally: LessonTally) -> None:
         self._ledger, self._episode, self._verdict = ledger, judged.episode, judged.verdict
         self._origin, self._tally = judged.origin, tally
         self.touched: list[str] = []

@@ -41,16 +41,16 @@ class OpenBank:
 
 
 @contextmanager
-def deciding(bank: OpenBank, actor: str) -> Iterator[Ledger]:
+def deciding(bank: OpenBank, actor: str) -> Iterator[LessonLedger]:
     """A ledger of the current bank; the index follows at the end."""
     with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
         if bank.index.rev != transaction.rev - 1:
             bank.index.refresh()  # no other writer from here on
-        yield Ledger(transaction, bank)
+        yield LessonLedger(transaction, bank)
     bank.index.refresh()
 
 
-class Ledger:
+class LessonLedger:
     """A bank within a transaction: stored records, index lookups, and what was changed so far.
 
     The index must be up to date when the transaction begins.

@@ -9,7 +9,7 @@ from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
 from gvla2.memory.contradiction import conflict_of
 from gvla2.memory.events import StoredEpisode
-from gvla2.memory.ledger import Ledger, OpenBank, deciding
+from gvla2.memory.ledger import LessonLedger, OpenBank, deciding
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
 
@@ -78,7 +78,7 @@ def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> No
         ledger.transaction.save_episode(replace(episode, judged=episode.judged + 1))
 
 
-def _settle(ledger: Ledger, promoted: Record) -> None:
+def _settle(ledger: LessonLedger, promoted: Record) -> None:
     """Archive what contradicts a promoted record, or that itself if it is outweighed."""
     for rival in ledger.held("active"):
         if rival.id != promoted.id and rival.type == promoted.type and (why := conflict_of(promoted, rival)):

@@ -54,7 +54,7 @@ BINS = 6
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenPoints:
     """An object's seen surface: ``points`` (N, 3) world, metres; the cameras with what each measured.
 
     ``looks`` (N, 3) of the points, NaN where no camera shows one, see :func:`~gvla2.planning.colours.appearance`;
@@ -103,7 +103,7 @@ class Recognised:
         return self.fit.scan.nearest.query(local)[0] < NEAR
 
 
-def coarse_starts(scan: KnownScan, seen: Seen) -> tuple[float, list[FloatArray]] | None:
+def coarse_starts(scan: KnownScan, seen: SeenPoints) -> tuple[float, list[FloatArray]] | None:
     """The best poses (4, 4) of a scan on the table and the best one's mean distance, metres.
 
     None if no resting pose has the seen height.
@@ -137,7 +137,7 @@ def _truncated(nearest: NearestPoints, points: FloatArray) -> FloatArray:
     return np.minimum(nearest.query(points)[0], TRUNCATED)
 
 
-def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
+def refined(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> FloatArray:
     """The pose (4, 4) after iterated closest points, point to plane, the farthest fifth of the pairs left out."""
     points = seen.points[:: max(1, len(seen.points) // FINE)]
     scan_from_world = invert_rigid(pose)
@@ -149,7 +149,7 @@ def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
     return invert_rigid(scan_from_world)
 
 
-def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
+def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
     local = transform_points(invert_rigid(pose), points)
@@ -187,7 +187,7 @@ def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
     )
 
 
-def turned(fit: Fit, seen: Seen) -> Fit:
+def turned(fit: Fit, seen: SeenPoints) -> Fit:
     """The fit at the turn about the vertical at which the colours agree best, where the shape allows others.
 
     The surface of a can or a bottle does not tell how it is turned; its label does.
@@ -226,7 +226,7 @@ def sights_of(views: Iterable[View]) -> Sights:
 def seen_surface(
     points: FloatArray, cameras: Sequence[Camera], depths: Sequence[FloatArray], images: Sequence[FloatArray],
     table: float,
-) -> Seen:  # fmt: skip
+) -> SeenPoints:  # fmt: skip
     """The seen surface of one object; ``images`` (H, W, 3) are looks already. Looks of points come from the views."""
     points = without_strays(points)
     looks = np.full(points.shape, np.nan)
@@ -236,7 +236,7 @@ def seen_surface(
         columns, rows = np.floor(uv[index]).astype(int).T
         own = np.abs(depth[rows, columns] - z[index]) < NEAR
         looks[index[own]] = image[rows[own], columns[own]]
-    return Seen(
+    return SeenPoints(
         points, looks, NearestPoints(points, TRUNCATED), tuple(cameras), tuple(depths), tuple(images), table
     )
 
@@ -324,7 +324,7 @@ class Gallery:
         )  # fmt: skip
         return Recognised(obj, fit)
 
-    def name(self, seen: Seen) -> Naming:
+    def name(self, seen: SeenPoints) -> Naming:
         """The name of a seen surface: a scan that is likelier than all others and "unknown" together."""
         return self._named(self.fits(seen))
 
@@ -339,7 +339,7 @@ class Gallery:
             return Naming("", 1.0 / (1.0 + first), why=why)
         return Naming(best.scan.name, float(sure), known_shape(best))
 
-    def fits(self, seen: Seen) -> list[Fit]:
+    def fits(self, seen: SeenPoints) -> list[Fit]:
         """The candidate scans, each at its best pose, likeliest first."""
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None

@@ -31,8 +31,8 @@ from gvla2.reconstruction.depth_looks import (
     KNOTS,
     LOW,
     UNKNOWNS,
-    Design,
     Look,
+    LookDesign,
     Pairs,
     linked,
     look_at,
@@ -133,7 +133,7 @@ def _corrected(
     return Aligned(corrected, std)
 
 
-Rows = tuple[FloatArray, float, Design]
+Rows = tuple[FloatArray, float, LookDesign]
 """Residuals (N,), the square of the Cauchy loss's width, and their slopes."""
 
 
@@ -176,7 +176,7 @@ class _Problem:
     def _rows(self, theta: FloatArray) -> Iterator[Rows]:
         if self._pairs is not None:
             gaps, slopes = self._pairs.gaps(theta)
-            yield gaps / self._sigma, CAUCHY**2, Design(slopes.columns, slopes.values / self._sigma)
+            yield gaps / self._sigma, CAUCHY**2, LookDesign(slopes.columns, slopes.values / self._sigma)
         for look in self._looks:
             now = look.at + look.design @ theta
             # Little may lie before the hull's front, much behind it.

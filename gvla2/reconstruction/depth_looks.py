@@ -30,7 +30,7 @@ _FEWEST = 30
 
 
 @dataclass(frozen=True)
-class Design:
+class LookDesign:
     """N rows of a sparse matrix over all unknowns: ``values`` (N, K) in ``columns`` (N, K)."""
 
     columns: NDArray[np.intp]
@@ -39,9 +39,9 @@ class Design:
     def __matmul__(self, theta: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nk,nk->n", self.values, theta.ravel()[self.columns]))
 
-    def scaled(self, factor: FloatArray) -> Design:
+    def scaled(self, factor: FloatArray) -> LookDesign:
         """Each row times its factor (N,)."""
-        return Design(self.columns, self.values * factor[:, None])
+        return LookDesign(self.columns, self.values * factor[:, None])
 
 
 class Basis:
@@ -54,7 +54,7 @@ class Basis:
         self._middle = float(np.median(np.log(depth[rows, columns])))
         self._first = number * UNKNOWNS
 
-    def at(self, uv: FloatArray, log_depth: FloatArray) -> Design:
+    def at(self, uv: FloatArray, log_depth: FloatArray) -> LookDesign:
         """N rows at pixels (N, 2) of log depth (N,): the stiff terms, and the four knots around each pixel."""
         t = np.clip((uv - self._low) / self._size, 0.0, 1.0)  # (N, 2)
         knot = np.minimum((t * (KNOTS - 1)).astype(np.intp), KNOTS - 2)
@@ -66,7 +66,7 @@ class Basis:
         values = np.column_stack([np.ones(len(t)), 2 * t - 1, log_depth - self._middle, *field])
         stiff = [np.full(len(t), k) for k in range(LOW)]
         knots = [LOW + (knot[:, 0] + right) * KNOTS + knot[:, 1] + down for right, down in corners]
-        return Design(self._first + np.column_stack([*stiff, *knots]), values)
+        return LookDesign(self._first + np.column_stack([*stiff, *knots]), values)
 
 
 @dataclass(frozen=True)
@@ -85,10 +85,10 @@ class Look:
     normals: FloatArray
     pixels: NDArray[np.intp]
     at: FloatArray
-    design: Design
+    design: LookDesign
     nearest: FloatArray
     farthest: FloatArray
-    capped: tuple[FloatArray, Design, FloatArray]
+    capped: tuple[FloatArray, LookDesign, FloatArray]
 
     def picked(self, image: FloatArray) -> FloatArray:
         """An image's values (N, ...) at the samples."""
@@ -186,11 +186,11 @@ class Pairs:
     """
 
     at: FloatArray
-    design: Design
+    design: LookDesign
     along: FloatArray
     between: FloatArray
 
-    def gaps(self, theta: FloatArray) -> tuple[FloatArray, Design]:
+    def gaps(self, theta: FloatArray) -> tuple[FloatArray, LookDesign]:
         """(N,) distances from the planes in units of relative depth, and their slopes."""
         count, width = len(self.at), self.design.columns.shape[1] // 2
         wrong = self.design.values * theta.ravel()[self.design.columns]
@@ -198,7 +198,7 @@ class Pairs:
         reach = self.along * depth
         unit = np.sqrt(0.5 * np.maximum(reach**2, (STEEP * depth) ** 2).sum(axis=1))
         by = np.repeat(reach * [1, -1] / unit[:, None], width, axis=1)
-        slopes = Design(self.design.columns, self.design.values * by)
+        slopes = LookDesign(self.design.columns, self.design.values * by)
         return (reach[:, 0] - reach[:, 1] + self.between) / unit, slopes
 
 
@@ -213,8 +213,8 @@ def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pair
     if not found:
         return None
     at, columns, values, along, between = (np.concatenate(each) for each in zip(*found, strict=True))
-    near = np.abs(Pairs(at, Design(columns, values), along, between).gaps(theta)[0]) < gate
-    pairs = Pairs(at[near], Design(columns[near], values[near]), along[near], between[near])
+    near = np.abs(Pairs(at, LookDesign(columns, values), along, between).gaps(theta)[0]) < gate
+    pairs = Pairs(at[near], LookDesign(columns[near], values[near]), along[near], between[near])
     return pairs if near.any() else None
 
 

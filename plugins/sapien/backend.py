@@ -28,7 +28,7 @@ from gvla2_plugins.sapien.bodies import PREFIX, import_sapien
 from gvla2_plugins.sapien.cameras import CameraRig, Filming
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.truth import TrueState, cast_masks, true_scene
-from gvla2_plugins.sapien.world import World
+from gvla2_plugins.sapien.world import SapienWorld
 
 SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
@@ -62,7 +62,7 @@ class SapienArm:
         self._arm = self._cell.arm
         self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks
-        self._world: World | None = None
+        self._world: SapienWorld | None = None
         self._rig: CameraRig | None = None
         self._layout = Layout(())
         self._lights: tuple[bool, ...] = ()
@@ -84,7 +84,7 @@ class SapienArm:
         if task is not None:
             instance = task.sample(np.random.default_rng(seed), self._site(), instruction)
         layout = Layout(()) if instance is None else instance.layout
-        self._world = World(self._config, self._cell, layout)
+        self._world = SapienWorld(self._config, self._cell, layout)
         self._layout, self._instance = layout, instance
         self._make_rig()
         return instance
@@ -201,7 +201,7 @@ class SapienArm:
         links, objects = world.link_poses(self._robot.links), self._object_poses(world)
         return partial(rig.look, world_from_link=links, world_from_object=objects)
 
-    def _object_poses(self, world: World) -> dict[str, FloatArray]:
+    def _object_poses(self, world: SapienWorld) -> dict[str, FloatArray]:
         """world_from_object (4, 4) of everything that the cameras see besides the robot, now."""
         poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
         return {**poses, self._cell.table.name: self._cell.table.world_from_body}
@@ -251,7 +251,7 @@ class SapienArm:
                     return True
         return False
 
-    def _sane_world(self, done: str) -> World:
+    def _sane_world(self, done: str) -> SapienWorld:
         if self._world is None:
             raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
         if not self._world.sane():

@@ -11,7 +11,7 @@ from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.world import World
+from gvla2_plugins.sapien.world import SapienWorld
 
 WATCH_EVERY = 4
 """Physics steps between looks at contacts and sanity: 60 a second at 240 steps."""
@@ -35,11 +35,11 @@ FELT_STEPS = 4
 
 
 class SapienDriver:
-    """Advances a :class:`World`, and takes a picture by ``film`` every ``1 / video_fps`` s, in whole physics steps."""
+    """Advances a :class:`SapienWorld`, and takes a picture by ``film`` every ``1 / video_fps`` s of physics."""
 
     def __init__(
         self,
-        world: World,
+        world: SapienWorld,
         config: SapienArmConfig,
         max_width: float,
         film: Callable[[], None] | None = None,

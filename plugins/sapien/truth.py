@@ -21,7 +21,7 @@ from gvla2.robot.solids import extent
 from gvla2.robot.task import Body, Layout, Solid
 from gvla2_plugins.sapien.bodies import PREFIX
 from gvla2_plugins.sapien.convex import pieces
-from gvla2_plugins.sapien.world import World
+from gvla2_plugins.sapien.world import SapienWorld
 
 HOLDING_FORCE = 0.2
 """Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
@@ -33,7 +33,7 @@ RESTING_SPEED = 0.02
 class TrueState:
     """Implements :class:`gvla2.robot.task.WorldState`."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: SapienWorld) -> None:
         self._world = world
 
     def pose(self, body: str) -> FloatArray:
@@ -159,7 +159,7 @@ THIN = 0.25
 _PAINT = 0.002
 
 
-def true_scene(world: World, layout: Layout, table_height: float, workspace: Box) -> Scene:
+def true_scene(world: SapienWorld, layout: Layout, table_height: float, workspace: Box) -> Scene:
     """Every body as an object whose id is the body's name, and its named parts; parts name their parent."""
     above = {joint.child: joint.parent for joint in layout.joints}
     above |= {thread.child: thread.parent for thread in layout.threads}

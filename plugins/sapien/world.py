@@ -61,7 +61,7 @@ TOUCH = 1e-4
 """Impulse per step, newton seconds, above which nearness counts as contact."""
 
 
-class World:
+class SapienWorld:
     """Builds everything new, so that no earlier episode, blown up or not, leaves traces."""
 
     def __init__(self, config: SapienArmConfig, cell: Workcell, layout: Layout) -> None:

@@ -34,7 +34,7 @@ WORDINGS = {
 
 
 @dataclass(frozen=True)
-class Request:
+class ObjectRequest:
     """The request: its kind, the object ``theme`` and the other object ``goal``: bodies' names, "" for no other."""
 
     kind: str
@@ -42,22 +42,22 @@ class Request:
     goal: str = ""
 
 
-def sentence_for(asked: Request, labels: dict[str, str], rng: np.random.Generator) -> str:
+def sentence_for(asked: ObjectRequest, labels: dict[str, str], rng: np.random.Generator) -> str:
     """A sentence for it, drawn among :data:`WORDINGS`."""
     templates = WORDINGS[asked.kind]
     chosen = templates[int(rng.integers(len(templates)))]
     return chosen.format(x=labels[asked.theme], y=labels.get(asked.goal, ""))
 
 
-def interpret(sentence: str, labels: dict[str, str], own: Request) -> tuple[Request, str]:
+def interpret(sentence: str, labels: dict[str, str], own: ObjectRequest) -> tuple[ObjectRequest, str]:
     """The objects named by a given sentence's words, and a remark for the goal when it names none."""
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
     named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
     if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
-        return Request("put_in", named[0], named[1]), ""
+        return ObjectRequest("put_in", named[0], named[1]), ""
     if len(named) == 1:
-        return Request("lift", named[0]), ""
+        return ObjectRequest("lift", named[0]), ""
     return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
 
 
@@ -66,7 +66,7 @@ def _place(said: str, label: str) -> int:
     return found.start() if found else -1
 
 
-def success_check(asked: Request, bodies: Sequence[Body], table: float) -> tuple[Checks, str]:
+def success_check(asked: ObjectRequest, bodies: Sequence[Body], table: float) -> tuple[Checks, str]:
     """The predicates of both profiles, and their description; ``table`` is world z, metres."""
     by_name = {body.name: body for body in bodies}
     theme = by_name[asked.theme]

@@ -15,7 +15,13 @@ from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sa
 from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.asking import WORDINGS, Request, interpret, sentence_for, success_check
+from gvla2_plugins.tabletop_objects.asking import (
+    WORDINGS,
+    ObjectRequest,
+    interpret,
+    sentence_for,
+    success_check,
+)
 
 MOST = 8
 GAP = 0.03
@@ -106,9 +112,9 @@ class TabletopObjects:
         mesh = Mesh(self._library[name], objects.scale, mass, objects.friction)
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
-    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Request:
+    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> ObjectRequest:
         """A request for some of these objects."""
-        lift = [Request("lift", body.name) for body in bodies]
+        lift = [ObjectRequest("lift", body.name) for body in bodies]
         offered = lift if self._config.ask == "lift" else _put_in(bodies)
         if offered:
             return offered[int(rng.integers(len(offered)))]
@@ -119,7 +125,7 @@ class TabletopObjects:
         )
 
     def _placed(
-        self, objects: list[Body], asked: Request, rng: np.random.Generator, site: TaskSite
+        self, objects: list[Body], asked: ObjectRequest, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
         """The objects in place."""
         radii = [_radius(body) for body in objects]
@@ -148,10 +154,10 @@ class TabletopObjects:
         return [_set_down(body, root, site) for body, root in zip(objects, roots, strict=True)]
 
 
-def _put_in(bodies: list[Body]) -> list[Request]:
+def _put_in(bodies: list[Body]) -> list[ObjectRequest]:
     mouths = {body.name: mouth(_scan(body), body.world_from_body) for body in bodies}
     return [
-        Request("put_in", body.name, goal.name)
+        ObjectRequest("put_in", body.name, goal.name)
         for goal, body in permutations(bodies, 2)
         if sorted(_scan(body).size)[1] < mouths[goal.name]
     ]

@@ -14,7 +14,7 @@ from gvla2.robot.task import Body, Layout, Primitive
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.sapien.convex import pieces
-from gvla2_plugins.sapien.world import World
+from gvla2_plugins.sapien.world import SapienWorld
 from tests.scanning import bowl, box, painted, write
 
 TABLE = 0.752
@@ -22,7 +22,7 @@ TABLE = 0.752
 
 def settled(layout):
     """Each body of a layout and where it is (4, 4) once the world has come to rest."""
-    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
+    world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
     return [(body, world.body_pose(body.name)) for body in layout.bodies]
 
 
@@ -52,7 +52,7 @@ def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
         rigid(translation=(0.21, 0.1, TABLE + 0.06)),
     )
     vessel = Mesh(bowl_file, mass=0.2).body("bowl", spot)
-    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((vessel, cube)))
+    world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((vessel, cube)))
     now = world.body_pose("cube")[:3, 3]
     assert np.linalg.norm(now[:2] - (0.2, 0.1)) < 0.06
     assert TABLE + 0.01 < now[2] < TABLE + 0.03
@@ -64,7 +64,7 @@ def test_the_mass_is_the_one_given(bowl_file, tmp_path):
     carton = write(tmp_path, "carton", painted(box(0.05, 0.06, 0.07)))
     for path, mass in ((bowl_file, 0.25), (carton, 0.4)):
         body = Mesh(path, mass=mass).body("it", rigid(translation=(0.2, 0.0, TABLE + 0.05)))
-        world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((body,)))
+        world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((body,)))
         (mover,) = world._movers
         assert mover.mass == pytest.approx(mass, rel=0.01)
 

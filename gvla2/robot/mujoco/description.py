@@ -74,9 +74,8 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
     robot = ET.Element("robot", name=names.base)
     moving = {*names.joints, *names.fingers}
     kept = {int(model.body(name).id) for name in (names.base, names.tool)}
-    place: dict[
-        int, tuple[int, FloatArray]
-    ] = {}  # the body whose link each is part of, link_from_body (4, 4)
+    # By body: the body whose link it is part of, and link_from_body (4, 4).
+    place: dict[int, tuple[int, FloatArray]] = {}
     links: dict[int, ET.Element] = {}
     for body in robot_bodies(model, names.base):
         joint = _joint_of(model, body)

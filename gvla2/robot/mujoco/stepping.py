@@ -115,8 +115,7 @@ class EnvWorld:
         }
 
     def _named(self) -> ArmNames:
-        robot = self.env.robots[0]
-        hand = robot.gripper["right"] if isinstance(robot.gripper, dict) else robot.gripper
+        robot, hand = self.env.robots[0], self._hand
         prefix = hand.naming_prefix
         bodies = [self.model.body(i).name for i in range(self.model.nbody)]
         tool = next((b for b in bodies if b == f"{prefix}right_gripper"), bodies[-1])
