@@ -19,8 +19,8 @@ from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.robot.backend import SuccessCheck
-from gvla2.testing.language import LocalModel, said
 from tests.composing import bench_config
+from tests.local_model import LocalModel, said
 from tests.quick import QUICK
 
 BOTH = "planners=[skill,code_policies]"
