@@ -70,9 +70,7 @@ def stand_in(
     folder: Path, monkeypatch: pytest.MonkeyPatch, *, loading: float = 0.0, dies: bool = False
 ) -> None:
     script = folder / "stand_in.py"
-    script.write_text(
-        STAND_IN.format(loading=loading, dies=dies, watch=WATCH, language=local_model.__file__)
-    )
+    script.write_text(STAND_IN.format(loading=loading, dies=dies, watch=WATCH, language=local_model.__file__))
     monkeypatch.setattr(server, "_COMMAND", [sys.executable, str(script)])
 
 

@@ -117,7 +117,7 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             )
         tasks, arms = read_tasks(config.agents.tasks, config.agents.names), chosen_arms(config, self.registry)
         for arm in arms:
-            if arm.source in ("shuffled", "best_theta") or arm.replan is not None:
+            if arm.source == "shuffled" or arm.replan is not None:
                 raise ConfigurationError(
                     f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: "
                     "software agents have no exploration and no replanning. Arms here are memories and off."
