@@ -238,18 +238,13 @@ class PerceptionBench(SimulatedBench):
 class AgentTasksConfig:
     """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
 
-    ``sandbox`` is bubblewrap or docker. ``state`` is where memories are stored between the tasks (by default in the
-    output folder: give one to resume an interrupted bench).
+    ``state`` is where memories are stored between the tasks (by default in the output folder: give one to resume an
+    interrupted bench).
     """
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
-    sandbox: str = "bubblewrap"
     state: str = ""
-
-    def __post_init__(self) -> None:
-        known = self.sandbox in ("bubblewrap", "docker")
-        _require((known, f"agents.sandbox is '{self.sandbox}'; it is bubblewrap or docker."))
 
 
 @dataclass

@@ -55,7 +55,7 @@ def check_agent(agent: Agent) -> None:
     """
     require_members(agent, "agent")
     nowhere = Path()
-    task = AgentTask("check", "Write the word done to /app/answer.txt.", nowhere, nowhere, nowhere)
+    task = AgentTask("check", "Write the word done to /app/answer.txt.", nowhere, nowhere)
     sandbox, reported = RecordingSandbox(), list[str]()
     run = agent.solve(task, sandbox, "A lesson as data.", seed=0, report=reported.append)
     require_type(run, AgentRun, "solve()'s answer")
