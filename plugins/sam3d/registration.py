@@ -23,7 +23,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.rasteriser_projection import harmonics
+from gvla2.reconstruction.rasteriser import harmonics
 from gvla2.reconstruction.silhouette import Silhouette, depth_map, mask_agreement, mask_iou, mask_silhouettes
 from gvla2.reconstruction.sim3 import Sim3
 
