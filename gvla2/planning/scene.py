@@ -61,9 +61,9 @@ class KnownShape:
 class Joint:
     """How a part moves on its whole, world frame: it ``slides`` along, or turns about, the unit vector ``axis`` (3,).
 
-    ``origin`` (3,) is a point on the axis of a turn, metres. ``position`` is how far it has moved from where it is closed
-    (a drawer, a door) or off (a knob), and ``reach`` how far it can, both positive along or about ``axis``, metres or
-    radians.
+    ``origin`` (3,) is a point on the axis of a turn, metres. ``position`` is how far it has moved from where it is
+    closed (a drawer, a door) or off (a knob), and ``reach`` how far it can, both positive along or about ``axis``,
+    metres or radians.
     """
 
     slides: bool
