@@ -89,14 +89,14 @@ class BranchBench(BenchConfig):
 class ReconstructionBench(BranchBench):
     """Every baseline x drift x noise x variant x seed on every object.
 
-    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``noise`` is the
+    ``baseline_options`` configures reconstructors by name (``baseline_options.hull.resolution=64``); ``noise`` is the
     depth prior's error, by name; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a
     surface make its Chamfer distance (the protocol's 100,000).
     """
 
     suite: str = "reconstruction"
     data: DataConfig = field(default_factory=DataConfig)
-    baselines: list[str] = field(default_factory=lambda: ["hull", "splat"])
+    baselines: list[str] = field(default_factory=lambda: ["hull"])
     baseline_options: dict[str, Any] = field(default_factory=dict)
     drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
     variants: list[str] = field(default_factory=list)
