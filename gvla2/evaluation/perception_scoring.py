@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.planning.colours import SYNONYMS, colours_in
 from gvla2.planning.scene import Scene, SceneObject
@@ -23,6 +23,8 @@ THIN = 0.004
 """Metres below which a side is too thin to be spanned by pixels."""
 IN_SIGHT = 0.8
 """Share of each side that pixels must span for the box to be judged: the length of a knife in a block is hidden."""
+ALL_OF_IT = 0.9
+"""Share of a body's pixels above which only its part is visible: a knife in its block is its handle."""
 MARGIN = 0.01
 """Metres around a box within which a centre counts as in it."""
 APART = 1e3
@@ -80,7 +82,9 @@ class ObjectScore:
 
 
 def true_objects(robot: Segmented, observation: Observation, layout: Layout) -> list[TrueObject]:
-    """All objects and named parts that at least :data:`SEEN` pixels with a depth show."""
+    """All objects that at least :data:`SEEN` pixels with a depth show, and their named parts, unless nothing else is
+    visible of the object.
+    """
     names, images = robot.true_masks(observation)
     views = [
         (view.points(), image)
@@ -88,13 +92,15 @@ def true_objects(robot: Segmented, observation: Observation, layout: Layout) -> 
         if view.depth is not None
     ]
     labels = {body.name: body.label for body in layout.bodies}
-    objects = []
+    objects: list[TrueObject] = []
+    sizes: dict[str, int] = {}
     for box in robot.true_scene().objects:
         body, _, part = box.id.partition("/")
         own = [k for k, name in enumerate(names) if name == box.id or name.startswith(f"{box.id}/")]
         points = np.concatenate([found[np.isin(image, own)] for found, image in views])
         points = points[np.isfinite(points).all(axis=1)]
-        if len(points) >= SEEN:
+        sizes[box.id] = len(points)
+        if len(points) >= SEEN and not (part and len(points) > ALL_OF_IT * sizes[body]):
             in_sight = bool((_spanned(box, points) >= IN_SIGHT).all())
             objects.append(TrueObject(box.id, part or labels[body], box, in_sight))
     return objects
@@ -128,7 +134,7 @@ def score(truths: Sequence[TrueObject], scene: Scene) -> tuple[list[ObjectScore]
     for row, true in enumerate(truths):
         pile = [k for k in np.flatnonzero(holding[row]) if _alike(truths, holding[:, k], true.label) > 1]
         if row in matches and not pile:
-            scores.append(_judged(true, matches[row], scene.objects[matches[row]]))
+            scores.append(_judged(true, matches[row], scene))
         elif pile:
             scores.append(ObjectScore(true, int(pile[0]), scene.objects[pile[0]].label))
         else:
@@ -148,13 +154,31 @@ def _alike(truths: Sequence[TrueObject], held: NDArray[np.bool_], label: str) ->
     return sum(bool(inside) and true.label == label for true, inside in zip(truths, held, strict=True))
 
 
-def _judged(true: TrueObject, index: int, seen: SceneObject) -> ObjectScore:
+def _judged(true: TrueObject, index: int, scene: Scene) -> ObjectScore:
+    """The score of a pair; the perceived object is measured with or without its parts, whichever is nearer."""
+    seen = scene.objects[index]
     named = label_right(true.label, seen.label)
     if not true.in_sight:
         return ObjectScore(true, index, seen.label, named)
-    centre = 1000 * float(np.linalg.norm(seen.centre - true.box.centre))
-    side = 1000 * float(np.abs(side_errors(true.box, seen)).max())
-    return ObjectScore(true, index, seen.label, named, centre, side)
+    errors = [
+        (1000 * float(np.linalg.norm(box.centre - true.box.centre)), box)
+        for box in (seen, _whole(seen, scene))
+    ]
+    centre, box = min(errors, key=lambda error: error[0])
+    return ObjectScore(
+        true, index, seen.label, named, centre, 1000 * float(np.abs(side_errors(true.box, box)).max())
+    )
+
+
+def _whole(obj: SceneObject, scene: Scene) -> SceneObject:
+    """The object with the smallest box along its own axes that holds its parts too."""
+    family = [obj, *(other for other in scene.objects if other.parent == obj.id)]
+    local = transform_points(
+        invert_rigid(obj.world_from_object), np.concatenate([one.corners() for one in family])
+    )
+    low, high = local.min(axis=0), local.max(axis=0)
+    middle = obj.world_from_object @ rigid(translation=0.5 * (low + high))
+    return replace(obj, world_from_object=middle, extents=high - low)
 
 
 def label_right(true: str, perceived: str) -> bool | None:
