@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
 import platform
 import subprocess
 import sys
@@ -39,13 +37,9 @@ def main(argv: Sequence[str]) -> int:
         "gvla2 doctor",
         description="Check this installation; the exit status is 1 if `gvla2 run` cannot work.",
     )
-    parser.add_argument("--json", action="store_true", help="the same for programs")
-    as_json = parser.parse_args(argv).json
+    parser.parse_args(argv)
     checks = examine(load_plugins())
     healthy = all(check.status != "fail" for check in checks)
-    if as_json:
-        print(json.dumps({"healthy": healthy, "checks": [dataclasses.asdict(c) for c in checks]}, indent=2))
-        return int(not healthy)
     from gvla2.commands.tables import console, row, table
 
     out, listing = console(), table("check", "status", "found")
