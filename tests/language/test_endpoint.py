@@ -31,8 +31,8 @@ from gvla2.language import (
     picture,
 )
 from gvla2.language.wire import without_system
-from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2_plugins.endpoint import EndpointConfig
+from tests.local_model import LocalModel, Reply, refused, said
 
 ASK = [{"role": "user", "content": "Well?"}]
 

@@ -19,17 +19,17 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language import Endpoint, ModelUnavailableError, Request, ask_typed
 from gvla2.testing import check_component
-from gvla2.testing import language as language_module
 from gvla2_plugins import llama_cpp
 from gvla2_plugins.llama_cpp import LlamaCppConfig, server
 from gvla2_plugins.llama_cpp.server import LlamaServer
+from tests import local_model
 
 STAND_IN = """
 import importlib.util, os, sys, time
 from pathlib import Path
 from gvla2_plugins.llama_cpp import serving
 
-# Only this module: its package imports all that the conformance checks need, for a second.
+# Only this module, without the package of tests.
 spec = importlib.util.spec_from_file_location("language", {language!r})
 sys.modules["language"] = language = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(language)
@@ -70,9 +70,7 @@ def stand_in(
     folder: Path, monkeypatch: pytest.MonkeyPatch, *, loading: float = 0.0, dies: bool = False
 ) -> None:
     script = folder / "stand_in.py"
-    script.write_text(
-        STAND_IN.format(loading=loading, dies=dies, watch=WATCH, language=language_module.__file__)
-    )
+    script.write_text(STAND_IN.format(loading=loading, dies=dies, watch=WATCH, language=local_model.__file__))
     monkeypatch.setattr(server, "_COMMAND", [sys.executable, str(script)])
 
 

@@ -9,10 +9,10 @@ from gvla2.geometry.views import Views
 from gvla2.perception.clicks import Segments
 from gvla2.perception.options import VisionOptions
 from gvla2.testing import check_perceiver, inputs
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.sam import SamConfig
 from gvla2_plugins.sam.models import model_files
 from gvla2_plugins.sam.perceiver import SamPerceiver
+from tests.local_model import LocalModel, said
 
 
 class ByColour:
