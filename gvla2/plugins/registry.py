@@ -40,7 +40,7 @@ class Registry:
     problems: Sequence[PluginProblem] = ()
     search_paths: Sequence[str] = ()
     skills_offered: Mapping[str, tuple[Skill, Plugin]] = field(default_factory=dict)
-    kinds: Mapping[str, Kind] = KINDS
+    kinds: Mapping[str, Kind] = field(default_factory=lambda: KINDS)
 
     @property
     def groups(self) -> dict[str, Kind]:
