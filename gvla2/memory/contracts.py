@@ -6,11 +6,11 @@ The whole of a memory is ``recall(task) -> context`` and ``learn(episode, verdic
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gvla2.memory.records import Outcome, RecordType, Trust
+from gvla2.memory.records import Outcome, RecordType
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +39,7 @@ class MemoryItem:
     """One recalled record. ``score`` is the sum of ``terms`` (r_text, confidence, success, ...; paper eq. S).
 
     ``binding`` is True for constraints (failures to avoid) and False for hints. ``effect`` is a typed effect as
-    JSON, or None. ``trust`` other than "own" marks a text from outside, which is shown as such.
+    JSON, or None.
     """
 
     id: str
@@ -50,7 +50,6 @@ class MemoryItem:
     terms: Mapping[str, float]
     binding: bool
     effect: Mapping[str, Any] | None = None
-    trust: Trust = "own"
 
 
 @dataclass(frozen=True)
@@ -158,6 +157,23 @@ class Learned:
     discarded: int = 0
     notes: tuple[str, ...] = ()
     degraded: str = ""
+
+    @classmethod
+    def combined(cls, parts: Iterable[Learned]) -> Learned:
+        """The fate of all lessons, each id and sentence once."""
+        parts = list(parts)
+
+        def every(name: str) -> tuple[str, ...]:
+            return tuple(dict.fromkeys(one for part in parts for one in getattr(part, name)))
+
+        return cls(
+            every("added"),
+            every("merged"),
+            every("provisional"),
+            sum(part.discarded for part in parts),
+            every("notes"),
+            " ".join(dict.fromkeys(part.degraded for part in parts if part.degraded)),
+        )
 
 
 class Memory(Protocol):

@@ -103,9 +103,6 @@ def _wording(content: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(stem(word) for word in words(content) if word not in _ARTICLES), tuple(numbers(content))
 
 
-# By a judge ---------------------------------------------------------------------------------------------------------
-
-
 @dataclass
 class Judged:
     """The result of judging: pairs of ids by decision, those left open, costs by name, and errors."""
@@ -164,10 +161,10 @@ def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[
     seen = linked["conflict"] | linked["dismissed"]
     records = [record for record in bank.index.records("active") if not record.effect]
     for record in sorted(records, key=lambda r: (-r.updated, r.id)):
-        vector = bank.index.vector(record.id)
-        if vector is None or (about is not None and record.id not in about):
+        held = bank.index.get(record.id)
+        if held is None or (about is not None and record.id not in about):
             continue
-        for other, cosine in bank.index.nearest(vector, NEAREST + 1):
+        for other, cosine in bank.index.nearest(held.vector, NEAREST + 1):
             pair = (min(record.id, other.id), max(record.id, other.id))
             if other.id == record.id or other.effect or pair in seen or cosine < bank.options.match:
                 continue

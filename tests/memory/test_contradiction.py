@@ -197,7 +197,7 @@ def test_what_an_answer_does(tmp_path: Path, contradicts: bool | None) -> None:
 
 @pytest.mark.parametrize("trusted", ["a", "b"])
 def test_the_less_trusted_one_loses(tmp_path: Path, trusted: str) -> None:
-    made = [record(id, **({} if id == trusted else {"trust": "confirmed", "count": 50})) for id in "ab"]
+    made = [record(id, **({} if id == trusted else {"trust": "foreign", "count": 50})) for id in "ab"]
     _, bank = judged(tmp_path, Fixed(True), *made)
     assert [one.id for one in bank.records(["active"])] == [trusted]
     bank.close()
