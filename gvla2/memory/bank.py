@@ -72,8 +72,8 @@ class KnowledgeBank(OpenBank, Closing):
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
     the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given;
-    vectors of other models are then replaced, once. ``verifier`` judges stored episodes again, ``judge`` decides
+    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given.
+    ``verifier`` judges stored episodes again, ``judge`` decides
     whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch. Waits for other
     processes at most ``busy_seconds`` at a time.
 
@@ -104,14 +104,8 @@ class KnowledgeBank(OpenBank, Closing):
         store = address
         if not isinstance(store, Store):
             store = Store.open(store or settled("", os.environ), busy_seconds=busy_seconds)
-        chooses = getattr(embedder, "for_bank", None)
-        if chooses is not None:  # reading its model would load one that is not needed
-            with store.reading(bank) as view:
-                embedder = chooses(view.model())
-        named = embedder is not None and chooses is None
         embedder = embedder or StaticEmbedder()
-        index = Index(store, bank, embedder, replace=named)
-        super().__init__(store, bank, index, embedder, options, inducer, clock)
+        super().__init__(store, bank, Index(store, bank, embedder), embedder, options, inducer, clock)
         self._lock = threading.RLock()
 
     def recall(self, task: MemoryTask | str) -> MemoryContext:

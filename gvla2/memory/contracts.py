@@ -72,9 +72,6 @@ class Verdict:
 
     >= .70 is ``verified_success``, <= .35 ``verified_fail``, else ``uncertain``. A verifier that could not judge
     is ``unavailable`` (quality and confidence are then meaningless), never a midpoint.
-
-    ``usage`` is the cost of judging by name (prompt_tokens, completion_tokens, calls), empty for rules. ``mass`` is the
-    probability that a model gave to valid score tokens, by criterion, in [0, 1]; empty if no model judged.
     """
 
     outcome: Outcome
@@ -83,8 +80,6 @@ class Verdict:
     criteria: Mapping[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     verifier: str = ""
-    usage: Mapping[str, int] = field(default_factory=dict)
-    mass: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_criteria(
@@ -190,9 +185,8 @@ class Memory(Protocol):
 
 
 class Embedder(Protocol):
-    """Maps texts to unit vectors. One with a method ``for_bank(model)`` returns the embedder for a bank whose vectors
-    are by ``model``, "" for a bank without vectors. One with a method ``knows(query)`` says whether the vector of a
-    query means anything; if not, the bank searches by words alone.
+    """Maps texts to unit vectors. One with a method ``knows(query)`` says whether the vector of a query means anything;
+    if not, the bank searches by words alone.
     """
 
     @property
@@ -261,15 +255,13 @@ class LessonPair:
 class Judgement:
     """A judge's decision on two lessons: whether they contradict each other, None if it is undecided.
 
-    ``probability`` in [0, 1] that they do; ``usage`` is the cost of asking by name (prompt_tokens, completion_tokens,
-    calls, cached).
+    ``probability`` in [0, 1] that they do.
     """
 
     contradicts: bool | None
     probability: float
     reason: str = ""
     judge: str = ""
-    usage: Mapping[str, int] = field(default_factory=dict)
 
 
 class Judge(Protocol):

@@ -7,7 +7,6 @@ unknown until a judge, any model by configuration, has decided; without one they
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -105,14 +104,12 @@ def _wording(content: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 @dataclass
 class Judged:
-    """The result of judging: pairs of ids by decision, those left open, costs by name, and errors."""
+    """The result of judging: pairs of ids by decision, ids of the archived ones, and why pairs were left open."""
 
     conflicts: list[Pair] = field(default_factory=list)
     dismissed: list[Pair] = field(default_factory=list)
-    open: int = 0
     archived: list[str] = field(default_factory=list)
-    usage: Counter[str] = field(default_factory=Counter)
-    notes: list[str] = field(default_factory=list)
+    open: list[str] = field(default_factory=list)
 
 
 def judge(
@@ -130,11 +127,7 @@ def judge(
         batch = pairs[start : start + BATCH]
         shown = [LessonPair(a.content, b.content, a.query, b.query) for a, b in batch]
         answers = list(zip(batch, judge.judge(shown), strict=True))
-        for _, answer in answers:
-            done.usage.update(answer.usage)
-            done.open += answer.contradicts is None
-            if answer.contradicts is None and answer.reason and answer.reason not in done.notes:
-                done.notes.append(answer.reason)
+        done.open += [answer.reason for _, answer in answers if answer.contradicts is None]
         decided = [(pair, answer) for pair, answer in answers if answer.contradicts is not None]
         if not decided:
             continue

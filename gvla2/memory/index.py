@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.candidates import Candidates, HeldRecord
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.embedding import record_vectors
+from gvla2.memory.embedding import StaticEmbedder, record_vectors
 from gvla2.memory.records import OUTCOMES, TYPES, Record
 from gvla2.memory.store import Store
 from gvla2.memory.view import RecordChange
@@ -23,13 +23,14 @@ STATES = ("provisional", "active")
 class Index:
     """The records of ``bank`` that may be ranked, with vectors by ``embedder``. Not thread-safe.
 
-    With ``replace``, stored vectors of another model are replaced by those made here.
+    Stored vectors of another model are replaced, except by the static table's: those are quickly made.
     """
 
-    def __init__(self, store: Store, bank: str, embedder: Embedder, *, replace: bool = False) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank = bank
         self.rev = 0
-        self._store, self._embedder, self._replace = store, embedder, replace
+        self._store, self._embedder = store, embedder
+        self._replaces = not isinstance(embedder, StaticEmbedder)
         self._dimension = int(embedder.embed([""]).shape[1])
         self._held: dict[str, HeldRecord] = {}
         self._candidates: dict[tuple[str, ...], Candidates] = {}
@@ -113,7 +114,7 @@ class Index:
         made = record_vectors(self._embedder, texts) if missing else ()
         for i, vector in zip(missing, made, strict=True):
             found[i] = vector = np.nan_to_num(vector)
-            if not changes[i].model or (self._replace and changes[i].model != model):
+            if not changes[i].model or (self._replaces and changes[i].model != model):
                 self._made.append((changes[i].record, vector))
         return [vector for vector in found if vector is not None]
 

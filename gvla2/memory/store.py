@@ -21,7 +21,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, insert, select, text
+from sqlalchemy import URL, Connection, create_engine, event, insert, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import QueuePool
 
@@ -34,20 +34,30 @@ from gvla2.memory.view import BankView
 LONGEST_NAME = 200
 
 
-class Store(Closing):
+class Store(Closing, ABC):
     """An open database of banks. Any number of processes and threads may have the same one open.
 
-    Idle connections are kept and hold no lock; each thread has its own, and a forked process new ones. Every method
-    raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are skipped when
-    reading and reported by :func:`~gvla2.memory.audit.audit`; they block nothing else.
+    ``name`` is the file or address for messages, without a password. Idle connections are kept and hold no lock; each
+    thread has its own, and a forked process new ones. Every method raises :class:`~gvla2.errors.MemoryStoreError` when
+    the database cannot be used. Damaged rows are skipped when reading and reported by
+    :func:`~gvla2.memory.audit.audit`; they block nothing else.
     """
 
-    def __init__(self, database: Database) -> None:
-        self._database, self.name = database, database.name
+    begin_reading: str
+    """The statement that begins a consistent view."""
+    exists = True
+    shared = True
+    """Whether the database may hold other programs' tables too."""
+
+    def __init__(self, name: str, url: URL, **options: Any) -> None:
+        self.name = name
+        # Transactions are begun explicitly.
+        options |= {"poolclass": QueuePool, "max_overflow": -1, "skip_autocommit_rollback": True}
+        self._engine = create_engine(url, isolation_level="AUTOCOMMIT", **options)
         self._pid, self._closed = os.getpid(), False
 
-    @classmethod
-    def open(cls, address: str | Path, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
+    @staticmethod
+    def open(address: str | Path, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
         """Open or create the database at a path, ``sqlite:///path`` or ``postgresql://user@host/name``.
 
         Waits for others at most ``busy_seconds`` at a time. Without ``create``, a database without tables is refused
@@ -55,8 +65,8 @@ class Store(Closing):
         :class:`~gvla2.errors.ConfigurationError` for any other address.
         """
         url = parsed(address)
-        sqlite = url.drivername == "sqlite"
-        store = cls(SqliteFile(url, busy_seconds) if sqlite else PostgresServer(url, busy_seconds))
+        kind = SqliteStore if url.drivername == "sqlite" else PostgresStore
+        store = kind(url, busy_seconds)
         try:
             store._prepare(create)
         except BaseException:
@@ -64,11 +74,30 @@ class Store(Closing):
             raise
         return store
 
+    @abstractmethod
+    def _begin(self, connection: Connection, bank: str) -> None:
+        """Begin a transaction that keeps other writers of the bank out."""
+
+    @abstractmethod
+    def _compact(self, connection: Connection) -> None:
+        """Rewrite the database without deleted data."""
+
+    @contextmanager
+    def _creating(self) -> Iterator[None]:
+        """Whatever must be there before tables can be made."""
+        yield
+
+    def _check(self) -> None:  # a server's database cannot be replaced while it is open
+        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
+
+    def _check_health(self, connection: Connection) -> None:  # servers look after their own files
+        """Raises :class:`MemoryStoreError` for a corrupt database."""
+
     @contextmanager
     def reading(self, bank: str) -> Iterator[BankView]:
         """A consistent snapshot of a bank, held until the end of the block."""
         with self._connection() as connection, _ended(connection):
-            connection.exec_driver_sql(self._database.begin_reading)
+            connection.exec_driver_sql(self.begin_reading)
             yield BankView(connection, bank)
 
     @contextmanager
@@ -81,11 +110,11 @@ class Store(Closing):
         if wrong := wrong_bank_name(bank):
             raise MemoryStoreError(wrong)
         with self._connection() as connection, _ended(connection):
-            self._database.begin(connection, bank)
+            self._begin(connection, bank)
             transaction = Transaction(connection, bank, actor, now)
             yield transaction
             transaction.finish()
-            self._database.check()
+            self._check()
         if transaction.forgotten:
             try:
                 self.compact()
@@ -113,12 +142,12 @@ class Store(Closing):
     def compact(self) -> None:
         """Rewrite the database without deleted data, and free space."""
         with self._connection() as connection:
-            self._database.compact(connection)
+            self._compact(connection)
 
     def close(self) -> None:
         """Release the database; safe to call twice."""
         self._closed = True
-        self._database.engine.dispose(close=self._pid == os.getpid())
+        self._engine.dispose(close=self._pid == os.getpid())
 
     @contextmanager
     def _connection(self) -> Iterator[Connection]:
@@ -127,10 +156,10 @@ class Store(Closing):
             raise MemoryStoreError(f"The memory {self.name} is closed.")
         if self._pid != os.getpid():
             # After a fork, the parent's connections must be neither used nor closed here.
-            self._database.engine.dispose(close=False)
+            self._engine.dispose(close=False)
             self._pid = os.getpid()
         try:
-            with self._database.engine.connect() as connection:
+            with self._engine.connect() as connection:
                 yield connection
         except Exception as error:
             foreign = type(error).__module__.startswith(("sqlite3", "psycopg"))
@@ -142,14 +171,14 @@ class Store(Closing):
 
     def _prepare(self, create: bool) -> None:
         """Make sure that the database has our tables, created by one process only."""
-        if self._database.exists:
+        if self.exists:
             with self._connection() as connection:
                 if self._has_tables(connection):
                     return
         if not create:
             raise MemoryStoreError(f"There is no memory in {self.name} yet.")
-        with self._database.creating(), self._connection() as connection, _ended(connection):
-            self._database.begin(connection, "")
+        with self._creating(), self._connection() as connection, _ended(connection):
+            self._begin(connection, "")
             if not self._has_tables(connection):
                 METADATA.create_all(connection, checkfirst=False)
                 connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
@@ -158,7 +187,7 @@ class Store(Closing):
         """Whether the database has our tables; raises for another program's or version's, and for a corrupt one."""
         names = set(connection.dialect.get_table_names(connection))  # type: ignore[no-untyped-call]
         if META.name not in names:
-            if names.isdisjoint(table.name for table in TABLES) and (self._database.shared or not names):
+            if names.isdisjoint(table.name for table in TABLES) and (self.shared or not names):
                 return False
             raise MemoryStoreError(f"{self.name} is the database of another program: choose another one.")
         stated = connection.execute(select(META.c.value).where(META.c.key == "schema")).scalar()
@@ -167,7 +196,7 @@ class Store(Closing):
                 f"The memory {self.name} has schema {stated}, and this gvla2 reads {SCHEMA_VERSION} only. It is "
                 "unchanged: open it with the gvla2 that wrote it, or choose another database."
             )
-        self._database.check_health(connection)
+        self._check_health(connection)
         return True
 
 
@@ -194,46 +223,7 @@ _HINTS = {
 """What to do, by words of the database's message."""
 
 
-class Database(ABC):
-    """How SQLite and PostgreSQL differ. ``name`` is the file or address for messages, without a password.
-
-    ``shared`` databases may hold other programs' tables too.
-    """
-
-    name: str
-    engine: Engine
-    shared: bool
-    begin_reading: str
-    """The statement that begins a consistent view."""
-    exists = True
-
-    @abstractmethod
-    def begin(self, connection: Connection, bank: str) -> None:
-        """Begin a transaction that keeps other writers of the bank out."""
-
-    @abstractmethod
-    def compact(self, connection: Connection) -> None:
-        """Rewrite the database without deleted data."""
-
-    @contextmanager
-    def creating(self) -> Iterator[None]:
-        """Whatever must be there before tables can be made."""
-        yield
-
-    def check(self) -> None:  # noqa: B027  # a server's database cannot be replaced while it is open
-        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
-
-    def check_health(self, connection: Connection) -> None:  # noqa: B027  # servers look after their own files
-        """Raises :class:`MemoryStoreError` for a corrupt database."""
-
-
-def _engine(url: URL, **options: Any) -> Engine:
-    """An engine that leaves transactions to explicit BEGINs."""
-    pool: dict[str, Any] = {"poolclass": QueuePool, "max_overflow": -1}
-    return create_engine(url, isolation_level="AUTOCOMMIT", skip_autocommit_rollback=True, **pool, **options)
-
-
-class SqliteFile(Database):
+class SqliteStore(Store):
     """A file in write-ahead mode; a connection never recreates a deleted one."""
 
     shared, begin_reading = False, "BEGIN"
@@ -242,7 +232,7 @@ class SqliteFile(Database):
         self._path, self._busy_seconds = Path(str(url.database)), busy_seconds
         if self._path.exists() and not self._path.is_file():
             raise MemoryStoreError(f"The memory {self._path} cannot be used: it is not a file.")
-        self.name, self.engine = str(self._path), _engine(url, creator=self._connect)
+        super().__init__(str(self._path), url, creator=self._connect)
         self._opened: tuple[int, int] | None = None  # the file's inode
 
     def _connect(self) -> sqlite3.Connection:
@@ -269,7 +259,7 @@ class SqliteFile(Database):
             return False
 
     @contextmanager
-    def creating(self) -> Iterator[None]:
+    def _creating(self) -> Iterator[None]:
         """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
@@ -282,7 +272,7 @@ class SqliteFile(Database):
         except (OSError, sqlite3.Error) as error:
             raise MemoryStoreError(f"The memory {self.name} cannot be used: {error}.") from error
 
-    def begin(self, connection: Connection, bank: str) -> None:
+    def _begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
 
         SQLite's own waiting sleeps ever longer, so the last to come is served first. Here the pauses get shorter the
@@ -304,7 +294,7 @@ class SqliteFile(Database):
         finally:
             raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
 
-    def check(self) -> None:
+    def _check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""
         if self._inode() != self._opened:
             raise MemoryStoreError(
@@ -312,13 +302,13 @@ class SqliteFile(Database):
                 f"restore it, and open it again."
             )
 
-    def check_health(self, connection: Connection) -> None:
+    def _check_health(self, connection: Connection) -> None:
         """Quick, and sees a damaged page."""
         health = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
         if health != "ok":
             raise MemoryStoreError(f"The memory {self.name} is corrupt: {health}.")
 
-    def compact(self, connection: Connection) -> None:
+    def _compact(self, connection: Connection) -> None:
         """Rewrite the file, and empty the write-ahead log."""
         connection.exec_driver_sql("PRAGMA secure_delete=ON")
         try:
@@ -348,10 +338,10 @@ _SPACE = 0x6776_6C61
 """First half of the advisory locks' keys, to avoid collisions with other programs."""
 
 
-class PostgresServer(Database):
+class PostgresStore(Store):
     """PostgreSQL through psycopg (extra ``postgres``). Acknowledged changes survive a lost server."""
 
-    shared, begin_reading = True, "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
+    begin_reading = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
 
     def __init__(self, url: URL, busy_seconds: float) -> None:
         try:
@@ -360,16 +350,16 @@ class PostgresServer(Database):
             raise MissingDependencyError(
                 "psycopg", "A memory in PostgreSQL", 'pip install "gvla2[postgres]"'
             ) from error
-        self.name = url.difference_update_query(["password", "sslpassword"]).render_as_string()
-        self.engine = _engine(url, connect_args={"connect_timeout": max(2, round(busy_seconds))})
+        name = url.difference_update_query(["password", "sslpassword"]).render_as_string()
+        super().__init__(name, url, connect_args={"connect_timeout": max(2, round(busy_seconds))})
 
-        @event.listens_for(self.engine, "connect")
+        @event.listens_for(self._engine, "connect")
         def _connected(raw: Any, _: object) -> None:
             wait = f"lock_timeout = {max(1, int(busy_seconds * 1000))}"
             for setting in ("synchronous_commit = on", wait, "client_encoding = 'UTF8'"):
                 raw.execute(f"SET {setting}")
 
-    def begin(self, connection: Connection, bank: str) -> None:
+    def _begin(self, connection: Connection, bank: str) -> None:
         """Take the bank's lock.
 
         Revs are allocated under it, so they become visible in order, unlike those of a sequence: a reader that has seen
@@ -379,7 +369,7 @@ class PostgresServer(Database):
         lock = zlib.crc32(bank.encode()) - 2**31 if bank else 0
         connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
 
-    def compact(self, connection: Connection) -> None:
+    def _compact(self, connection: Connection) -> None:
         """Rewrite the tables; the server's own copies (its log until it is recycled, backups) are out of reach."""
         connection.exec_driver_sql(f"VACUUM (FULL) {', '.join(table.name for table in TABLES)}")
         connection.exec_driver_sql("CHECKPOINT")

@@ -60,10 +60,6 @@ class BankView:
         """The number of the bank's last transaction, 0 for none."""
         return int(self.head.rev) if self.head else 0
 
-    def model(self) -> str:
-        """The embedding model of a vector of the bank, "" if it has none."""
-        return str(self.sql.execute(self._of(VECTOR, VECTOR.c.model).limit(1)).scalar() or "")
-
     def get(self, id: str) -> Record | None:
         """The record, None if it is missing, damaged or forgotten."""
         return next(iter(self.records(ids=[id])), None)
