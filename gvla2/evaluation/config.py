@@ -179,7 +179,7 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
 
     ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``planners``
     compares some by name (by default the one of ``planner``), with ``planner_options`` by theirs
-    (``planner_options.code_policies.samples=3``). ``arms`` are by default ``off`` alone where ``planners`` are named,
+    (``planner_options.code_policies.tries=5``). ``arms`` are by default ``off`` alone where ``planners`` are named,
     else ``off``, ``on``, ``shuffled``, ``semantic`` and ``best_theta``. In the ``world`` learnable the objects of every
     task belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a
     different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
