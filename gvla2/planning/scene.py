@@ -58,6 +58,22 @@ class KnownShape:
 
 
 @dataclass(frozen=True)
+class Joint:
+    """How a part moves on its whole, world frame: it ``slides`` along, or turns about, the unit vector ``axis`` (3,).
+
+    ``origin`` (3,) is a point on the axis of a turn, metres. ``position`` is how far it has moved from where it is
+    closed (a drawer, a door) or off (a knob), and ``reach`` how far it can, both positive along or about ``axis``,
+    metres or radians.
+    """
+
+    slides: bool
+    axis: FloatArray
+    origin: FloatArray
+    position: float
+    reach: float
+
+
+@dataclass(frozen=True)
 class SceneObject:
     """One labelled object, as seen.
 
@@ -68,7 +84,8 @@ class SceneObject:
     button of a lamp), or "". ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow object at
     its top (a cup, an open box) or of a ring's hole, metres; 0 if it is closed. ``named_by`` is the source of
     ``label``: "" for colour and shape, else the source's name; ``sureness`` in [0, 1] is the source's confidence in the
-    name. ``known`` is the scan that it was recognised as, with its pose.
+    name. ``known`` is the scan that it was recognised as, with its pose. ``joint`` is how it moves on its ``parent``,
+    where that is known.
     """
 
     id: str
@@ -85,6 +102,7 @@ class SceneObject:
     named_by: str = ""
     sureness: float = 1.0
     known: KnownShape | None = None
+    joint: Joint | None = None
 
     @property
     def centre(self) -> FloatArray:

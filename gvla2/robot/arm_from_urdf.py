@@ -98,7 +98,7 @@ def arm_from_urdf(config: ArmConfig) -> UrdfArm:
         path.write_text(urdf)
         kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
         srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
-        collisions = CollisionModel(kinematics, path, (), hand_links=gripper.links, srdf=srdf)
+        collisions = CollisionModel(kinematics, path, hand_links=gripper.links, srdf=srdf)
     frames = {
         str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
     }
@@ -151,8 +151,8 @@ def _tool(
         return Kinematics(
             urdf,
             world_from_base=base,
-            tcp_frame=config.tool_link,
-            frame_from_tcp=rigid(Rotation.from_euler("xyz", config.tool_rpy).as_matrix()) @ tool_from_tcp,
+            tool_link=config.tool_link,
+            link_from_tcp=rigid(Rotation.from_euler("xyz", config.tool_rpy).as_matrix()) @ tool_from_tcp,
             fingers=gripper.fingers,
             limit_margin=config.limit_margin,
         )

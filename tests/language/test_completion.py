@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.language import MalformedAnswerError, Usage
 from gvla2.language.wire import read_completion
-from gvla2.testing.language import said
+from tests.local_model import said
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,8 @@ from gvla2.language import (
     ask_typed,
     picture,
 )
-from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2_plugins.endpoint import EndpointConfig
+from tests.local_model import LocalModel, Reply, refused, said
 
 ASK = [{"role": "user", "content": "Well?"}]
 

@@ -18,7 +18,7 @@ from gvla2.language import (
     picture,
 )
 from gvla2.language.typed import Answered
-from gvla2.testing.language import LocalModel, Reply, refused, said
+from tests.local_model import LocalModel, Reply, refused, said
 
 ASK = [{"role": "system", "content": "Numbers alone."}, {"role": "user", "content": "How many?"}]
 

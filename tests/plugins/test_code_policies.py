@@ -7,8 +7,8 @@ import pytest
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
 from gvla2.testing import check_component, check_planner
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
+from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 STACK = replace(REQUEST, instruction="put the red cube on the blue cube")

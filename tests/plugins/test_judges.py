@@ -8,10 +8,10 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import LessonPair
 from gvla2.testing import check_component
-from gvla2.testing.language import LocalModel, Reply, said
 from gvla2.testing.memory import check_judge
 from gvla2_plugins.judges import LlmJudgeConfig, gvla2_judges
 from gvla2_plugins.judges.language import LlmJudge
+from tests.local_model import LocalModel, Reply, said
 
 AGAINST = LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup")
 FITTING = LessonPair("Lift the cup 15 cm.", "Lift the cup 150 mm.", "lift the cup", "lift the cup")

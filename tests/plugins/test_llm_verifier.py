@@ -12,10 +12,10 @@ from gvla2.language import Endpoint, EndpointOptions
 from gvla2.language.score_tokens import phi
 from gvla2.memory.contracts import Evidence
 from gvla2.testing import check_component
-from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
 from gvla2_plugins.llm_verifier.verifier import ROBOT, SOFTWARE, Criterion, as_data, messages
+from tests.local_model import LocalModel, Reply, refused, said
 
 SHOWN = Evidence(
     "lift the red cube", "approach, grasp, lift. The cube rose by 24 cm.", {"gripper_width": 0.04}

@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.testing import inputs
-from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins import agent3d, code_policies, robopoint, voxposer
+from tests.local_model import LocalModel, refused, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner
 
 NAMING = {

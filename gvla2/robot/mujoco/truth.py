@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, box_corners, rigid, transform_points
-from gvla2.planning.scene import Scene, SceneObject, Shape
+from gvla2.perception.articulated import THIN, MovingPart, joint_of, part_noun, with_parts
+from gvla2.planning.scene import Joint, Scene, SceneObject, Shape
 from gvla2.robot.mujoco.description import mesh_of, robot_bodies
 from gvla2.robot.mujoco.world import World
 
 MOST_POINTS = 1500
-THIN = 2e-3
-"""Least side of an object, metres."""
+PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
+"""Words of a body's name that tell it from others of its kind."""
 
 DEEP, AROUND = 0.3, 0.5
 """A body is hollow when nothing of its middle reaches within this share of its height of its top; and the share of
@@ -24,31 +25,68 @@ its half width that is its middle."""
 
 
 def true_scene(world: World) -> Scene:
-    """Every body that is neither the robot nor the room; a body on another's joint is a part of it.
+    """Every body that is neither the robot nor the room; a body that moves on a joint of its own is a part.
 
     Labels are the bodies' names without numbers, colours those of their material, shapes boxes and plates.
     """
     model = world.model
     robot = set(robot_bodies(model, world.names.base))
-    objects: list[SceneObject] = []
+    wholes: dict[int, dict[int, list[int]]] = {}
     for body in range(1, model.nbody):
-        root = model.body(model.body_rootid[body]).name or ""
-        if body in robot or root.startswith(world.scenery):
+        root = int(model.body_rootid[body])
+        if body not in robot and not (model.body(root).name or "").startswith(world.scenery):
+            wholes.setdefault(root, {}).setdefault(_moving(model, body), []).append(body)
+    objects: list[SceneObject] = []
+    for root, members in wholes.items():
+        looks = {owner: _looks(world, bodies) for owner, bodies in members.items()}
+        points, colours = looks.pop(root, (np.zeros((0, 3)), np.zeros(3)))
+        if not len(points):
             continue
-        points, colours = _looks(world, body)
-        if len(points):
-            parent = model.body(model.body_parentid[body]).name or ""
-            parent = parent if any(o.id == parent for o in objects) else ""
-            objects.append(
-                _object(model.body(body).name or f"body{body}", points, colours, world, body, parent)
-            )
+        name = model.body(root).name or f"body{root}"
+        words = _words(name)
+        whole = _object(name, " ".join(words), points, colours, world.data.xmat[root].reshape(3, 3))
+        parts = [_part(world, owner, words, seen) for owner, (seen, _) in looks.items() if len(seen)]
+        objects += with_parts(whole, points, parts)
     return Scene(tuple(objects), world.table_height, world.workspace, "oracle")
 
 
-def _object(
-    name: str, points: FloatArray, rgb: FloatArray, world: World, body: int, parent: str
-) -> SceneObject:
-    axes = world.data.xmat[body].reshape(3, 3)
+def _moving(model: Any, body: int) -> int:
+    """The body, at or above this one, that moves on a hinge or slide; else the root of its tree."""
+    import mujoco
+
+    while body != model.body_rootid[body]:
+        joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        if any(model.jnt_type[j] != mujoco.mjtJoint.mjJNT_FREE for j in joints):
+            break
+        body = int(model.body_parentid[body])
+    return body
+
+
+def _part(world: World, body: int, whole: Sequence[str], points: FloatArray) -> MovingPart:
+    import mujoco
+
+    model, data, j = world.model, world.data, int(world.model.body_jntadr[body])
+    joint = joint_of(
+        bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE),
+        data.xaxis[j],
+        data.xanchor[j],
+        float(data.qpos[model.jnt_qposadr[j]]),
+        *(float(v) for v in model.jnt_range[j]),
+    )
+    return MovingPart(part_label(model.body(body).name or "", whole, joint, points), points, joint)
+
+
+def part_label(body: str, whole: Sequence[str], joint: Joint, points: FloatArray) -> str:
+    """What a moving body is called: its name's words that say where it is, and what it is."""
+    places = [word for word in _words(body) if word in PLACES and word not in whole]
+    return " ".join([*places, part_noun(joint, points)])
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r"[\W_]+", name) if word and not word.isdigit() and word != "main"]
+
+
+def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: FloatArray) -> SceneObject:
     yaw = float(np.arctan2(axes[1, 0], axes[0, 0]))
     turn = Rotation.from_euler("z", yaw).as_matrix()
     local = points @ turn
@@ -60,24 +98,22 @@ def _object(
     hollow = len(inner) > 0 and inner[:, 2].max() < high[2] - DEEP * extents[2]
     flat = extents[2] < 0.3 * min(extents[:2])
     shape: Shape = "plate" if flat else "box"
-    words = (word for word in re.split(r"[\W_]+", name) if word and not word.isdigit() and word != "main")
     return SceneObject(
         name,
-        " ".join(words),
+        label,
         shape,
         "",
         rigid(turn, turn @ middle),
         extents,
         points[:: max(1, len(points) // MOST_POINTS)],
         rgb,
-        parent,
         opening=2 * float(np.percentile(wall, 2)) if hollow and len(wall) else 0.0,
     )
 
 
-def _looks(world: World, body: int) -> tuple[FloatArray, FloatArray]:
-    """Vertices (N, 3) of what is drawn of a body, world, and its mean colour (3,)."""
-    found = list(_drawn(world, body))
+def _looks(world: World, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Vertices (N, 3) of what is drawn of bodies, world, and their mean colour (3,)."""
+    found = [one for body in bodies for one in _drawn(world, body)]
     if not found:
         return np.zeros((0, 3)), np.zeros(3)
     return np.concatenate([points for points, _ in found]), np.mean([rgb for _, rgb in found], axis=0)
