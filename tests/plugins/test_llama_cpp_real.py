@@ -43,11 +43,15 @@ def test_a_grammar_is_kept_to_and_log_probabilities_come(language: LanguageModel
     assert len(answer.tokens[0].alternatives) >= 10
 
 
-def test_threads_and_components_share_one_server(language: LanguageModel, local_model: Path, registry: Registry):
+def test_threads_and_components_share_one_server(
+    language: LanguageModel, local_model: Path, registry: Registry
+):
     options = {"name": "llama_cpp", "model": str(local_model), "context": 2048}
     other: LanguageModel = registry.build({"language": options}, "language")
     request = Request([{"role": "user", "content": "Say hi."}], max_tokens=4)
     with ThreadPoolExecutor(2) as pool:
         texts = list(pool.map(lambda made: made.complete(request, purpose="plan").text, (language, other)))
     assert texts[0] == texts[1] != ""
-    assert LlamaServer(LlamaCppConfig(**options)).address() == LlamaServer(LlamaCppConfig(**options)).address()
+    assert (
+        LlamaServer(LlamaCppConfig(**options)).address() == LlamaServer(LlamaCppConfig(**options)).address()
+    )
