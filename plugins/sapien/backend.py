@@ -110,7 +110,7 @@ class SapienArm:
     def __init__(self, config: SapienArmConfig) -> None:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
-        self._cell.mounts.check(config.cameras)
+        self._cell.check_cameras(config.cameras)
         bad = [f"{name}={getattr(config, name)}" for name in POSITIVE if not getattr(config, name) > 0]
         if bad:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
@@ -150,7 +150,7 @@ class SapienArm:
         world_from_tcp = self._arm.forward(joints)
         wanted = 0 if self._instance is None else self._instance.image_size
         size = max(self._config.image_size, wanted)
-        cameras = [self._cell.mounts.camera(name, size, world_from_tcp) for name in self._config.cameras]
+        cameras = [self._cell.camera(name, size, world_from_tcp) for name in self._config.cameras]
         opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
         return Observation(
             Views(tuple(self._sight()(cameras))),
@@ -165,7 +165,7 @@ class SapienArm:
         """A function that takes a camera's picture of this moment with more pixels; None if there are enough."""
         if size >= SHOWN_SIZE:
             return None
-        camera, sight = self._cell.mounts.camera, self._sight()
+        camera, sight = self._cell.camera, self._sight()
         return cache(lambda name: sight([camera(name, SHOWN_SIZE, world_from_tcp)])[0])
 
     def execute(
@@ -176,7 +176,7 @@ class SapienArm:
 
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
-            view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
+            view = self._cell.camera(name, size, self._arm.forward(world.joints))
             reel.shoot(
                 Moment(world.time, world.joints.copy(), world.gripper_width), partial(self._sight(), [view])
             )
@@ -261,7 +261,7 @@ class SapienArm:
         """Whether the hand gets to a world point (3,), pointing down, whichever way it is turned."""
         if np.linalg.norm((point - self._cell.world_from_base[:3, 3])[:2]) > self._cell.reach:
             return False
-        down, ways = np.array([0.0, 0.0, -1.0]), (1.0, -1.0) if self._cell.either_way else (1.0,)
+        down, ways = np.array([0.0, 0.0, -1.0]), (1.0, -1.0) if self._config.either_way else (1.0,)
         turns = (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
         return all(
             any(self._easy(rigid(grasp_rotation(down, way * y), point)) for way in ways) for y in turns
@@ -269,7 +269,7 @@ class SapienArm:
 
     def _easy(self, pose: FloatArray) -> bool:
         solution = self._arm.inverse(pose)
-        return solution is not None and solution.manipulability >= self._cell.ease
+        return solution is not None and solution.manipulability >= self._config.ease
 
     def _follows(self, poses: Sequence[FloatArray]) -> bool:
         """Whether the arm goes straight through tool poses (4, 4), from some posture, without touching itself."""
