@@ -158,7 +158,7 @@ def _print_skills(registry: Registry, skills: Sequence[Skill], *, details: bool)
     out = console()
     listing = table("skill", "called", "what it does", "from")
     for skill in skills:
-        plugin = registry.skill_plugin(skill.name)
+        plugin = registry.skills_offered[skill.name][1]
         row(listing, skill.name, skill.signature(), skill.description, _origin(plugin))
     out.print(listing)
     if details:
@@ -191,7 +191,7 @@ def _skill_json(registry: Registry, skill: Skill) -> dict[str, Any]:
         "name": skill.name,
         "signature": skill.signature(),
         "description": skill.description,
-        "plugin": registry.skill_plugin(skill.name).name,
+        "plugin": registry.skills_offered[skill.name][1].name,
         "roles": [dataclasses.asdict(role) for role in skill.roles],
         "parameters": [
             {"name": p.name, "unit": p.unit, "meaning": p.meaning, "range": [p.least, p.most]}

@@ -113,8 +113,6 @@ OPTION_RANGES: Mapping[str, Range] = {
     "tries": (1, 1000, ""),
     "explore": (0, 2, ""),
     "explore_seed": (0, 2**63 - 1, ""),
-    "samples": (1, 1000, ""),
-    "agreement": (0, 1, ""),
     "programs": (0, 1000, ""),
     "max_tokens": (1, 1_000_000, ""),
 }
