@@ -111,7 +111,9 @@ def _place_among(obj: SceneObject, scene: Scene) -> str:
     alike = [o for o in scene.objects if o.label.rpartition(" ")[2] == kind and not o.parent]
     if obj.parent or not 2 <= len(alike) <= 3:
         return ""
-    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre @ scene.side("left_of")))].index(obj.id)
+    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre @ scene.side("left_of")))].index(
+        obj.id
+    )
     return ("left", "right")[order] if len(alike) == 2 else ("left", "middle", "right")[order]
 
 
