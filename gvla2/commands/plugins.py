@@ -148,7 +148,7 @@ def _print_skills(registry: Registry, skills: Sequence[Skill], *, details: bool)
     out = console()
     listing = table("skill", "called", "what it does", "from")
     for skill in skills:
-        plugin = registry.skill_plugin(skill.name)
+        plugin = registry.skills_offered[skill.name][1]
         row(listing, skill.name, skill.signature(), skill.description, _origin(plugin))
     out.print(listing)
     if details:

@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance
 from gvla2.robot.options import TaskConfig
 from gvla2.robot.placing import planar, sample_root
-from gvla2.robot.scan import Mesh, mesh_library, spoken
+from gvla2.robot.scan import mesh_library, scanned_body, spoken
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 
@@ -78,8 +78,8 @@ class Cluttered:
         turn = float(rng.uniform(-np.pi, np.pi))
         if self._library:
             chosen = list(self._library)[int(rng.integers(len(self._library)))]
-            mesh = Mesh(self._library[chosen], mass=MASS)
-            return _on_table(mesh.body(name, planar((0.0, 0.0), 0.0, turn), label=spoken(chosen)), site)
+            pose, path = planar((0.0, 0.0), 0.0, turn), self._library[chosen]
+            return _on_table(scanned_body(path, name, pose, mass=MASS, label=spoken(chosen)), site)
         kinds = _kinds(instance.layout)
         kind = kinds[int(rng.integers(len(kinds)))]
         broad, deep, tall = rng.uniform((0.03, 0.03, 0.04), (0.06, 0.06, 0.12)).tolist()

@@ -52,14 +52,6 @@ def test_what_cannot_be_carried_out_goes_back_with_its_reason():
     passes(plan)
 
 
-def test_samples_that_do_not_agree_decline():
-    answers = iter(["pick(red_cube)", "pick(blue_cube)", "push(red_cube, blue_cube)", "pick(blue_cube)"] * 9)
-    with LocalModel(lambda _: said(next(answers))) as model:
-        plan = planner(model, samples=4, agreement=0.6).plan(REQUEST)
-    assert plan.abstention.kind == "ambiguous"
-    assert "agree" in plan.abstention.message
-
-
 @pytest.mark.parametrize(
     "answer",
     [
