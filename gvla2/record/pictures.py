@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.episode.record import EpisodeRecord
@@ -16,7 +14,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import (
     INK,
     PAPER,
@@ -24,7 +22,6 @@ from gvla2.record.drawing import (
     Colour,
     Point,
     Rect,
-    around,
     enlarged,
     marker_colour,
     part_about,
@@ -58,7 +55,6 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
     for index, obj in reversed(order):
         near = _bounds(view.camera, obj)
         if near is not None and in_sight(view, obj) >= _SEEN:
-            canvas.keep_clear(near)
             canvas.label(obj.label or obj.id, near, marker_colour(index), badge=str(index + 1))
     return canvas.picture()
 
@@ -99,7 +95,7 @@ def plan_overlay(
     scene: Scene | None = None,
     width: int = 640,
 ) -> Image.Image:
-    """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
+    """The waypoint path in the view: numbered dots (from 0, as in files and messages) and grips.
 
     ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a dashed
     leg is a free motion, a solid one a straight line. With ``scene`` the path also casts a faint shadow on the table,
@@ -120,32 +116,16 @@ def plan_overlay(
         leg = camera.project(np.linspace(a, b, 16))[0]
         dash = 0.0 if waypoint.motion == "linear" else 7.0
         canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5, dash=dash)
-        for u, v in leg:
-            canvas.keep_clear(around(u, v, 4 / canvas.scale))
     for at, members in _clusters(camera, stops, canvas.scale):
         last = waypoints[members[-1]]
-        near = around(*at, 10 / canvas.scale)
         numbers = "·".join(str(k) for k in members)
         canvas.dot(at, 9.5, PAPER if last.gripper > 0.5 else CLOSED_COLOUR, ring=INK, text=numbers)
-        text = " / ".join(_stage_labels(waypoints, members))
-        canvas.label(text, near, _grip_colour(last.gripper), badge=numbers)
     return canvas.picture()
 
 
 def _stops(trajectory: Trajectory) -> FloatArray:
     """(N, 3) the waypoints' positions."""
     return trajectory.xyzg().reshape(-1, 4)[:, :3]
-
-
-def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
-    labels: dict[str, None] = {}
-    for k in names:
-        before = waypoints[k - 1].gripper if k else 1.0
-        change = waypoints[k].gripper - before
-        name = waypoints[k].stage.replace("_", " ")
-        act = " (closes)" if change < -0.05 else " (opens)" if change > 0.05 else ""
-        labels[name if name in act else name + act] = None
-    return list(labels)
 
 
 def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Point, list[int]]]:
@@ -199,8 +179,6 @@ def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
     return Rect(*box.ravel().tolist())
 
 
-_UNKNOWN = (96, 100, 108)
-
 Shots = Mapping[str, bytes]
 """PNG files by their captions, mostly cameras' names."""
 
@@ -209,14 +187,13 @@ Shots = Mapping[str, bytes]
 class Pictures:
     """The page's pictures; empty if not made.
 
-    ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects, ``depth`` their depth,
+    ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects,
     ``plan`` the planned path in some of them. ``film`` is the motion as MP4, ``model`` the scene with
     the plan as GLB.
     """
 
     plain: Shots = field(default_factory=dict)
     objects: Shots = field(default_factory=dict)
-    depth: Shots = field(default_factory=dict)
     plan: Shots = field(default_factory=dict)
     before: bytes = b""
     after: bytes = b""
@@ -234,27 +211,6 @@ def main_picture(observation: Observation) -> bytes:
 def plain_pictures(observation: Observation) -> Shots:
     """Each camera's picture."""
     return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
-
-
-def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
-    """Depth (H, W), metres, as colours: yellow near, violet far, grey where nothing was measured.
-
-    The scale runs from the 1st to the 99th percentile of the measurements and is written into the picture.
-    """
-    known = np.isfinite(depth)
-    low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)
-    nearness = np.clip((high - np.where(known, depth, low)) / max(high - low, 1e-6), 0, 1)
-    colours = cv2.applyColorMap(np.rint(255 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
-    picture = Image.fromarray(np.where(known[..., None], colours, _UNKNOWN).astype(np.uint8))
-    canvas = Canvas(np.asarray(enlarged(picture, width, how=Image.Resampling.NEAREST)), width)
-    below = Rect(0, canvas.size[1], 0, canvas.size[1])
-    canvas.label(f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured", below, _UNKNOWN)
-    return canvas.picture()
-
-
-def depth_pictures(observation: Observation) -> Shots:
-    """Each camera's depth, where it measures any."""
-    return {v.name: png(depth_picture(v.depth)) for v in observation.views if v.depth is not None}
 
 
 def object_pictures(observation: Observation, scene: Scene) -> Shots:
@@ -289,7 +245,6 @@ class Shown(NamedTuple):
 SHOWN: Mapping[str, Shown] = {
     "before": Shown("The picture before", lambda r: (r.observation,), main_picture, "before.png"),
     "plain": Shown("The cameras' pictures", lambda r: (r.observation,), plain_pictures),
-    "depth": Shown("The cameras' depth", lambda r: (r.observation,), depth_pictures, "depth.png"),
     "objects": Shown(
         "The picture of the objects", lambda r: (r.observation, r.scene), object_pictures, "perception.png"
     ),
