@@ -109,7 +109,6 @@ def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, t
     )
     assert planted["psnr"] < calm["psnr"], "the drift does harm"
     page = (tmp_path / "first" / "index.html").read_text()
-    assert page.count("data:image/png;base64,") == 2 * 2
     assert "not measured" in page
 
     assert run_bench(config, parts, tmp_path / "second") == 1

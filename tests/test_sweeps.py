@@ -44,7 +44,7 @@ def test_jobs_that_differ_in_their_seed_alone_are_one_row():
     assert rows["memory=none"][0] == ("25", "[5, 70]")
     assert rows["memory=governed"][0] == ("100", "[51, 100]")
     assert [lines[0] for lines in rows["memory=governed"][2:]] == ["4", "3.0", "25", "2"]
-    assert table.gallery.exhibits[0].caption == "memory=none, seed=0: 0 of 2"
+    assert table.films[0].caption == "memory=none, seed=0: 0 of 2"
     assert "4 jobs; runs 1" in table.footnote
 
 
@@ -75,7 +75,7 @@ def test_a_failed_job_is_counted_and_measured_nowhere():
         "not measured",
         "1, 1 failed",
     ]
-    assert table.gallery.exhibits[1].caption == "task=b: failed: no robot"
+    assert table.films[1].caption == "task=b: failed: no robot"
     assert "1 of them failed" in table.footnote
 
 

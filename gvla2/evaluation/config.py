@@ -231,15 +231,10 @@ class PerceptionBench(SimulatedBench):
 
 @dataclass
 class AgentTasksConfig:
-    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
-
-    ``state`` is where memories are stored between the tasks (by default in the output folder: give one to resume an
-    interrupted bench).
-    """
+    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them."""
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
-    state: str = ""
 
 
 @dataclass

@@ -168,7 +168,7 @@ class ReconstructionJudge:
                 measures["lpips"] = float(np.mean(list(distances)))
         return ReconstructionScores(measures, points)
 
-    def pictures(self, gaussians: Gaussians, count: int | None = None) -> list[NDArray[np.float32]]:
-        """The target views (the first ``count``) rendered on white, each (H, W, 3) in [0, 1]."""
-        cameras = [view.camera for view in self.views.targets][:count]
+    def pictures(self, gaussians: Gaussians) -> list[NDArray[np.float32]]:
+        """The target views rendered on white, each (H, W, 3) in [0, 1]."""
+        cameras = [view.camera for view in self.views.targets]
         return [np.clip(self.renderer.render(gaussians, camera)[0], 0, 1) for camera in cameras]

@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell, measured
 from gvla2.evaluation.statistics import wilson_interval
-from gvla2.evaluation.tables import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
 SUITE = "run"
@@ -60,7 +60,7 @@ def _sheet(cells: list[Cell]) -> Sheet:
         count(len(cells), "job") + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
-        gallery=Exhibits("Jobs", tuple(jobs)),
+        tuple(jobs),
     )
 
 
