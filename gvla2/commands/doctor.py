@@ -159,9 +159,8 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
 
 
 def data() -> Iterator[Check]:
-    """Locate the data sets and weights of the benches, or say how to get them."""
+    """Locate the data sets of the benches, or say how to get them."""
     from gvla2.evaluation.datasets import SOURCES, find_items, roots
-    from gvla2.evaluation.lpips import FETCH, weights_path
 
     for kind in ("ycb30", "gso30"):
         filled = [items for place in roots(kind) if place.is_dir() and (items := find_items(kind, place))]
@@ -171,8 +170,3 @@ def data() -> Iterator[Check]:
         else:
             looked = f"not in {', '.join(map(str, roots(kind)))}"
             yield Check(f"data {kind}", "warn", looked, f"{SOURCES[kind]}, below the folder GVLA2_DATA")
-    path = weights_path()
-    if path.is_file():
-        yield Check("LPIPS weights", "ok", str(path))
-    else:
-        yield Check("LPIPS weights", "warn", "absent: LPIPS is not measured", FETCH)

@@ -15,13 +15,13 @@ from omegaconf import OmegaConf
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.record.text import count, listing
+from gvla2.record.text import count
 
 if TYPE_CHECKING:
     from gvla2.geometry.mesh import TriangleMesh
     from gvla2.geometry.views import Views
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.contracts import Reconstruction, StageReport
+    from gvla2.reconstruction.contracts import Reconstruction
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import ReconstructionRecord
 
@@ -131,8 +131,6 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
         with steps.step("refine"):
             chosen = BranchParts(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
             result = refine_geometry(g0, views, chosen, config.branch)
-            stages = tuple(_with_unused_prior(stage, config, views) for stage in result.stages)
-            result = replace(result, stages=stages)
         for stage in result.stages:
             log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
             line = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
@@ -189,20 +187,6 @@ def _sizes(made: Reconstruction) -> str:
     if made.mesh is not None:
         sizes.append(f"{len(made.mesh.faces)} triangles")
     return ", ".join(sizes) + ("" if made.status == "ok" else f" ({made.status})")
-
-
-def _with_unused_prior(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
-    """The stage's report; a warning where the chosen prior had nothing to say about any view."""
-    from gvla2.reconstruction.branch import NO_PRIOR
-
-    if config.prior.name == "none" or stage.reason != NO_PRIOR:
-        return stage
-    bare = [view.name for view in views if view.depth is None]
-    why = f"no depth in {listing(bare, 6)}" if bare else "it gave no depth"
-    reason = (
-        f"prior={config.prior.name} can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z."
-    )
-    return replace(stage, status="rejected", reason=reason)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gvla2.episode.record import EpisodeRecord
 
 JOB = "job.json"
-_BANK = "memory.db"
+BANK = "memory.db"
 _MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens", "memory_unavailable")
 _NOTES = ("setting", "layouts")
 _SHOWN = (
@@ -80,14 +80,8 @@ def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:
     default = getattr(type(memory), "bank", None)
     if getattr(memory, "url", None) != "" or getattr(memory, "bank", default) != default:
         return config
-    changed: Any = replace(memory, url=f"sqlite:///{(folder / _BANK).absolute()}")
+    changed: Any = replace(memory, url=f"sqlite:///{(folder / BANK).absolute()}")
     return replace(config, memory=changed)  # type: ignore[call-arg]  # a field that the bridge to Hydra adds
-
-
-def clear(folder: Path) -> None:
-    """Clear what an earlier, unfinished try of a job has learned in the job's own bank."""
-    for file in folder.glob(f"{_BANK}*"):
-        file.unlink()
 
 
 def digest_of(config: RunConfig) -> str:

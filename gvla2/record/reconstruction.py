@@ -23,7 +23,13 @@ from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_measures
 from gvla2.record.page import render
-from gvla2.record.reconstruction_measures import Measures, ReconstructionPictures, turntable, view_pictures
+from gvla2.record.reconstruction_measures import (
+    Measures,
+    ReconstructionPictures,
+    drawable,
+    turntable,
+    view_pictures,
+)
 from gvla2.record.recorder import FolderRecorder
 from gvla2.record.text import count
 from gvla2.record.wording import State, Step, fixed
@@ -52,9 +58,8 @@ class ReconstructionRecord:
     @property
     def changed(self) -> bool:
         """Whether the output differs from the first reconstruction at all."""
-        ends = (self.result.g0.gaussians, self.result.out.gaussians)
-        colours = [None if one is None else one.sh_dc for one in ends]
-        return self.displacement > 0 or not np.array_equal(*colours)
+        before, after = (drawable(end).sh_dc for end in (self.result.g0, self.result.out))
+        return self.displacement > 0 or not np.array_equal(before, after)
 
     @property
     def displacement(self) -> float:
@@ -151,7 +156,6 @@ MEASURES: Mapping[str, BeforeAfter] = {
     "symmetric_iou": BeforeAfter("symmetric IoU", 4, True, "overlap of silhouettes and masks, both ways"),
     "psnr": BeforeAfter("PSNR, dB", 2, True, "colours, on white"),
     "ssim": BeforeAfter("SSIM", 4, True, "structure, uniform 7 × 7 window"),
-    "lpips": BeforeAfter("LPIPS", 4, False, "perceived distance, AlexNet v0.1"),
     "cd_surface": BeforeAfter(
         "CD surface × 10³", 2, False, "in the views’ frame: place, scale and shape count"
     ),

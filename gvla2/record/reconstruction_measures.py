@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.errors import GeometryError
 from gvla2.evaluation import metrics
-from gvla2.evaluation.lpips import Lpips
 from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.camera import Camera
@@ -78,7 +77,7 @@ class ReconstructionFit:
 class Measures:
     """Before and after the branch: ``before`` and ``after`` in detail, and all numbers by group and name.
 
-    ``groups``: ``inputs`` (the fit to the input views: not a measure of quality), ``held_out`` (PSNR, SSIM, LPIPS in
+    ``groups``: ``inputs`` (the fit to the input views: not a measure of quality), ``held_out`` (PSNR and SSIM in
     unused views) and ``truth`` (Chamfer distances x 1000); each (before, after).
     """
 
@@ -117,14 +116,10 @@ def measure(
         return Measures(before, after, groups)
     targets = views if held_out is None else held_out
     whitened = Views(tuple(replace(v, image=as_bytes(on_white(v))) for v in targets))
-    try:
-        lpips = Lpips()
-    except MissingDependencyError:  # not measured without its weights
-        lpips = None
-    judge = ReconstructionJudge(ObjectViews("", views, whitened, truth), renderer, lpips)
+    judge = ReconstructionJudge(ObjectViews("", views, whitened, truth), renderer)
     pair = [judge.measure(replace(end, gaussians=drawable(end))).measures for end in ends]
     for group, named, asked in (
-        ("held_out", ("psnr", "ssim", "lpips"), held_out),
+        ("held_out", ("psnr", "ssim"), held_out),
         ("truth", ("cd_surface", "cd_official"), truth),
     ):
         if asked is not None:

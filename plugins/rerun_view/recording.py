@@ -3,7 +3,7 @@
 * ``world/cameras/NAME``: pose and lens; below them image and depth
 * ``world/seen``: points that the cameras measured, in and near the workspace
 * ``world/objects/ID``: each object's body and its box with its name
-* ``world/plan``: path, waypoints (red where a check failed), and the tool's real positions
+* ``world/plan``: path and waypoints, red where a check failed
 * ``arm/joints/K``, ``arm/gripper_width``: measured, radians and metres
 * ``film``: the main camera's pictures
 
@@ -12,13 +12,11 @@ The time line "episode" has seconds since the first frame of the motion.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.record.motion import FILM, STATES
@@ -42,7 +40,7 @@ class RerunViewer:
         """Write the recording of an episode that has ended beside its page."""
         folder.mkdir(parents=True, exist_ok=True)
         to = rr.RecordingStream("gvla2", recording_id=record.episode_id or None)
-        to.save(folder / self._config.file, default_blueprint=_layout(record))
+        to.save(folder / self._config.file)
         to.disable_timeline("log_time")
         to.disable_timeline("log_tick")
         to.send_recording_name(record.instruction)
@@ -91,12 +89,7 @@ def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
     stops = [list(w.xyz) for w in waypoints]
     texts = [waypoint_text(k, waypoint, record.checks) for k, waypoint in enumerate(waypoints)]
     colours = [OPEN if w.gripper > 0.5 else CLOSED for w in waypoints]
-    # The hand opens or closes after arriving: a leg shows the gripper as the previous waypoint left it.
-    legs, looks = list(pairwise(stops)), colours[:-1]
-    if record.observation is not None:
-        legs, looks = [([*record.observation.world_from_tcp[:3, 3]], stops[0]), *legs], [OPEN, *looks]
-    if legs:
-        to.log("world/plan/path", rr.LineStrips3D(legs, colors=looks, radii=0.002), static=True)
+    to.log("world/plan/path", rr.LineStrips3D([stops], radii=0.002), static=True)
     dots = rr.Points3D(
         stops,
         radii=0.008,
@@ -105,9 +98,6 @@ def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
         show_labels=False,
     )
     to.log("world/plan/waypoints", dots, static=True)
-    if record.report is not None and record.report.waypoints:
-        reached = [w.reached for w in record.report.waypoints]
-        to.log("world/plan/reached", rr.Points3D(reached, radii=0.005, colors=[90, 214, 120]), static=True)
 
 
 def _motion(to: rr.RecordingStream, folder: Path) -> float:
@@ -126,19 +116,6 @@ def _motion(to: rr.RecordingStream, folder: Path) -> float:
         frames = rr.VideoFrameReference.columns_secs(np.arange(len(times)) / fps)
         to.send_columns("film", [line], frames)
     return float(times[-1])
-
-
-def _layout(record: EpisodeRecord) -> rrb.Blueprint:
-    views = record.observation.views if record.observation is not None else ()
-    # rerun makes points of depth pictures, too; they would lie on the coloured ones.
-    depths = [f"- /world/cameras/{_part(view.name)}/depth" for view in views]
-    beside = rrb.Vertical(
-        rrb.Spatial2DView(origin="film", name="Film"),
-        rrb.TimeSeriesView(origin="arm/joints", name="Joints, rad"),
-        rrb.TimeSeriesView(origin="arm/gripper_width", name="Gripper, m"),
-    )
-    world = rrb.Spatial3DView(origin="world", contents=["+ /world/**", *depths])
-    return rrb.Blueprint(rrb.Horizontal(world, beside, column_shares=[3, 2]), collapse_panels=True)
 
 
 def _part(name: str) -> str:

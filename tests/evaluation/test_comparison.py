@@ -18,7 +18,7 @@ def cells() -> list[Cell]:
             for variant in ("ab_fusion", "baseline"):
                 value = (base + seed) * (factor if variant == "ab_fusion" else 1)
                 factors = {"data": "meshes", "baseline": "hull", "drift": "none", "object": obj}
-                measures = {"cd_surface": value, "psnr": 20.0, "lpips": None, "seconds": 1.0}
+                measures = {"cd_surface": value, "psnr": 20.0, "ssim": None, "seconds": 1.0}
                 made.append(
                     Cell(
                         f"{obj}{seed}{variant}",
@@ -43,7 +43,7 @@ def test_means_and_changes():
     change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
     assert lines(sheet, 1, "CD surface ×10³ ↓")[1:] == (f"{change:+.2f} %",)
     assert lines(sheet, 1, "PSNR dB ↑") == ("20.00 ± 0.00", "+0.00 %")
-    assert lines(sheet, 1, "LPIPS ↓") == ("not measured",)
+    assert lines(sheet, 1, "SSIM ↑") == ("not measured",)
     assert lines(sheet, 1, "seconds ↓") == ("1.00 ± 0.00",), "seconds are not compared"
 
 

@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
 
 from gvla2.component import described
-from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import (
     DRIFTS,
     NOISES,
@@ -28,7 +27,6 @@ from gvla2.evaluation.components import changed_options, code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
 from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
-from gvla2.evaluation.lpips import Lpips, read_weights
 from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
 from gvla2.evaluation.results import Cell, cell_key
@@ -54,7 +52,6 @@ LAYOUT = TableLayout(
         Measure("cd_official", "CD official ×10³", "lower"),
         Measure("psnr", "PSNR dB", "higher"),
         Measure("ssim", "SSIM", "higher", 4),
-        Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
     groups=(
@@ -83,7 +80,7 @@ MEASURING_CODE = (
     "gvla2.geometry",
     "gvla2.reconstruction",
     "gvla2.evaluation.suites.reconstruction",
-    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "lpips", "metrics", "protocol")),
+    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "metrics", "protocol")),
 )
 """Code whose change outdates stored rows, besides the chosen plugins."""
 
@@ -139,9 +136,6 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
 
     def _units(self, dataset: Dataset) -> Iterator[ObjectUnit]:
         config, registry = self.config, self.registry
-        lpips = lpips_of(config.lpips_weights) is not None
-        if not lpips:
-            log.warning("LPIPS is not measured: its weights are absent. scripts/fetch_lpips gets them.")
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
         variants = list(dict.fromkeys(config.variants or VARIANTS))
@@ -150,8 +144,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
             root = chosen_components(config, registry, baseline, seed, noise)
             typed = [registry.configure(root, kind)[0] for kind in GEOMETRY]
             chosen[baseline, seed, noise] = list(map(asdict, typed)), code_of(typed, *MEASURING_CODE)
-        weights = (lpips, config.lpips_weights, config.surface_samples)
-        protocol = (VERSION, dataset.size, dataset.samples, *weights, asdict(config.branch))
+        protocol = (VERSION, dataset.size, dataset.samples, config.surface_samples, asdict(config.branch))
         shared = {kind: described(getattr(config, kind)) for kind in ("axis", "fusion", "renderer")}
         shared |= {"protocol": label} if (label := _protocol_label(config)) else {}
         for item in dataset.items:
@@ -201,7 +194,7 @@ def _prior_label(config: ReconstructionBench) -> str:
 
 def _protocol_label(config: ReconstructionBench) -> str:
     """How the measuring differs from the protocol; "" where it does not."""
-    own = changed_options(config, ("surface_samples", "lpips_weights"))
+    own = changed_options(config, ("surface_samples",))
     return ", ".join(filter(None, (own, changed_options(config.data, ("size", "samples")))))
 
 
@@ -219,19 +212,6 @@ def chosen_components(
         prior = {**plain, **NOISES[noise], "seed": seed}
     same = {kind: getattr(config, kind) for kind in ("axis", "fusion", "renderer")}
     return {"reconstructor": options, "prior": prior, **same}
-
-
-def lpips_of(path: str | None) -> Lpips | None:
-    """LPIPS with a user's own weights, or those of the cache; None when the cache has none.
-
-    Raises :class:`Gvla2Error` when the given file cannot be used.
-    """
-    if path is not None:
-        return Lpips(read_weights(Path(path).expanduser()))
-    try:
-        return Lpips()
-    except MissingDependencyError:
-        return None
 
 
 class ObjectBench:
@@ -287,8 +267,7 @@ class ObjectBench:
 
     def _new_judge(self, renderer: Renderer) -> ReconstructionJudge:
         config, threads = self._unit.config, 1 if in_a_worker() else -1
-        lpips = lpips_of(config.lpips_weights)
-        return ReconstructionJudge(self._views, renderer, lpips, threads, config.surface_samples)
+        return ReconstructionJudge(self._views, renderer, threads, config.surface_samples)
 
 
 def _failed(unit: ObjectUnit, key: str, error: Exception) -> Cell:
