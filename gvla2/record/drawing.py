@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -147,18 +146,15 @@ class Canvas:
         colour: Colour,
         width: float = 2.0,
         halo: float = 1.5,
-        dash: float = 0.0,
         alpha: int = 255,
     ) -> None:
-        """A polyline with a dark halo; ``dash`` is the length of dashes and gaps, 0 for a whole line."""
+        """A polyline with a dark halo."""
         path = self._path(points)
         if len(path) < 2:
             return
-        pieces = _dashes(path, dash * _SMOOTH) if dash else [path]
         strokes = [((*INK, min(alpha, 170)), width + 2 * halo)] if halo else []
         for ink, across in (*strokes, ((*colour, alpha), width)):
-            for piece in pieces:
-                self._draw.line(piece, ink, round(across * _SMOOTH), joint="curve")
+            self._draw.line(path, ink, round(across * _SMOOTH), joint="curve")
 
     def polygon(self, points: Points, colour: Colour, alpha: int) -> None:
         """A filled polygon; nothing when a corner is not in front of the camera."""
@@ -216,18 +212,6 @@ class Canvas:
         given = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         near = given[(np.abs(given) < _FAR).all(axis=1)]  # NaN is not
         return [(x, y) for x, y in ((near - self._part[:2]) * self.scale * _SMOOTH).tolist()]
-
-
-def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
-    """The dashes of a polyline with dash ``length``; at most a few hundred."""
-    pieces = []
-    for start, end in pairwise(np.array(path)):
-        way = end - start
-        count = int(np.clip(round(np.hypot(*way) / (2 * length)), 1, 200))
-        for k in range(count):
-            dash = [start + way * (k / count), start + way * ((k + 0.5) / count)]
-            pieces.append([(x, y) for x, y in np.array(dash).tolist()])
-    return pieces
 
 
 def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8) -> Image.Image:

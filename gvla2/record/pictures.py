@@ -33,7 +33,7 @@ CLOSED_COLOUR: Colour = (255, 168, 60)
 
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
-_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "dash": 5.0, "alpha": 170}
+_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "alpha": 170}
 _NEAR: dict[str, Any] = {"width": 2.0}
 _FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
 _SEEN = 0.03  # share of an object's points that must be visible for its label
@@ -42,7 +42,7 @@ _SEEN = 0.03  # share of an object's points that must be visible for its label
 def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
     """The view with the oriented box of each scene object, numbered in the scene's order.
 
-    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is dashed and has no
+    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is faint and has no
     label.
     """
     canvas = Canvas(view.image, width)
@@ -97,9 +97,8 @@ def plan_overlay(
 ) -> Image.Image:
     """The waypoint path in the view: numbered dots (from 0, as in files and messages) and grips.
 
-    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a dashed
-    leg is a free motion, a solid one a straight line. With ``scene`` the path also casts a faint shadow on the table,
-    straight below it, so that height can be read. The picture shows the part of the view with the path and the objects.
+    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one. The
+    picture shows the part of the view with the path and the objects of ``scene``.
     """
     camera, waypoints = view.camera, list(trajectory)
     stops = _stops(trajectory)
@@ -108,14 +107,11 @@ def plan_overlay(
     pixels, size = camera.project(shown)[0], (camera.width, camera.height)
     part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
     canvas = Canvas(view.image, width, part)
-    if scene is not None:
-        _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
     first = 0 if start is not None else 1
     for a, b, opening, waypoint in zip(path, path[1:], openings[first:], waypoints[first:], strict=False):
         leg = camera.project(np.linspace(a, b, 16))[0]
-        dash = 0.0 if waypoint.motion == "linear" else 7.0
-        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5, dash=dash)
+        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5)
     for at, members in _clusters(camera, stops, canvas.scale):
         last = waypoints[members[-1]]
         numbers = "·".join(str(k) for k in members)
@@ -145,13 +141,6 @@ def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Poi
 
 def _grip_colour(opening: float) -> Colour:
     return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
-
-
-def _draw_shadow(canvas: Canvas, camera: Camera, path: FloatArray, table: float) -> None:
-    ground = np.column_stack([path[:, :2], np.full(len(path), table)])
-    canvas.line(camera.project(ground)[0], INK, width=2.0, halo=0.0, alpha=90)
-    for plumb in np.stack([path, ground], axis=1):
-        canvas.line(camera.project(plumb)[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
 
 
 def _draw_box(canvas: Canvas, camera: Camera, obj: SceneObject, colour: Colour, hidden: bool) -> None:

@@ -31,8 +31,7 @@ from gvla2.record.reconstruction_measures import (
     view_pictures,
 )
 from gvla2.record.recorder import FolderRecorder
-from gvla2.record.text import count
-from gvla2.record.wording import State, Step, fixed
+from gvla2.record.wording import State, fixed
 
 
 @dataclass(frozen=True)
@@ -188,22 +187,6 @@ def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     return BranchOptions(**record.options).changed()
 
 
-def steps(record: ReconstructionRecord) -> list[Step]:
-    """Reading, the first reconstruction, each stage of the branch, measuring and drawing, in order."""
-
-    def own(name: str, found: str = "", how: State = "done") -> Step:
-        done = name in record.timings
-        return Step(name, how if done else "skipped", record.timings.get(name), found)
-
-    first = record.result.g0.status
-    branch = (
-        Step(s.stage.replace("_", " "), STATES[s.status], s.seconds, f"{s.status}: {s.reason}")
-        for s in record.result.stages
-    )
-    made = own("reconstruct", first, "done" if first == "ok" else "warn")
-    return [own("read", count(len(record.views), "view")), made, *branch, own("measure"), own("draw")]
-
-
 def summary_line(record: ReconstructionRecord) -> str:
     """The outcome on one line, for the terminal."""
     parts = [headline(record)[0].lower()]
@@ -294,6 +277,6 @@ def render_reconstruction(
     """
     known = {"record": record, "pictures": pictures, "config_yaml": config_yaml, "beside": beside}
     words = SimpleNamespace(
-        STATES=STATES, compared=compared, headline=headline, steps=steps, unusual_options=unusual_options
+        STATES=STATES, compared=compared, headline=headline, unusual_options=unusual_options
     )
     return render("reconstruction.html.jinja", pictured=reconstruction_measures, words=words, **known)
