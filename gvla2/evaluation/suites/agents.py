@@ -27,7 +27,7 @@ from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory, 
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
-from gvla2.evaluation.engine import Rows, Suite, Unit
+from gvla2.evaluation.engine import Suite, Unit
 from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
 from gvla2.evaluation.tables import Sheet
 from gvla2.language.contracts import LanguageModelError, Ledger
@@ -69,7 +69,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SequenceUnit(Unit):
-    """An arm, a seed and the tasks in their order, with a key for each task's row; the first ``done`` are known.
+    """An arm, a seed and the tasks in their order, with a key for each task's row.
 
     ``folder`` holds the memory; ``factors`` are what the rows have in common.
     """
@@ -117,19 +117,10 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
                 )
         return [[self._sequence(tasks, arm, seed) for seed in config.seeds for arm in arms]]
 
-    def known(self, keys: Sequence[str]) -> Rows:
-        """All stored rows: a task that could not be set up is not tried again."""
-        return self.results.with_keys(keys)
-
     @staticmethod
     def measure(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
         """The rows of the tasks, each when it is measured."""
         return work(unit, registry)
-
-    def result(self, units: Sequence[SequenceUnit], rows: Rows) -> list[Cell]:
-        """All rows; the status of one that a sequence did not reach says so."""
-        status = "not measured: the language model could not be asked"
-        return [rows.get(key) or unit.unknown(k, status) for unit in units for k, key in enumerate(unit.keys)]
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
@@ -170,8 +161,8 @@ def _digest_of(task: AgentTask) -> str:
 def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     """The rows of the sequence, from a memory that knows nothing.
 
-    A task whose environment cannot be set up is "not measured"; if the language model is unavailable, the sequence
-    ends: later tasks would have the wrong memory.
+    A task whose environment cannot be set up is "not measured", nor is any task from the first one on that found no
+    language model: later tasks would have the wrong memory.
     """
     config, arm = unit.config, unit.arm
     unit.folder.mkdir(parents=True, exist_ok=True)
@@ -204,7 +195,10 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
             except EnvironmentFailedError as error:
                 cell = unit.unknown(place, f"not measured: {error}")
             except LanguageModelError as error:
-                log.warning("%s: the model cannot be asked (%s); this sequence ends here.", row, error)
+                for later in range(place, len(unit.tasks)):
+                    yield unit.unknown(
+                        later, f"not measured: the language model could not be asked ({error})"
+                    )
                 return
             else:
                 if made.verdict.outcome == "unavailable" and arm.source != "off":
