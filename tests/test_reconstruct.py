@@ -169,14 +169,12 @@ def test_a_planted_drift_is_undone_and_reported(folder: Path, tmp_path: Path, re
     assert "Refined" in (tmp_path / "index.html").read_text()
 
 
-def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):
+def test_a_gso_trees_first_views_are_the_input(tmp_path: Path, registry: Registry):
     write_gso(tmp_path / "mallet" / "render_mvs_25" / "model", seen(mallet(), 12, 64))
-    asked = composed(tmp_path / "mallet", *BARE, "size=64", "measure=true")
+    asked = composed(tmp_path / "mallet", *BARE, "size=64", "targets=10-11")
     record = reconstruct(asked, registry, tmp_path / "out")
     assert [view.name for view in record.views] == ["000", "001", "002", "003", "004"]
     assert record.measures.held_out == ("010", "011")
-    without = composed(tmp_path / "mallet", *BARE, "size=64")
-    assert reconstruct(without, registry, tmp_path / "bare").measures.held_out == ()
 
 
 def test_a_real_scan(tmp_path: Path):
@@ -184,7 +182,7 @@ def test_a_real_scan(tmp_path: Path):
         f"views={ELEPHANT}",
         "quiet=true",
         "frames=2",
-        "measure=true",
+        "targets=10-24",
         f"hydra.run.dir={tmp_path}",
     ]
     assert cli.main(["reconstruct", *words]) == 0
