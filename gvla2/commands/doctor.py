@@ -57,7 +57,6 @@ def examine(registry: Registry) -> list[Check]:
         *packages(),
         *configuration(registry),
         *plugins(registry),
-        opencv(),
         simulator(),
         *data(),
     ]
@@ -131,17 +130,6 @@ def plugins(registry: Registry) -> Iterator[Check]:
         found = f"{problem.hook}: {problem.message}" if problem.hook else problem.message
         advice = f"Repair it, uninstall it, or skip it with GVLA2_DISABLE_PLUGINS={problem.plugin}."
         yield Check(f"plugin {problem.plugin}", "warn", found, advice)
-
-
-def opencv() -> Check:
-    """Check that one version of OpenCV owns cv2: distributions of it overwrite each other's files."""
-    names = [f"opencv{kind}-python{head}" for kind in ("", "-contrib") for head in ("", "-headless")]
-    found = {name: installed(name) for name in names if installed(name)}
-    owners = " and ".join(f"{name} {version}" for name, version in found.items()) or "not installed"
-    if len(set(found.values())) < 2:
-        return Check("cv2", "ok", owners)
-    advice = f"pip uninstall {' '.join(found)}, then install one of them"
-    return Check("cv2", "warn", f"{owners} write the same files", advice)
 
 
 def simulator(modules: Sequence[str] = SIMULATOR) -> Check:

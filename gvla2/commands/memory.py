@@ -370,13 +370,10 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     rows = []
     for event in events:
-        changes = event["change"] if isinstance(event["change"], dict) else {}
-        pairs = {k: v for k, v in changes.items() if isinstance(v, list) and len(v) == 2}
-        change = "; ".join(f"{k}: {_value(k, old)} -> {_value(k, new)}" for k, (old, new) in pairs.items())
         action = f"{event['action']} {event['target'] or ''}".strip()
         why = "(forgotten)" if event["erased"] else one_line(event["why"])
-        rows.append((str(event["seq"]), _date(event["at"]), event["actor"], action, why, one_line(change)))
-    return _table(("event", "time", "who", "action", "why", "change"), rows)
+        rows.append((str(event["seq"]), _date(event["at"]), event["actor"], action, why))
+    return _table(("event", "time", "who", "action", "why"), rows)
 
 
 def _columns(row: Any, *names: str) -> dict[str, Any]:

@@ -156,12 +156,6 @@ class Canvas:
         for ink, across in (*strokes, ((*colour, alpha), width)):
             self._draw.line(path, ink, round(across * _SMOOTH), joint="curve")
 
-    def polygon(self, points: Points, colour: Colour, alpha: int) -> None:
-        """A filled polygon; nothing when a corner is not in front of the camera."""
-        path = self._path(points)
-        if len(path) == len(points) >= 3:
-            self._draw.polygon(path, fill=(*colour, alpha))
-
     def dot(self, at: Point, radius: float, fill: Colour, ring: Colour = INK, text: str = "") -> None:
         """A ringed dot with a short text in it."""
         for x, y in self._path([at]):

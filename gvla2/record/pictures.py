@@ -31,19 +31,14 @@ from gvla2.record.drawing import (
 OPEN_COLOUR: Colour = (120, 214, 255)
 CLOSED_COLOUR: Colour = (255, 168, 60)
 
-_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
-_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "alpha": 170}
-_NEAR: dict[str, Any] = {"width": 2.0}
-_FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
 _SEEN = 0.03  # share of an object's points that must be visible for its label
 
 
 def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
     """The view with the oriented box of each scene object, numbered in the scene's order.
 
-    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is faint and has no
-    label.
+    An object hidden from this camera (by the view's depth) is faint and has no label.
     """
     canvas = Canvas(view.image, width)
     eye = view.camera.position
@@ -144,20 +139,9 @@ def _grip_colour(opening: float) -> Colour:
 
 
 def _draw_box(canvas: Canvas, camera: Camera, obj: SceneObject, colour: Colour, hidden: bool) -> None:
-    corners = obj.corners()
-    pixels, _ = camera.project(corners)
-    facing = {face for face in _FACES if _faces_camera(camera, corners, face, obj.centre)}
-    for face in facing:
-        canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
-    near = {edge: any(set(edge) <= set(face) for face in facing) for edge in _EDGES}
-    for edge in sorted(_EDGES, key=near.__getitem__):
-        style = _HIDDEN if hidden else _NEAR if near[edge] else _FAR
-        canvas.line(pixels[list(edge)], colour, **style)
-
-
-def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
-    middle = corners[list(face)].mean(axis=0)
-    return float((middle - centre) @ (camera.position - middle)) > 0
+    pixels, _ = camera.project(obj.corners())
+    for edge in _EDGES:
+        canvas.line(pixels[list(edge)], colour, width=1.0 if hidden else 2.0, alpha=110 if hidden else 255)
 
 
 def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
