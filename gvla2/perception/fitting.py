@@ -32,6 +32,8 @@ AS_WELL = 0.002
 """A turned scan fits as well if the seen points are, on average, hardly farther from it, metres."""
 ROUNDS = 14
 """Iterations of closest points."""
+JUDGED = 2000
+"""Samples of a scan that the cameras judge, about; half of those of a small one."""
 NEAR = 0.008
 """Metres between the placed scan and the measured depth within which a pixel shows the scan."""
 GAP = 0.012
@@ -139,8 +141,9 @@ def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
     off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)
     shown, through, differences = 0, 0, []
-    placed, turned = transform_points(pose, scan.points[::2]), scan.normals[::2] @ pose[:3, :3].T
-    looks = scan.looks[::2]
+    some = slice(None, None, max(2, len(scan.points) // JUDGED))
+    placed, turned = transform_points(pose, scan.points[some]), scan.normals[some] @ pose[:3, :3].T
+    looks = scan.looks[some]
     for camera, depths, image in zip(seen.cameras, seen.depths, seen.images, strict=True):
         towards = camera.position - placed
         facing = np.einsum("ij,ij->i", turned, towards) > 0.25 * np.linalg.norm(towards, axis=1)

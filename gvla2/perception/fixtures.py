@@ -18,6 +18,7 @@ from gvla2.perception.articulated import MovingPart
 from gvla2.perception.fitting import (
     GAP,
     NEAR,
+    ODDS,
     Fit,
     SeenPoints,
     Sights,
@@ -48,11 +49,13 @@ FEW = 60
 NEARBY = 0.02
 """Metres around a placed scan within which seen points are laid onto it."""
 SPREAD = 0.008
-"""Of these one is used in each cell of this side, metres: a face seen at a slant counts as much as any other."""
-FINE = 500
-"""Of these, the number that is used to lay the scan onto them."""
+"""One seen point is used in each cell of this side, metres: a face seen at a slant counts as much as any other."""
+ROUGH, FINE = 150, 500
+"""Number of these that is used to shift the scan into place, and to lay it onto them."""
 THOROUGH, ROUNDS = 2, 3
 """Places that are refined further, and how often."""
+HOPELESS = -8.0
+"""Log-odds of a place that is not refined further."""
 LOOKED_THROUGH = 2.0
 """How much worse it is that a surface is not there than that a seen point is left unexplained."""
 STEPS = 9
@@ -63,8 +66,11 @@ OPEN_BY = 0.05
 
 @dataclass(frozen=True)
 class SeenGrid:
-    """Cells from ``low`` (3,) on; ``seen`` are the transforms of what each is, by height: see :func:`seen_grid`."""
+    """Cells from ``low`` (3,) on; ``seen`` are the transforms of what each is, by height: see :func:`seen_grid`.
+    ``points`` (N, 3) are the seen ones, one in each cell of :data:`SPREAD`.
+    """
 
+    points: FloatArray
     low: FloatArray
     size: tuple[int, int]
     seen: NDArray[np.complex64]
@@ -118,7 +124,15 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
         free[inside] |= depths[down, across] > depth[inside] + BEHIND
     state = np.where(free, -1.0, 0.0).astype(np.float32).reshape(size)
     state[cells[:, 2], cells[:, 0], cells[:, 1]] = 1.0
-    return SeenGrid(low, (rows, columns), fft.rfft2(state))
+    return SeenGrid(spread(points), low, (rows, columns), fft.rfft2(state))
+
+
+def spread(points: FloatArray) -> FloatArray:
+    """One of points (N, 3) in each cell of :data:`SPREAD`."""
+    cells = ((points - points.min(axis=0)) / SPREAD).astype(np.int64)
+    return points[
+        np.unique(np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1)), return_index=True)[1]
+    ]
 
 
 def _correlated(grid: SeenGrid, placed: FloatArray) -> NDArray[np.float32]:
@@ -126,7 +140,7 @@ def _correlated(grid: SeenGrid, placed: FloatArray) -> NDArray[np.float32]:
     each of :data:`LEVELS`.
     """
     cells = np.floor(placed / CELL).astype(int)
-    cells = np.unique(cells[cells[:, 2] < len(grid.seen)], axis=0)
+    cells = cells[cells[:, 2] < len(grid.seen)]
     surface = np.zeros((len(grid.seen), *grid.size), dtype=np.float32)
     surface[cells[:, 2], cells[:, 0] % grid.size[0], cells[:, 1] % grid.size[1]] = 1.0
     turned, seen = fft.rfft2(surface).conj(), grid.seen
@@ -217,15 +231,15 @@ def moving_parts(scan: KnownScan, pose: FloatArray) -> list[MovingPart]:
     ]
 
 
-def find_large(
-    scan: KnownScan, grid: SeenGrid, points: FloatArray, sights: Sights, table: float
-) -> Fit | None:
-    """The best fit of a scan that stands upright on the table among seen points (N, 3), world metres, of which others
-    may hide it; None where its surface hardly meets any.
+def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) -> Fit | None:
+    """The best fit of a scan that stands upright on the table among what is seen, of which others may hide it; None
+    where its surface hardly meets any of it.
     """
+    points = grid.points
     starts = [_shifted(scan.skin, points, pose) for pose in likely_places(scan.skin, grid, table)]
     places = [_laid(scan.skin, points, sights, table, pose) for pose in starts]
-    found = sorted((each for each in places if each is not None), key=lambda each: -each[0])[:THOROUGH]
+    likely = [each for each in places if each is not None and ODDS.of(each[1]) > HOPELESS]
+    found = sorted(likely, key=lambda each: -each[0])[:THOROUGH]
     for number in range(len(found)):
         for _ in range(ROUNDS):
             fit = found[number][1]
@@ -247,8 +261,7 @@ def _shifted(scan: KnownScan, points: FloatArray, pose: FloatArray) -> FloatArra
     points alone stop where two of three faces fit.
     """
     near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY + CELL]
-    near = near[np.unique((near / SPREAD).astype(int), axis=0, return_index=True)[1]]
-    near = near[:: max(1, len(near) // FINE)]
+    near = near[:: max(1, len(near) // ROUGH)]
     sides, turns = CELL * np.linspace(-1.0, 1.0, 5), (2 * np.pi / YAWS) * np.linspace(-0.5, 0.5, 5)
     shifts = np.stack(np.meshgrid(sides, sides, sides[1:-1]), axis=-1).reshape(-1, 3)
     best, least = pose, np.inf
@@ -279,7 +292,6 @@ def _laid(
     near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY]
     if len(near) < FEW:
         return None
-    near = near[np.unique((near / SPREAD).astype(int), axis=0, return_index=True)[1]]
     seen = seen_surface(near, *sights, table - SUNK)
     pose = upright(refined(scan, seen, pose, fine=FINE))
     if joints:

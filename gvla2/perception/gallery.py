@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,8 +111,8 @@ class Gallery:
         if len(points) < LEAST:
             return None
         seen = seen_surface(points, *sights, table)
-        for fits in (self.fits(seen), self._stacked(seen, sights)):
-            naming = self._named(fits)
+        for look in (self.fits, partial(self._stacked, sights=sights)):
+            naming = self._named(fits := look(seen))
             if naming.label and naming.sureness >= SURE_ENOUGH:
                 return self._recognised(fits[0], naming, points, rgb, table)
         return None
@@ -159,7 +160,7 @@ class Gallery:
         grid = seen_grid(points, sights, table) if large else None
         if grid is None:
             return found
-        fits = [fit for scan in large if (fit := find_large(scan, grid, points, sights, table)) is not None]
+        fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
         free = np.ones(len(points), dtype=bool)
         for fit in sorted(fits, key=ODDS.of, reverse=True):
             odds = ODDS.of(fit)
