@@ -80,6 +80,7 @@ class Fit:
     explained: float
     through: float
     colour: float
+    support: float
 
 
 def coarse_starts(
@@ -166,6 +167,7 @@ def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
         gap=float(np.minimum(off, TRUNCATED).mean()),
         residual=float(np.median(off)),
         explained=float((off < 0.006).mean()),
+        support=float((off < 0.006).mean()) * len(seen.points),
         through=through / max(1, through + shown) + sunk,
         colour=colour,
     )

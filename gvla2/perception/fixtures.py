@@ -52,6 +52,8 @@ SPREAD = 0.008
 """One seen point is used in each cell of this side, metres: a face seen at a slant counts as much as any other."""
 ROUGH, FINE = 150, 500
 """Number of these that is used to shift the scan into place, and to lay it onto them."""
+BEST, KEPT, LAID = 12, 3, 6
+"""Shifts of a place that cameras judge, those that are kept, and the number of all that is laid onto the points."""
 THOROUGH, ROUNDS = 2, 3
 """Places that are refined further, and how often."""
 HOPELESS = -8.0
@@ -94,7 +96,7 @@ def likely_places(scan: KnownScan, grid: SeenGrid, table: float) -> list[FloatAr
         if count < FEW or len(kept) == PLACES:
             break
         near = [
-            np.linalg.norm(spot - other) < APART and np.cos(yaw - turned) > np.cos(1.6 * np.pi / YAWS)
+            np.linalg.norm(spot - other) < APART and np.cos(yaw - turned) > np.cos(1.6 * 2 * np.pi / YAWS)
             for turned, other in kept
         ]
         if not any(near):
@@ -235,9 +237,14 @@ def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) ->
     """The best fit of a scan that stands upright on the table among what is seen, of which others may hide it; None
     where its surface hardly meets any of it.
     """
-    points = grid.points
-    starts = [_shifted(scan.skin, points, pose) for pose in likely_places(scan.skin, grid, table)]
-    places = [_laid(scan.skin, points, sights, table, pose) for pose in starts]
+    points, skin = grid.points, scan.skin
+    starts = [
+        each
+        for pose in likely_places(skin, grid, table)
+        for each in _starts(skin, points, sights, table, pose)
+    ]
+    starts.sort(key=lambda each: each[0])
+    places = [_laid(skin, points, sights, table, pose) for _, pose in starts[:LAID]]
     likely = [each for each in places if each is not None and ODDS.of(each[1]) > HOPELESS]
     found = sorted(likely, key=lambda each: -each[0])[:THOROUGH]
     for number in range(len(found)):
@@ -256,25 +263,33 @@ def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) ->
     return replace(best, scan=scan)
 
 
-def _shifted(scan: KnownScan, points: FloatArray, pose: FloatArray) -> FloatArray:
-    """The pose, moved within its cell and turned within its step to where the seen points near it lie nearest: closest
-    points alone stop where two of three faces fit.
+def _starts(
+    scan: KnownScan, points: FloatArray, sights: Sights, table: float, pose: FloatArray
+) -> list[tuple[float, FloatArray]]:
+    """The pose (4, 4), moved within its cell and turned within its step to where the seen points near it lie nearest
+    and least of the surface was looked through: the best few, each with how badly it fits. Closest points alone stop
+    where two of three faces fit, or at the wrong one of two layers.
     """
     near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY + CELL]
+    if len(near) < FEW:
+        return []
     near = near[:: max(1, len(near) // ROUGH)]
+    some = slice(None, None, max(1, len(scan.points) // ROUGH))
     sides, turns = CELL * np.linspace(-1.0, 1.0, 5), (2 * np.pi / YAWS) * np.linspace(-0.5, 0.5, 5)
     shifts = np.stack(np.meshgrid(sides, sides, sides[1:-1]), axis=-1).reshape(-1, 3)
-    best, least = pose, np.inf
+    found: list[tuple[float, FloatArray]] = []
     for turn in turns:
-        turned = pose.copy()
-        turned[:3, :3] = Rotation.from_euler("z", turn).as_matrix() @ pose[:3, :3]
-        local = (near - pose[:3, 3] - shifts[:, None]) @ turned[:3, :3]
+        turned = Rotation.from_euler("z", turn).as_matrix() @ pose[:3, :3]
+        local = (near - pose[:3, 3] - shifts[:, None]) @ turned
         gaps = np.minimum(scan.nearest.query(local)[0], NEARBY).mean(axis=1)
-        if gaps.min(initial=np.inf) < least:
-            least = float(gaps.min())
-            turned[:3, 3] += shifts[int(gaps.argmin())]
-            best = turned
-    return best
+        found += [(float(gaps[k]), rigid(turned, pose[:3, 3] + shifts[k])) for k in np.argsort(gaps)[:BEST]]
+    seen = seen_surface(near, *sights, table - SUNK)
+    tried = []
+    for gap, start in sorted(found, key=lambda each: each[0])[:BEST]:
+        placed, normals = transform_points(start, scan.points[some]), scan.normals[some] @ start[:3, :3].T
+        shown, through = visible(placed, normals, seen)
+        tried.append((gap + NEARBY * through / max(1, shown + through), start))
+    return sorted(tried, key=lambda each: each[0])[:KEPT]
 
 
 def _laid(
@@ -297,4 +312,4 @@ def _laid(
     if joints:
         scan = opened(scan, seen, pose)
     fit = judged(scan, seen, pose)
-    return len(near) * (fit.explained - LOOKED_THROUGH * fit.through), fit
+    return fit.support - LOOKED_THROUGH * fit.through * len(near), fit

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,21 +48,26 @@ LARGE = 0.3
 """A known object longer than this, metres, is also searched for where only a part of it is seen."""
 AROUND = 0.014
 """Metres around such an object within which seen points are of it: its samples lie farther apart."""
+FLOATS = 0.015
+"""A body whose lowest seen points are this high above the table, metres, stands on something."""
 LAYER = 0.015
 """Steps of height in which what stands on something else is looked for, metres."""
 RARE, LEAST_THERE = 0.001, 0.5
 """Share of a scene's points from which it has a colour, and how much of such a scan must be of colours that it has."""
+MORE = 4.0
+"""Log-odds for each e-fold more of the seen surface that one explains."""
 LEAST_SHOWN, MOSTLY = 250, 0.7
 """Least seen points on such an object, and the share of them that must lie on no other."""
 
 
 @dataclass(frozen=True)
 class Recognised:
-    """A whole object that a scan explains, and its parts that move."""
+    """A whole object that a scan explains, and its parts that move; ``stacked``: it stands on something else."""
 
     object: SceneObject
     fit: Fit
     parts: tuple[SceneObject, ...] = ()
+    stacked: bool = False
 
     def explains(self, points: FloatArray) -> NDArray[np.bool_]:
         """(N,) which of the world points (N, 3) lie on the placed scan."""
@@ -111,21 +115,16 @@ class Gallery:
         if len(points) < LEAST:
             return None
         seen = seen_surface(points, *sights, table)
-        for look in (self.fits, partial(self._stacked, sights=sights)):
-            naming = self._named(fits := look(seen))
-            if naming.label and naming.sureness >= SURE_ENOUGH:
-                return self._recognised(fits[0], naming, points, rgb, table)
-        return None
-
-    def _stacked(self, seen: SeenPoints, sights: Sights) -> list[Fit]:
-        """Fits to what is uppermost of a body: something that stands on something else, at whatever height."""
-        top = float(np.percentile(seen.points[:, 2], 99.0))
-        found: list[Fit] = []
-        for height in np.arange(LAYER, top - seen.table - 0.5 * LAYER, LAYER):
-            slab = seen.points[seen.points[:, 2] > top - height]
-            if len(slab) >= LEAST:
-                found += self.fits(seen_surface(slab, *sights, top - height), 0.5 * LAYER)
-        return sorted(found, key=ODDS.of, reverse=True)
+        floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
+        fits = self.fits([seen])
+        naming = self._named(fits)
+        stacked = floats or not naming.label or naming.sureness < SURE_ENOUGH
+        if stacked:
+            fits = self.fits(_slabs(seen, sights), 0.5 * LAYER)
+            naming = self._named(fits)
+        if not naming.label or naming.sureness < SURE_ENOUGH:
+            return None
+        return replace(self._recognised(fits[0], naming, points, rgb, table), stacked=stacked)
 
     def _recognised(
         self, fit: Fit, naming: Naming, points: FloatArray, rgb: FloatArray, table: float
@@ -162,7 +161,7 @@ class Gallery:
             return found
         fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
         free = np.ones(len(points), dtype=bool)
-        for fit in sorted(fits, key=ODDS.of, reverse=True):
+        for fit in sorted(fits, key=_likelihood, reverse=True):
             odds = ODDS.of(fit)
             own = on_scan(fit, points)
             if odds <= 0.0 or own.sum() < LEAST_SHOWN or (own & free).sum() < MOSTLY * own.sum():
@@ -174,7 +173,7 @@ class Gallery:
 
     def name(self, seen: SeenPoints) -> Naming:
         """The name of a seen surface: a scan that is likelier than all others and "unknown" together."""
-        return self._named(self.fits(seen))
+        return self._named(self.fits([seen]))
 
     def _named(self, fits: Sequence[Fit]) -> Naming:
         if not fits:
@@ -187,12 +186,38 @@ class Gallery:
             return Naming("", 1.0 / (1.0 + first), why=why)
         return Naming(best.scan.name, float(sure), known_shape(best))
 
-    def fits(self, seen: SeenPoints, taller: float = TALLER) -> list[Fit]:
-        """The scans whose height differs by at most ``taller`` metres, each at its best pose, likeliest first."""
+    def fits(self, looks: Sequence[SeenPoints], taller: float = TALLER) -> list[Fit]:
+        """The scans whose height differs by at most ``taller`` metres, each at its best pose, likeliest first.
+
+        Several ``looks`` are parts of one body, among which each scan is laid onto that which it fits best.
+        """
+        starts = sorted(
+            (one for seen in looks for one in self._starts(seen, taller)), key=lambda each: each[0]
+        )
+
+        def best(scan: KnownScan, seen: SeenPoints, poses: list[FloatArray]) -> Fit:
+            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=_likelihood)
+
+        few = REFINED if len(looks) == 1 else 2 * REFINED
+        fits = [(best(scan, seen, poses[:1]), seen, poses[1:]) for _, scan, seen, poses in starts[:few]]
+        fits.sort(key=lambda each: _likelihood(each[0]), reverse=True)
+        found: dict[str, Fit] = {}
+        for number, (fit, seen, more) in enumerate(fits):
+            if fit.scan.name in found:
+                continue
+            if number < THOROUGH:
+                fit = turned(fit if not more else max(fit, best(fit.scan, seen, more), key=_likelihood), seen)
+            found[fit.scan.name] = fit
+        return sorted(found.values(), key=_likelihood, reverse=True)
+
+    def _starts(
+        self, seen: SeenPoints, taller: float
+    ) -> list[tuple[float, KnownScan, SeenPoints, list[FloatArray]]]:
+        """Each scan of about the seen size and colours with its best starts, and how far the best of them is off."""
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None
         size = diameter(corners_of(seen.points))
-        starts: list[tuple[float, KnownScan, list[FloatArray]]] = []
+        starts = []
         for scan, colours in zip(self._scans, self._histograms, strict=True):
             if scan.links:  # they are found as a whole, with their parts: see `fixtures`
                 continue
@@ -201,19 +226,27 @@ class Gallery:
             if own is not None and np.minimum(own, colours).sum() < LEAST_SHARED:
                 continue
             if found := coarse_starts(scan, seen, taller):
-                starts.append((found[0], scan, found[1]))
-        starts = sorted(starts, key=lambda each: each[0])[:REFINED]
+                starts.append((found[0], scan, seen, found[1]))
+        return starts
 
-        def best(scan: KnownScan, poses: list[FloatArray]) -> Fit:
-            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=ODDS.of)
 
-        fits = [(best(scan, poses[:1]), poses[1:]) for _, scan, poses in starts]
-        fits.sort(key=lambda each: ODDS.of(each[0]), reverse=True)
-        likeliest = [
-            turned(fit if not more else max(fit, best(fit.scan, more), key=ODDS.of), seen)
-            for fit, more in fits[:THOROUGH]
-        ]
-        return sorted([*likeliest, *(fit for fit, _ in fits[THOROUGH:])], key=ODDS.of, reverse=True)
+def _slabs(seen: SeenPoints, sights: Sights) -> list[SeenPoints]:
+    """What is uppermost of a body, down to different depths: something stands on something else there."""
+    low, top = (float(v) for v in np.percentile(seen.points[:, 2], [2.0, 99.0]))
+    least, most = LAYER, top - seen.table - 0.5 * LAYER
+    if low > seen.table + FLOATS:  # its foot is seen, or hidden not far below
+        least, most = 0.5 * (top - low), min(most, 1.5 * (top - low) + LAYER)
+    found = []
+    for height in np.arange(least, most, LAYER):
+        slab = seen.points[seen.points[:, 2] > top - height]
+        if len(slab) >= LEAST:
+            found.append(seen_surface(slab, *sights, top - height))
+    return found
+
+
+def _likelihood(fit: Fit) -> float:
+    """Log-odds of a fit among others that may have been laid onto more or fewer of the same points."""
+    return ODDS.of(fit) + MORE * float(np.log(max(fit.support, 1.0)))
 
 
 def known_shape(fit: Fit) -> KnownShape:

@@ -54,22 +54,26 @@ def known_objects(
         else:
             for members in groups(bodies_of(frames, pixels, jump, reach, least), least):
                 body = gallery.recognise(points[members], pixels.rgb[members], sights, height)
-                if body is not None:
-                    own = body.explains(points)
-                    own[members] |= own[members].mean() > WHOLE
-                    found.append((body, np.isin(np.arange(len(points)), members)))
-                    explained |= own
+                if body is None or _within(body.object, known):
+                    continue
+                own, mine = body.explains(points), np.zeros(len(points), dtype=bool)
+                mine[members] = own[members] | (not body.stacked and own[members].mean() > WHOLE)
+                found.append((body, mine))
+                explained |= own | mine
         for one, mine in found:
             explained |= one.explains(points)
             whole = replace(one.object, id=f"known{len(known)}", points=evenly(points[mine], MOST_POINTS))
-            moved = {one.object.id: whole.id} | {
-                part.id: f"{whole.id}.{k}" for k, part in enumerate(one.parts)
-            }
+            ids = {one.object.id: whole.id} | {p.id: f"{whole.id}.{k}" for k, p in enumerate(one.parts)}
             known.append(whole)
-            known += [replace(part, id=moved[part.id], parent=moved[part.parent]) for part in one.parts]
+            known += [replace(part, id=ids[part.id], parent=ids[part.parent]) for part in one.parts]
         if layer and not explained.any():
             break
         for number, mask in enumerate(left):
             gone = explained & (pixels.view == number)
             mask[pixels.row[gone], pixels.column[gone]] = False
     return known, [without_specks(mask) for mask in left]
+
+
+def _within(obj: SceneObject, known: Sequence[SceneObject]) -> bool:
+    """Whether an object lies inside a solid one that is known already: it is a remainder of that."""
+    return any(o.known is not None and not o.opening and o.distances(obj.centre) == 0.0 for o in known)
