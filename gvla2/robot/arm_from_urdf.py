@@ -242,26 +242,21 @@ def _find_home(config: ArmConfig, arm: ArmModel) -> FloatArray:
 
 
 def pointing_down(config: ArmConfig, arm: ArmModel) -> list[float]:
-    """Distances before the base, metres, at which the hand points down near the table and above it: the longest run."""
-    runs: list[list[float]] = [[]]
-    for before in np.arange(NEAREST, FARTHEST, STEP).tolist():
-        if all(_gets_to(arm, config, before, height) for height in (LOW, HIGH)):
-            runs[-1].append(before)
-        elif runs[-1]:
-            runs.append([])
-    longest = max(runs, key=len)
-    if len(longest) < 2:
+    """Distances before the base, metres, at which the hand points down with ease near the table and above it."""
+
+    def easy(before: float, height: float) -> bool:
+        found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
+        return any(s is not None and s.manipulability >= config.ease for s in found)
+
+    tried = np.arange(NEAREST, FARTHEST, STEP).tolist()
+    reached = [before for before in tried if easy(before, LOW) and easy(before, HIGH)]
+    if len(reached) < 2:
         raise RobotError(
             f"The hand of robot={config.name} points down at the table nowhere before its base: z of "
             f"robot.tool_link={config.tool_link}, turned by robot.tool_rpy, must point out of the hand; else the table "
             f"(robot.table_height={config.table_height}) is too low or too high for the base ({config.base_position})."
         )
-    return longest
-
-
-def _gets_to(arm: ArmModel, config: ArmConfig, before: float, height: float) -> bool:
-    found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
-    return any(s is not None and s.manipulability >= config.ease for s in found)
+    return reached
 
 
 def _down(config: ArmConfig, before: float, height: float, closing: float, beside: float = 0.0) -> FloatArray:
