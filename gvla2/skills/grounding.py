@@ -59,7 +59,12 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
         return Meant("press", button)
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
     skill, theme = unscrewed(skill, theme, scene)
-    if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
+    if (
+        skill == "twist"
+        and theme.joint is None
+        and closed_by(theme, scene) is None
+        and not is_lid(theme, scene)
+    ):
         return Abstention("nothing_matches", f"The {theme.label} is not a cap, and no cap is visible on it.")
     if goal is not None:
         skill = fitted(skill, theme, goal, call.relation, scene)
@@ -179,12 +184,17 @@ def fits_close(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     return hinge_for(obj, scene) is not None or slide_for(obj, scene) is not None
 
 
+def turns(obj: SceneObject) -> bool:
+    """Whether it is a part that is known to turn."""
+    return obj.joint is not None and not obj.joint.slides
+
+
 FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
     "pick": fits_pick,
     "place": fits_pick,
     "push": lambda obj, scene, hand: not obj.parent and obj.bottom - scene.table_height < RESTING,
     "press": fits_press,
-    "twist": lambda obj, scene, hand: cap_of(obj, scene) is not None,
+    "twist": lambda obj, scene, hand: cap_of(obj, scene) is not None or turns(obj),
     "insert": lambda obj, scene, hand: any(
         fits_over(obj, post) for post in scene.objects if post.id != obj.id
     ),
