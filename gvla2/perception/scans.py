@@ -33,7 +33,9 @@ TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
 VERSION = 3
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
-"""Stems that do not name an object: its folder does."""
+"""Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
+_FOR_PHYSICS = ("collision", "convex", "coacd", "decomp")
+"""Words in the names of files made for physics engines, which are left out."""
 
 
 @dataclass(frozen=True)
@@ -84,27 +86,33 @@ def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
     """
     root = Path(folder).expanduser()
     if not root.is_dir():
-        raise ConfigurationError(f"perceiver.gallery={folder}: there is no such folder.")
-    files = sorted(p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
+        raise ConfigurationError(f"{root}: there is no such folder of scans.")
+    files = [p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file()]
+    files = sorted(p for p in files if not any(word in p.stem.lower() for word in _FOR_PHYSICS))
     if not files:
         raise ConfigurationError(
-            f"perceiver.gallery={folder}: it holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
+            f"The folder {root} holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
             f"({', '.join(SUFFIXES)})."
         )
     found: dict[str, Path] = {}
-    for file in files:
-        own = file.stem if file.stem.lower() not in _COMMON else _folder_name(file, root)
+    for file in sorted(files, key=_rank):
+        own = file.stem if _rank(file) < 0 else _folder_name(file, root)
         name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
         if not name:
+            raise ConfigurationError(f"{file} does not name an object; name the file after it.")
+        if name not in found:
+            found[name] = file
+        elif _rank(found[name]) == _rank(file) or _rank(found[name]) < 0:
             raise ConfigurationError(
-                f"perceiver.gallery: {file} does not name an object; name the file after it."
+                f"{root} holds two scans called '{name}': {found[name]} and {file}. Rename one."
             )
-        if name in found:
-            raise ConfigurationError(
-                f"perceiver.gallery={folder}: two scans are called '{name}': {found[name]} and {file}. Rename one."
-            )
-        found[name] = file
-    return found
+    return dict(sorted(found.items()))
+
+
+def _rank(file: Path) -> int:
+    """The file's place in the order of the stems that do not name an object; -1 for one that does."""
+    stem = file.stem.lower()
+    return _COMMON.index(stem) if stem in _COMMON else -1
 
 
 def _folder_name(file: Path, root: Path) -> str:

@@ -70,9 +70,9 @@ class Example:
 @dataclass(frozen=True)
 class Job:
     """One grounded request. ``goal`` is the object that the theme goes to, or None, and ``relation`` how it should lie
-    there; ``target`` (2,) is the intended position of the theme's centre, world metres, if there is no goal. ``share``:
-    the theme is the k-th (from 0) of n objects that go there. ``done`` is the amount by parameter that earlier attempts
-    did to the theme. ``grasp`` is how grasps are chosen.
+    there; ``target`` (2,) is the intended position of the theme's centre, world metres, in the goal if there is one.
+    ``share``: the theme is the k-th (from 0) of n objects that go there. ``done`` is the amount by parameter that
+    earlier attempts did to the theme. ``grasp`` is how grasps are chosen.
     """
 
     skill: str

@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, make_dataclass
 from typing import Any, ClassVar
 
@@ -22,8 +22,8 @@ from omegaconf import OmegaConf
 
 from gvla2.component import Component, ComponentConfig
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK, SLOTS
+from gvla2.plugins.manager import structured
 from gvla2.plugins.registry import Registry, load_plugins
-from gvla2.plugins.validation import structured
 
 PROVIDER = "gvla2"
 SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
@@ -43,7 +43,7 @@ _offered: tuple[Registry, dict[str, type], tuple[str, ...] | None] | None = None
 class PresetSearchPath(SearchPathPlugin):
     """Adds the search paths that plugins announced; Hydra makes instances itself, hence the class attribute."""
 
-    paths: ClassVar[tuple[str, ...]] = ()
+    paths: ClassVar[Sequence[str]] = ()
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Called by Hydra before it composes."""

@@ -276,7 +276,7 @@ def fuse_prior(
     mesh = replace(mesh, colours=colours)
     gaussians = obj.gaussians
     if gaussians is not None and len(gaussians):
-        gaussians = place(gaussians, obj.mesh, mesh, normals, seen.silhouettes, depths, step)
+        gaussians = place(gaussians, obj.mesh, mesh, normals)
     measured = float((posterior.confidence > 0).mean())
     report = StageReport("prior", "applied", evidence.summary, {}, {"voxels_measured": measured})
     return replace(obj, gaussians=gaussians, mesh=mesh), report

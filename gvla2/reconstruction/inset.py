@@ -20,7 +20,6 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
-from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import scattered
 
@@ -77,19 +76,6 @@ def inset(obj: Reconstruction, views: Views, renderer: Renderer) -> tuple[Recons
         return obj, StageReport("inset", "skipped", reason, *measures)
     way = f"{abs(pixels):.2f} px {'inwards' if pixels > 0 else 'outwards'}"
     return replace(obj, gaussians=at(pixels)), StageReport("inset", "applied", f"Gaussians {way}.", *measures)
-
-
-def fill_masks(mesh: TriangleMesh, views: Views) -> TriangleMesh:
-    """The mesh grown, or shrunk, along its normals to where its silhouettes meet the masks best."""
-    if len(mesh.faces) == 0:
-        return mesh
-    step = outward_normals(mesh) * pixel_sizes(mesh.vertices, views)[:, None]
-
-    def at(pixels: float) -> TriangleMesh:
-        return mesh.with_vertices(mesh.vertices + pixels * step)
-
-    pixels, before, after = _best(lambda t: symmetric_iou(at(t).vertices, views, faces=mesh.faces))
-    return at(pixels) if after > before + LEAST_GAIN else mesh
 
 
 def alpha_iou(gaussians: Gaussians, views: Views, renderer: Renderer) -> float:
