@@ -53,7 +53,7 @@ to the pixel, and a truer shape than it may well fit them less: a bowl's thin wa
 
 
 @dataclass(frozen=True)
-class BranchParts:
+class BranchComponents:
     """The components that the branch is made of."""
 
     prior: GeometryPrior
@@ -74,7 +74,7 @@ class BranchResult:
 
 
 def refine_geometry(
-    g0: Reconstruction, views: Views, parts: BranchParts, options: BranchOptions | None = None
+    g0: Reconstruction, views: Views, parts: BranchComponents, options: BranchOptions | None = None
 ) -> BranchResult:
     """Refine an object's first reconstruction by the views' masks, a geometry prior and a fusion of two sources.
 
@@ -119,7 +119,7 @@ Outcome = tuple[Reconstruction, StageReport | None]
 class _Branch:
     """The stages, each from one reconstruction to the next; ``stages`` gathers their reports."""
 
-    def __init__(self, seen: ViewSet, parts: BranchParts, options: BranchOptions) -> None:
+    def __init__(self, seen: ViewSet, parts: BranchComponents, options: BranchOptions) -> None:
         self._seen, self._views, self._parts, self._options = seen, seen.views, parts, options
         self.stages: list[StageReport] = []
 
