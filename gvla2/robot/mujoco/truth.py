@@ -20,6 +20,8 @@ MOST_POINTS = 1500
 PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
 """Words of a body's name that tell it from others of its kind."""
 
+ROUND, ANGLES = 1.1, 2 * np.pi * np.arange(16) / 16
+"""An outline is round if its reach differs by less than this factor between these directions, radians."""
 DEEP, AROUND = 0.3, 0.5
 """A body is hollow when nothing of its middle reaches within this share of its height of its top; and the share of
 its half width that is its middle."""
@@ -98,7 +100,8 @@ def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: Fl
     wall = away[local[:, 2] > high[2] - 0.15 * extents[2]]
     hollow = len(inner) > 0 and inner[:, 2].max() < high[2] - DEEP * extents[2]
     flat = extents[2] < 0.3 * min(extents[:2])
-    shape: Shape = "plate" if flat else "box"
+    round_ = _is_round(local[:, :2] - middle[:2])
+    shape: Shape = ("disc" if round_ else "plate") if flat else ("cylinder" if round_ else "box")
     return SceneObject(
         name,
         label,
@@ -111,6 +114,13 @@ def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: Fl
         opening=2 * float(np.percentile(wall, 2)) if hollow and len(wall) else 0.0,
         named_by="oracle",
     )
+
+
+def _is_round(points: FloatArray) -> bool:
+    """Whether an outline (N, 2) about the origin reaches about equally far in all directions."""
+    ways = np.stack([np.cos(ANGLES), np.sin(ANGLES)])
+    reach = (points @ ways).max(axis=0)
+    return bool(reach.max() < ROUND * reach.min())
 
 
 def _looks(world: World, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]:
