@@ -131,7 +131,7 @@ IOU_TOLERANCE, SUPPORT_TOLERANCE = 1e-3, 0.02
 """Falls of symmetric IoU and of mean mask support that do not speak against a change."""
 
 
-def judged(
+def gate_report(
     stage: str, before: ArrayLike, after: ArrayLike, views: Views, *, faces: ArrayLike | None = None
 ) -> StageReport:
     """Compare points (N, 3) with where a stage put them (M, 3), metres, by the views' masks.

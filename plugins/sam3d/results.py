@@ -86,7 +86,7 @@ def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count:
         starts = [Sim3(float(s), np.eye(3), (1 - s) * camera.position).compose(in_world) for s in scales]
     else:
         target, turns = carve(views, resolution=32).mesh.bounds, Rotation.create_group("O").as_matrix()
-        starts = [Sim3.identity(), *(_fitted(mesh, target, turn) for turn in turns)]
+        starts = [Sim3(1.0, np.eye(3), np.zeros(3)), *(_fitted(mesh, target, turn) for turn in turns)]
     sim3, iou = register(mesh, views, starts)
     if (gaussians := result.gaussians) is None:
         gaussians = surfels(mesh, None, count)
