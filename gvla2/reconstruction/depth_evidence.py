@@ -238,7 +238,7 @@ def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatA
 
 @compiled
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Of a positive definite matrix, by Gauss and Jordan.
+    """Invert a positive definite matrix by Gauss-Jordan elimination.
 
     Matrices this small gain nothing from numpy's threads, which wait for one another busily: with other work on the
     cores they take a hundred times as long.
@@ -435,7 +435,7 @@ def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, Floa
 
 
 def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
-    """From the prior's unit to metres, by its cameras; 1 where it has none, or one."""
+    """Metres per unit of the prior, by its cameras; 1 if it has at most one."""
     if estimate.world_from_camera is None:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])

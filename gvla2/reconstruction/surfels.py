@@ -172,5 +172,5 @@ def place(
 
 
 def _rotation(quaternions: NDArray[np.float32]) -> Rotation:
-    """Of quaternions wxyz (N, 4), of any length."""
+    """Rotations of quaternions wxyz (N, 4) of any length."""
     return Rotation.from_quat(quaternions, scalar_first=True)
